@@ -11,7 +11,7 @@ pub enum CardError {
     Missing,
     /// The card has not answered in time.
     Silent,
-    /// What came over the line was changed on its way: a checksum is wrong, or bytes were lost.
+    /// A transfer was damaged: a checksum is wrong, or bytes were lost.
     Garbled,
     /// The slot cannot use this card.
     Unsupported,
@@ -43,9 +43,9 @@ pub trait CardSlot: BlockDevice<Error = CardError> {
     /// Starts the card that is in the slot, as after it was put in. A card that was pulled out must be started again.
     ///
     /// # Errors
-    /// There is none, or it cannot be used.
+    /// The slot is empty, or cannot use the card.
     fn start(&self) -> Result<(), CardError>;
-    /// Whether the card that was started last is still there: after it was pulled out it is not, even if it was put in again.
+    /// Whether the card that was started last has been in the slot ever since: a card that was put in again has not.
     fn is_still_started(&self) -> bool;
 }
 

@@ -29,7 +29,7 @@ impl Heater {
         }
     }
 
-    /// What a person calls it: `nozzle`, `bed`.
+    /// Its name in texts: `nozzle`, `bed`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nozzle => "nozzle",
@@ -55,7 +55,7 @@ pub trait Clock {
 
 /// Thermometers and heaters.
 pub trait ThermalBoard {
-    /// What the converter reads at a heater's thermistor: the sum of 16 conversions of 12 bits, taken now or since the
+    /// The converter's reading of a heater's thermistor: the sum of 16 conversions of 12 bits, taken now or since the
     /// reading before (`ferrostep-thermistor` makes a temperature of it).
     fn reading(&mut self, heater: Heater) -> u16;
     /// Heater power from 0 to 1; anything else is cut to that.
@@ -72,13 +72,13 @@ pub trait Fans {
 
 /// The queue of step entries, seen from the planner, which fills it; the step interrupt empties it.
 pub trait StepQueue {
-    /// Number of slots that entries have filled so far, modulo 2^32. The newest event is not in one yet.
+    /// Number of slots that entries have filled so far, modulo 2^32. The newest event is not in a slot yet.
     fn queued(&self) -> u32;
     /// Number of slots that have been played so far, modulo 2^32.
     fn played(&self) -> u32;
     /// Slots that wait to be played, or are being played, the newest event included.
     fn waiting(&self) -> usize;
-    /// How many more entries fit at least.
+    /// Minimum number of further entries that fit.
     fn room(&self) -> usize;
     /// Adds an entry.
     ///
@@ -95,7 +95,7 @@ pub trait StepQueue {
     }
     /// The motion ends with the newest entry.
     fn seal(&mut self);
-    /// Lets the interrupt play the queue, unless it does already.
+    /// Starts the interrupt, unless it already plays the queue.
     fn start(&mut self);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
@@ -112,7 +112,7 @@ pub trait StepQueue {
 pub trait HomingSensors: StepQueue {
     /// Whether the sensor of X (0), Y (1) or Z (2) is triggered.
     fn is_sensor_triggered(&self, axis: usize) -> bool;
-    /// From now on motion stops when the sensor of this axis triggers ([`StepLink::request_sensor_stop`]); `None`: at no
+    /// Stops motion from now on when the sensor of this axis triggers ([`StepLink::request_sensor_stop`]); `None`: at no
     /// sensor.
     fn watch_sensor(&mut self, axis: Option<usize>);
     /// Adds an entry of a move towards the watched sensor. A real sensor stops the motors when it triggers, so the whole
@@ -126,7 +126,7 @@ pub trait HomingSensors: StepQueue {
     }
 }
 
-/// What became of an entry of a move towards a sensor.
+/// The result of adding an entry of a move towards a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Approach {
     /// The part of it that was added.
@@ -135,7 +135,7 @@ pub struct Approach {
     pub triggered: bool,
 }
 
-/// A clock that tells how long planning takes.
+/// A clock that measures how long planning takes.
 pub trait PlanningClock {
     /// The present time, ticks of the nominal time base modulo 2^32. `None` without a clock: then planning is taken to
     /// keep up.
@@ -148,8 +148,8 @@ pub trait PlanningClock {
     fn planning_ends(&mut self) {}
 }
 
-/// Told of the motion by ticks of the motion clock. As [`StepObserver`] it sees every step as it is queued. A queue to real
-/// motors need not care for more than the digests.
+/// Observes the motion in ticks of the motion clock. As [`StepObserver`] it sees every step as it is queued. A queue to real
+/// motors needs only the digests.
 pub trait MotionWatch: StepObserver {
     /// Digests of the steps so far. A board digests them as they are queued; virtual motors as they make them.
     fn digests(&self) -> StepDigests;
@@ -159,7 +159,7 @@ pub trait MotionWatch: StepObserver {
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
     /// Motion stands still, all of it has been played or dropped, and the motion clock goes on from this tick.
     fn stands_at(&mut self, _tick: u64) {}
-    /// At standstill: homing says where the motors stand, as of this tick.
+    /// At standstill: homing sets the motors' positions, as of this tick.
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
 }
 

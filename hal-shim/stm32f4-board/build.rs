@@ -1,6 +1,6 @@
 //! Turns the board's file into the constants of the module `board`, and into the linker's memory map.
 //!
-//! The chip is a feature, for it decides which registers there are before this runs; here the two are held against each other.
+//! The chip is also a feature, since it selects the registers before this runs; this checks that the two agree.
 
 use std::path::PathBuf;
 use std::{env, fs};

@@ -7,8 +7,8 @@
 //!
 //! The price is a rule: **nothing at priority 16 may enter a critical section, nor touch what one guards.** The step
 //! task has `local` resources and atomics only. RTIC would guard a `#[shared]` resource of that task with these very
-//! sections, so there must be none. `tests/tests/firmware/` holds the built image to it: from the vector of the step
-//! timer on no instruction writes BASEPRI_MAX, and nothing is called.
+//! sections, so it has none. `tests/tests/firmware/` checks the built image: the code that the step timer's vector
+//! leads to never writes BASEPRI_MAX and calls no function.
 //!
 //! crates.io's crate lets any crate provide the sections, but only one in an image, and stm32f4xx-hal has cortex-m provide
 //! them with PRIMASK. Here [`set_impl`] accepts a provider and leaves it unused.
@@ -22,10 +22,10 @@ mod sections;
 pub use mutex::Mutex;
 pub use proof::CriticalSection;
 
-/// What a provider restores at the end of a section.
+/// The state that a provider restores at the end of a section.
 pub type RawRestoreState = u32;
 
-/// What [`release`] restores.
+/// The state that [`release`] restores.
 #[derive(Clone, Copy, Debug)]
 pub struct RestoreState(RawRestoreState);
 
@@ -89,7 +89,7 @@ pub fn with<R>(f: impl FnOnce(CriticalSection<'_>) -> R) -> R {
     let state = sections::raise();
     // SAFETY: the section lasts until BASEPRI is restored below. A panic in `f` never returns.
     let result = f(unsafe { CriticalSection::new() });
-    // SAFETY: what was raised above.
+    // SAFETY: restores the value that was raised above.
     unsafe { sections::restore(state) };
     result
 }

@@ -1,7 +1,7 @@
 //! BASEPRI, raised and restored.
 //!
-//! Between the two no other code runs that enters a critical section or touches what one guards. There is one core, and of
-//! what could interrupt it:
+//! Between the two no other code runs that enters a critical section or touches guarded data. There is one core, and these
+//! could interrupt it:
 //!
 //! - Interrupts and exceptions of configurable priority below the highest are masked by BASEPRI. A write to BASEPRI_MAX
 //!   can only raise the priority: within an RTIC lock or another critical section the stricter of both rules, and

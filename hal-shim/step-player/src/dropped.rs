@@ -1,4 +1,4 @@
-//! What was not played because of a stop.
+//! The steps that a stop has dropped.
 
 /// Steps that were in the queue when motion was stopped: signed by direction, and both directions added.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub struct DroppedSteps {
 }
 
 impl DroppedSteps {
-    /// Adds `count` events that step the same: bit i of `axes` = motor i steps, of `directions` = it runs backwards.
+    /// Adds `count` events of the same motors: bit i of `axes` = motor i steps, of `directions` = it runs backwards.
     pub(super) fn add(&mut self, axes: u8, directions: u8, count: u32) {
         for (motor, (signed, issued)) in self.signed.iter_mut().zip(&mut self.issued).enumerate() {
             if axes >> motor & 1 != 0 {

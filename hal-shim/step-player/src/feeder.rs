@@ -16,10 +16,10 @@ use super::{IDLE_TICKS, StepLink};
 pub const MAX_SLOTS_AN_ENTRY: usize = 3;
 
 /// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in play and the one before,
-/// which tell after a stop what has not been played.
+/// which show after a stop what was not played.
 const SPARE_SLOTS: usize = 3;
 
-/// What the drivers ask of the signals, in ticks of the timer.
+/// The drivers' limits for the signals, in ticks of the timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signals {
     /// Shortest time that a step signal stays at a level.
@@ -38,7 +38,7 @@ impl Signals {
     }
 }
 
-/// Why an entry was not taken. Nothing has changed then.
+/// Why an entry was not taken; the queue is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FeedError {
     /// The ring is full.
@@ -49,7 +49,7 @@ pub enum FeedError {
 
 /// Turns step entries into slots of a [`StepPlayer`].
 ///
-/// The newest event is held back until the next entry tells the interval behind it. [`Self::seal`] lets it go at the end
+/// The newest event is held back until the next entry gives the interval after it. [`Self::seal`] releases it at the end
 /// of a motion.
 #[derive(Debug)]
 pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
@@ -125,7 +125,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.filled.wrapping_sub(self.player.next_number())
     }
 
-    /// Whether there is anything to be seen of the newest event.
+    /// Whether the newest event changes any pin.
     fn is_held(&self) -> bool {
         self.newest.held != [0; PORTS]
     }
@@ -136,7 +136,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         (N - SPARE_SLOTS).saturating_sub(self.unplayed() as usize)
     }
 
-    /// How many entries fit at least.
+    /// Minimum number of entries that fit.
     pub fn room(&self) -> usize {
         self.free() / MAX_SLOTS_AN_ENTRY
     }
@@ -153,15 +153,15 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Adds entries, at less than half the cost that they have one by one.
     ///
     /// # Errors
-    /// As [`Self::push`]; the entries before the one that is meant were added.
+    /// As [`Self::push`]; the entries before the refused one were added.
     pub fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
         self.extend(entries.iter().copied())
     }
 
-    /// Adds entries as they are made: no memory for them, and what is alike of all of them is looked up once.
+    /// Adds entries as they are made: it needs no memory for them, and looks up once what they all share.
     ///
     /// # Errors
-    /// As [`Self::push`]; the entries before the one that is meant were added, and none behind it is asked for.
+    /// As [`Self::push`]; the entries before the refused one were added, and none after it is taken from `entries`.
     #[inline(always)]
     pub fn extend(&mut self, mut entries: impl Iterator<Item = StepEntry>) -> Result<(), FeedError> {
         // An entry that meets the ring's end is not usual either.
@@ -177,7 +177,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     fn push_usual(&mut self, entries: &mut impl Iterator<Item = StepEntry>) -> Option<StepEntry> {
         let lead_ticks = self.lead_ticks().wrapping_add(1);
         let slots = self.player.slots_from(self.filled);
-        // There is not less room meanwhile.
+        // The interrupt only makes room.
         let slots = slots.get(..self.free()).unwrap_or(slots);
         let usual = Usual::<M, PORTS> {
             words: &self.words,
@@ -193,7 +193,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         unusual
     }
 
-    /// By how much an interval is longer than the gap behind an event.
+    /// By how much an interval is longer than the gap after an event.
     #[inline(always)]
     fn lead_ticks(&self) -> u32 {
         if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 }
@@ -250,14 +250,14 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         };
     }
 
-    /// The motion ends with the newest entry: what was held back may be played.
+    /// The motion ends with the newest entry: releases the event that was held back.
     pub fn seal(&mut self) {
         if self.is_held() {
             self.fill(IDLE_TICKS, [0; PORTS], 1, [0; PORTS]);
         }
     }
 
-    /// Whether there is something to play and nothing is being played: then [`StepPlayer::start_or_end`] is to be called.
+    /// Whether slots wait and the player stands still: then [`StepPlayer::start_or_end`] must be called.
     pub fn start(&mut self) -> bool {
         let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
         if idle {
@@ -275,16 +275,16 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             return 0;
         }
         let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MAX_EVENTS;
-        // Behind, that is: there is no such count, or the interrupt came between the looks.
+        // A count behind the events: the board has no such count, or the interrupt came between the two reads.
         if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
     }
 
-    /// While the interrupt is masked, because somebody has stopped motion: forgets what has not been played.
+    /// After a stop, while the interrupt is masked: drops everything that has not been played.
     ///
-    /// Afterwards [`Self::rest_words`] belong on the ports, and the interrupt may run again.
+    /// Afterwards the caller stores [`Self::rest_words`] to the ports, and the interrupt may run again.
     pub fn drop_all(&mut self) -> DroppedSteps {
         let mut dropped = DroppedSteps::default();
-        // From the end, for the directions are known there.
+        // From the end, where the directions are known.
         let mut directions = self.directions;
         if M::EVENTS_A_STEP == 1 {
             self.drop_edges(self.newest.held, directions, 1, &mut dropped);
@@ -319,7 +319,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         words
     }
 
-    /// The last `events` of a slot, behind which the motors have these directions, are not played: whether the first one
+    /// Counts the last `events` of a slot as dropped; after them the motors have these directions. Whether the first one
     /// is among them.
     fn drop_events(
         &mut self,
@@ -344,7 +344,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
     }
 
-    /// Both edges: so many events with these words are not played.
+    /// Both edges: counts this many events with these words as dropped.
     fn drop_edges(&mut self, words: [u32; PORTS], directions: u8, count: u32, dropped: &mut DroppedSteps) {
         let axes = self.pins.stepping(words);
         dropped.add(axes, directions, count);
@@ -414,7 +414,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// The first stair in a new direction.
     fn turn_and_stair(&mut self, directions: u8, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        // Those that stay are left out, so that a stop can tell from the words which were others before.
+        // Signals that stay are left out, so that a stop can tell from the words which ones have changed.
         let changed = self.pins.direction_pins(self.directions ^ directions);
         let mut words = self.pins.directions(directions);
         for (word, changed) in words.iter_mut().zip(changed) {
@@ -429,7 +429,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             self.stair(interval_ticks, count, axes, added);
             return;
         }
-        // Half way, or as late as the set-up time allows: an event of its own.
+        // An event of its own, half way or as late as the set-up time allows.
         let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks);
         self.fill(before, [0; PORTS], 1, words);
         let rest = interval_ticks - before;

@@ -9,15 +9,15 @@ use super::pins::PinMap;
 use super::player::Stepping;
 use super::slot::{Filling, Numbering, Slot};
 
-/// What every slot changes. Small enough to be kept in registers while many are filled.
+/// The state that every slot changes. Small enough to stay in registers while many are filled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Newest<const PORTS: usize> {
     /// Of the events in the slots filled so far.
     pub(super) numbering: Numbering,
-    /// Both edges: the words that would turn every pin of the ports to its other level behind the newest event.
+    /// Both edges: the words that would turn every pin of the ports to its other level after the newest event.
     pub(super) turning: [u32; PORTS],
-    /// The words of the newest event, which waits for the interval behind it: zeros where there is nothing to be seen of
-    /// it on the pins.
+    /// The words of the newest event, which waits for the interval after it: zeros where the event changes
+    /// no pin.
     pub(super) held: [u32; PORTS],
 }
 
@@ -33,11 +33,11 @@ pub(super) struct Following<const PORTS: usize> {
     pub(super) held: [u32; PORTS],
 }
 
-/// For each set of motors the words that step them: with pulses raise their signals, with both edges what is to be
-/// picked out of [`Newest::turning`].
+/// For each set of motors the words that step them: with pulses they raise the signals, with both edges they
+/// select from [`Newest::turning`].
 pub(super) type StepWords<const PORTS: usize> = [[u32; PORTS]; 16];
 
-/// What stays the same while stairs go on in the same directions.
+/// The state that is constant while the directions are.
 pub(super) struct Usual<'a, M, const PORTS: usize> {
     pub(super) words: &'a StepWords<PORTS>,
     /// Intervals above this are usual.
@@ -48,9 +48,9 @@ pub(super) struct Usual<'a, M, const PORTS: usize> {
 }
 
 impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
-    /// Adds entries as long as they are stairs as most are, and there are slots for them: they go on in the same
-    /// directions, with events that are neither too near nor too many for a slot. Returns the first that is not usual, which
-    /// was not added.
+    /// Adds entries as long as they are usual stairs and slots are free. A usual stair keeps the directions, and its
+    /// events are neither too near nor too many for a slot. Returns the first other entry, which was not
+    /// added.
     #[inline(always)]
     pub(super) fn push(
         &self,
@@ -133,7 +133,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
 }
 
 impl<const PORTS: usize> Newest<PORTS> {
-    /// Both edges: the words of an event that steps what these pick out.
+    /// Both edges: the words of an event that steps the motors that these select.
     #[inline(always)]
     pub(super) fn turn(&mut self, words: [u32; PORTS]) -> [u32; PORTS] {
         let mut event = words;

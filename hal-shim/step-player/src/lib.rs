@@ -1,12 +1,12 @@
-//! From step entries to edges: the queue between planner and step interrupt, and the interrupt itself, without registers.
+//! From step entries to edges: the queue between planner and step interrupt, and the interrupt's code, without registers.
 //!
-//! A board has two halves of it. The [`StepFeeder`] belongs to the planner task: it turns entries into *slots* that hold
+//! It has two halves. The [`StepFeeder`] belongs to the planner task: it turns entries into *slots* that hold
 //! the very words to store to the ports. The [`StepPlayer`] belongs to the step interrupt: at each update of its timer
-//! it stores a word a port and, where a stair ends, takes the next slot. All work that can be done before is done
-//! before, so that an event costs the interrupt the same with one motor or with four.
+//! it stores a word a port and, where a stair ends, takes the next slot. The feeder does all work that
+//! can be done beforehand, so that an event costs the interrupt the same with one motor or with four.
 //!
-//! The timer runs all the time and reloads from a preloaded register: what is written at one update rules the gap
-//! *after the next one*. A slot therefore tells the reload value of the slot behind it, and it is written one event
+//! The timer runs all the time and reloads from a preloaded register: a value written at one update sets the gap
+//! *after the next one*. A slot therefore holds the reload value of the slot after it, which is written one event
 //! early: an interrupt that comes late delays an edge, and all later ones are on time again.
 #![cfg_attr(not(test), no_std)]
 

@@ -1,15 +1,15 @@
-//! What else the planner task and the step interrupt tell each other.
+//! The flags between planner task and step interrupt.
 
 use super::shared_word::WordU8;
 
-/// Flags between those who make step entries, those who stop motion, and the interrupt that plays them.
+/// Flags between the tasks that make step entries or stop motion, and the interrupt that plays the entries.
 #[derive(Debug)]
 pub struct StepLink {
     run: WordU8,
     ran_dry: WordU8,
-    /// Motion is to stop: what the interrupt looks at.
+    /// Motion must stop; the interrupt reads this.
     stop: WordU8,
-    /// A command or a fault wants that, not only the sensor that an axis seeks.
+    /// A command or a fault asks for it, not only the sensor that an axis seeks.
     requested: WordU8,
 }
 
@@ -20,7 +20,7 @@ impl Default for StepLink {
 }
 
 impl StepLink {
-    /// Nothing runs.
+    /// Flags while the player stands still.
     pub const fn new() -> Self {
         Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0), requested: WordU8::new(0) }
     }
@@ -48,7 +48,7 @@ impl StepLink {
         Self::take(&self.ran_dry)
     }
 
-    /// A command or a fault wants motion to stop, and has masked the step interrupt before this call. The planner task sees to
+    /// Requests a stop for a command or a fault, which has masked the step interrupt before this call. The planner task does
     /// the rest. From any priority below the interrupt's.
     pub fn request_stop(&self) {
         self.requested.store(1);

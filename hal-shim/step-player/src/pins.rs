@@ -1,4 +1,4 @@
-//! Which pins the motors hang on, as words for the ports.
+//! The motors' pins, as words for the ports.
 
 /// In a port's word the upper half resets what the lower half sets (RM0090 8.4.7, BSRR).
 const RESET_SHIFT: u32 = 16;
@@ -46,7 +46,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
                 }
                 let (step_bit, direction_bit) = (1 << step.number, 1 << direction.number);
                 if axes == 0 {
-                    // Which motor a pin is of must be told from the pin.
+                    // A pin must identify its motor.
                     if taken[step.port] & step_bit != 0 {
                         return None;
                     }
@@ -84,7 +84,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         word.rotate_left(RESET_SHIFT)
     }
 
-    /// The words that put out these direction signals: bit i = motor i runs backwards.
+    /// The words for these direction signals: bit i = motor i runs backwards.
     pub fn directions(&self, backwards: u8) -> [u32; PORTS] {
         let backwards = backwards ^ self.inverted;
         self.direction.each_ref().map(|masks| {

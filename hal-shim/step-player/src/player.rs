@@ -1,4 +1,4 @@
-//! What the step interrupt does.
+//! The code of the step interrupt.
 
 use core::marker::PhantomData;
 
@@ -8,7 +8,7 @@ use super::slot::{Head, MAX_EVENTS, Slot};
 
 /// Ticks between two updates of the timer, at the least: 1 us at 84 MHz, 168 cycles of the core.
 ///
-/// The reload value that an event's interrupt stores rules the gap after the next update, so the store must arrive before
+/// The reload value that an event's interrupt stores sets the gap after the next update, so the store must arrive before
 /// that update; a late one repeats the old gap. Building an image derives from its instructions how long that takes at
 /// worst, and fails where it is longer than this. [`super::StepFeeder`] refuses entries with a shorter gap, and makes
 /// pulses at least as long.
@@ -23,7 +23,7 @@ const COUNT_ATTEMPTS: u32 = 4;
 
 /// The step timer, seen from the step interrupt. No method may wait.
 pub trait UpdateTimer {
-    /// Takes note of the update.
+    /// Clears the update's flag.
     fn clear_update(&self);
     /// Whether there was an update since.
     fn is_update_due(&self) -> bool;
@@ -35,9 +35,9 @@ pub trait UpdateTimer {
     fn call_start_or_end(&self);
     /// Clears the pending interrupt of an update that was cleared without being played.
     fn forget_served(&self);
-    /// No more calls: there is nothing to play.
+    /// Masks its interrupt: no slot is left to play.
     fn mask(&self);
-    /// Updates call again.
+    /// Unmasks its interrupt.
     fn unmask(&self);
 }
 
@@ -57,7 +57,7 @@ pub trait Stepping {
 /// Each edge of the signal is a step (TMC drivers, `dedge`).
 #[derive(Clone, Copy, Debug)]
 pub struct BothEdges;
-/// The rising edge is a step; the pulse ends in an event of its own, so that nobody waits for it.
+/// The rising edge is a step; the pulse ends in an event of its own, so that no code waits for it.
 #[derive(Clone, Copy, Debug)]
 pub struct Pulses;
 
@@ -69,7 +69,7 @@ impl Stepping for Pulses {
     const EVENTS_A_STEP: u32 = 2;
 }
 
-/// What the step interrupt alone knows.
+/// The state of the step interrupt alone.
 #[derive(Clone, Copy, Debug)]
 pub struct NextWords<const PORTS: usize> {
     /// The words of the next event, and of the event after it if that is of the same slot.
@@ -77,7 +77,7 @@ pub struct NextWords<const PORTS: usize> {
 }
 
 impl<const PORTS: usize> NextWords<PORTS> {
-    /// Nothing to put out.
+    /// No event.
     pub const NONE: Self = Self { words: [[0; 2]; PORTS] };
 }
 
@@ -87,15 +87,15 @@ impl<const PORTS: usize> NextWords<PORTS> {
 /// it and never runs at the same time. Everything is a word that either side may load and store whole, so that no access
 /// is unsafe.
 #[derive(Debug)]
-// In this order, so that what the interrupt uses is near the start.
+// In this order, so that the interrupt's fields are near the start.
 #[repr(C)]
 pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
-    /// The head of the present slot with the events that are still to come; [`Head::EMPTY`] when there is none. Counted
-    /// upwards, for the sign tells what is usual in one instruction.
+    /// The head of the present slot with the events that are still to come; [`Head::EMPTY`] without one. Counted
+    /// upwards, so that one instruction tests the sign for the usual case.
     left: WordI32,
     /// Number of the next slot, modulo 2^32; its place is the remainder by `N`.
     next: WordU32,
-    /// For pulses: the reload values of the gap behind a pulse, and of the pulse.
+    /// For pulses: the reload values of the gap after a pulse, and of the pulse.
     reloads: [WordU32; 2],
     link: StepLink,
     slots: [Slot<PORTS>; N],
@@ -275,8 +275,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.reloads[1].store(reload);
     }
 
-    /// For the producer, while the interrupt is masked: forgets all slots up to the one that it fills next. Whether more
-    /// than a sensor has asked for that.
+    /// For the producer, while the interrupt is masked: drops all slots up to the one that it fills next. Whether more
+    /// than a sensor has asked for the stop.
     pub(super) fn forget(&self, filled: u32) -> bool {
         let mut number = self.next.load();
         while number != filled {

@@ -6,7 +6,7 @@
 
 use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering};
 
-/// Before publishing: what was stored before is seen by whoever sees what is stored after.
+/// Before publishing: a reader that sees a later store also sees all earlier ones.
 #[inline(always)]
 pub fn publish() {
     #[cfg(target_os = "none")]

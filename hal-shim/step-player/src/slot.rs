@@ -14,7 +14,7 @@ pub struct Slot<const PORTS: usize> {
     /// The words of the second; at the others the same turned by 16 bits each time, so that what one sets the next
     /// resets.
     then: [WordU32; PORTS],
-    /// Reload value for the gaps behind the events.
+    /// Reload value for the gaps after the events.
     reload: WordU32,
     /// Upper half: minus the number of events; 0 for an empty slot. Lower half: number of all events up to the end of this
     /// slot, modulo 2^15, which stays when the slot has been played.
@@ -34,7 +34,7 @@ pub struct Filling<const PORTS: usize> {
     pub head: Head,
 }
 
-/// What a slot's head says, and what is left of it while it is played: the upper half counts up to 0.
+/// A slot's head, also of the remaining events while it is played: the upper half counts up to 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head(pub i32);
 
@@ -71,12 +71,12 @@ impl Numbering {
     /// Where the number begins.
     const SHIFT: u32 = 17;
 
-    /// No events, where a step takes so many of them.
+    /// No events yet, for steps of this many events.
     pub const fn new(events_a_step: u32) -> Self {
         Self((events_a_step << 16).wrapping_neg() >> 15)
     }
 
-    /// So many events more.
+    /// Counts this many further events.
     #[inline(always)]
     pub fn advance(&mut self, events: u32) {
         self.0 = self.0.wrapping_add(events << Self::SHIFT);
@@ -140,7 +140,7 @@ impl<const PORTS: usize> Slot<PORTS> {
         self.then[port].load()
     }
 
-    /// Reload value for the gaps behind the events.
+    /// Reload value for the gaps after the events.
     #[inline(always)]
     pub fn reload(&self) -> u32 {
         self.reload.load()

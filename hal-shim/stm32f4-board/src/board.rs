@@ -1,4 +1,4 @@
-//! The board that this is built for: what its file says (`boards/`), as constants and as stores to registers.
+//! The board that this is built for: its file (`boards/`) as constants and as stores to registers.
 
 use ferrostep_step_player::{MotorPins, Pin, PinMap, StepLink};
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
@@ -32,7 +32,7 @@ pub struct BoardPins {
 }
 
 impl BoardPins {
-    /// Makes the pins what they are to be: heaters and fans off, drivers off, thermistors and the serial line connected, the
+    /// Sets the pins up: heaters and fans off, drivers off, thermistors and the serial line connected, the
     /// sensors that axes home with inputs (by the stores of [`SensorLines::start`]).
     pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3], set_up: &[Store]) -> Self {
         // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
@@ -80,7 +80,7 @@ impl Motors<MOTOR_PORTS> for BoardPins {
     fn enable(&self, on: u8) {
         for (motor, &pin) in ENABLE.iter().enumerate() {
             let shares = |other: &usize| ENABLE.get(*other) == Some(&pin);
-            // Those that share a pin are seen to with the first of them.
+            // Motors that share a pin are switched with the first of them.
             if (0..motor).any(|other| shares(&other)) {
                 continue;
             }
@@ -95,6 +95,6 @@ impl Motors<MOTOR_PORTS> for BoardPins {
 
 /// For the panic and fault handlers: heaters off, then motors off, then the fans full and off the USB bus.
 pub(crate) fn all_off() {
-    // SAFETY: pins of heaters, motors and fans, and the USB controller, become what they may be at any time; nothing else runs any more.
+    // SAFETY: pins of heaters, motors and fans, and the USB controller: all states are allowed; no other code runs any more.
     unsafe { stores::apply(&ALL_OFF) };
 }

@@ -16,12 +16,12 @@ use stm32f4xx_hal::rcc::{Config, Rcc};
 /// Most looks at a flag. A look takes at least four cycles, so this waits for 1 ms or longer.
 const MAX_LOOKS: u32 = 50_000;
 
-/// Starts the best clock there is, whatever a boot loader has left.
+/// Starts the best clock that works, in whatever state a boot loader has left the chip.
 ///
 /// The HAL's own start waits for crystal and PLL without a bound, leaves the voltage scale, the second PLLs and the buses' resets
-/// to whoever was there before, and does not turn clock security on (hazards 1.6, 3.1 and 3.2 in `docs/src/hazards.md`). So the clock runs
-/// before the HAL is told of it: its `freeze` then finds every flag set and stores what the registers hold already
-/// (`boards/src/clock.rs` tests that its search finds the same PLL). What it returns is what its drivers ask for.
+/// as a boot loader had them, and does not turn clock security on (hazards 1.6, 3.1 and 3.2 in `docs/src/hazards.md`). So this
+/// starts the clock first: the HAL's `freeze` then finds every flag set and stores the values that the registers already hold
+/// (`boards/src/clock.rs` tests that its search finds the same PLL). The HAL's drivers need the value it returns.
 pub fn start(rcc: RCC, _flash: &FLASH) -> (Clock, Rcc) {
     let settings = ClockSettings {
         family: FAMILY,

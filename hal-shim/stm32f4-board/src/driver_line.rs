@@ -17,7 +17,7 @@ use crate::volatile::Volatile;
 #[unsafe(no_mangle)]
 pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111);
 
-/// What makes the lines of a board. Its interrupt is USART2's or TIM7's.
+/// The peripheral behind a board's lines. Its interrupt is USART2's or TIM7's.
 pub trait DriverLine: SingleWireUart {
     /// Their speed.
     const BAUD: u32;
@@ -59,8 +59,8 @@ impl DriverLine for OwnLines {
     const BAUD: u32 = 19_200;
 
     fn start(_: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self {
-        // SAFETY: TIM7 was given up to this; the pins are the lines' by the board's file. Their ports' modes are changed by
-        // nobody else after the start, or by who cannot be interrupted by this.
+        // SAFETY: TIM7 was given up to this; the pins are the lines' by the board's file. After the start
+        // only code that this cannot interrupt changes their ports' modes.
         let registers = unsafe { Volatile::new() };
         Self::start(registers, pins, clock.slow_timers.raw(), Self::BAUD)
     }

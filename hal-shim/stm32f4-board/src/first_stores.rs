@@ -4,8 +4,8 @@ use core::arch::naked_asm;
 
 use crate::board::FIRST;
 
-/// Makes [`FIRST`], before anything else: a heater that a boot loader has left floating, or on, is off some
-/// microseconds after it has jumped here. In assembly, for the memory that Rust takes for granted is not there yet.
+/// Executes the stores [`FIRST`] before anything else: a heater that a boot loader has left floating, or on, is off some
+/// microseconds after it has jumped here. In assembly, since Rust code needs memory that is not initialised yet.
 ///
 /// # Safety
 /// For cortex-m-rt, which calls it before it fills RAM.

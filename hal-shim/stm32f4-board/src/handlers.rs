@@ -5,10 +5,10 @@
 /// A store with an immediate offset that still waits on a slow bus while the handler returns can make a Cortex-M4 take the
 /// wrong interrupt, at the priority of another (erratum 838869; ES0182 2.1.3, ES0298 2.1.3). Handlers that pop registers
 /// at their end do not meet it, for those loads follow the store on the same bus; but what a handler pops is the compiler's
-/// choice. The barrier costs the some cycles that the store takes.
+/// choice. The barrier costs the few cycles that the store takes.
 ///
-/// The step interrupt has none: `tests/tests/firmware/handlers.rs` holds the built images to it that each of its paths ends
-/// with loads from the stack, which lies at the same bus as its timer and ports, and there every cycle counts.
+/// The step interrupt has none, since every cycle counts there: `tests/tests/firmware/handlers.rs` checks that in the images each
+/// of its paths ends with loads from the stack, which is at the same bus as its timer and ports.
 #[inline(always)]
 pub(crate) fn complete_stores() {
     cortex_m::asm::dsb();

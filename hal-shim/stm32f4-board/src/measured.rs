@@ -1,4 +1,4 @@
-//! How long steps and planning take, measured while the machine prints; nothing when it is switched off.
+//! How long steps and planning take, measured while the machine prints; it costs nothing when it is switched off.
 //!
 //! The step interrupt is measured from outside: while it is on, its vector leads to [`step_interrupt_measured`], which
 //! calls the handler proper. Planning is measured by [`PlanningMeter`].
@@ -28,11 +28,11 @@ static COUNTER_IS_OF_CORE: AtomicBool = AtomicBool::new(false);
 /// One of the histograms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measured {
-    /// What is measured.
+    /// The quantity that is measured.
     pub name: &'static str,
     /// The unit of its times: `cycles` of the core, `ticks` of a timer.
     pub unit: &'static str,
-    /// What has been seen since it was cleared.
+    /// The values since it was cleared.
     pub summary: Summary,
 }
 
@@ -41,7 +41,7 @@ pub fn is_on() -> bool {
     IS_ON.load(Ordering::Relaxed)
 }
 
-/// What has been measured.
+/// The histograms.
 pub fn all() -> [Measured; 3] {
     // Where the core counts no cycles, a timer stands in.
     let unit = if COUNTER_IS_OF_CORE.load(Ordering::Relaxed) { "cycles" } else { "ticks" };
@@ -59,8 +59,8 @@ pub fn clear() {
     }
 }
 
-/// The switch. For tasks below the step interrupt and the planner, which add to the histograms: so those never see a
-/// half-cleared one in the midst of an addition of theirs.
+/// The switch, for tasks below the step interrupt and the planner. These add to the histograms, and never see a
+/// half-cleared one in the middle of an addition.
 pub struct Switch {
     vectors: VectorTable,
 }
@@ -86,7 +86,7 @@ impl Switch {
         Self { vectors }
     }
 
-    /// Measures from now on, or no longer. What has been measured stays.
+    /// Switches the measurement on or off. The histograms stay.
     pub fn set(&mut self, on: bool) {
         if on {
             // SAFETY: it calls the handler that it replaces and else only reads two counters and adds to histograms
@@ -121,7 +121,7 @@ unsafe extern "C" fn step_interrupt_measured() {
     let latency_ticks = unsafe { &*TIM2::ptr() }.cnt().read().bits();
     // SAFETY: this runs by `Switch::set` only.
     let began = unsafe { now() };
-    // SAFETY: the interrupt it is for has come, and nothing else has answered it.
+    // SAFETY: its interrupt has come, and no other handler has run for it.
     unsafe { TIM2() };
     // SAFETY: as above.
     let ended = unsafe { now() };
@@ -129,7 +129,7 @@ unsafe extern "C" fn step_interrupt_measured() {
     STEP_DURATION.add(ended.wrapping_sub(began));
 }
 
-/// Measures the planner's work for one move after the other. What interrupts it counts as well.
+/// Measures the planner's work for one move after the other, interrupts included.
 #[derive(Debug, Default)]
 pub struct PlanningMeter {
     /// When the present portion began, if it is measured.

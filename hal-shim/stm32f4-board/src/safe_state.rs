@@ -1,4 +1,4 @@
-//! What must happen when nothing can be relied on any more.
+//! The safe state: the end of a program after a panic or a fault.
 
 use core::fmt;
 
@@ -36,7 +36,7 @@ pub fn crystal_has_stopped() -> bool {
     has_stopped
 }
 
-/// Keeps a text over the reset, and then tells the host of the end, which takes a thousand times as long. After [`enter`]
+/// Keeps a text over the reset, and then sends it to the host, which takes a thousand times as long. After [`enter`]
 /// only.
 #[inline(never)]
 pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
@@ -45,8 +45,8 @@ pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
     let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
 }
 
-/// Until someone resets the board: a machine that starts again on its own might start heating, or go on with a print from
-/// where it does not stand. The watchdog, which would reset it, is fed.
+/// Rests until someone resets the board: a machine that starts again on its own might start heating, or go on with a print from
+/// a wrong position. The watchdog, which would reset it, is fed.
 pub fn rest() -> ! {
     loop {
         supervision::feed_at_the_end();

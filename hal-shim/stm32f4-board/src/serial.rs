@@ -14,7 +14,7 @@ pub enum Transmit {
     Done,
     /// The transmitter asks again by its interrupt.
     Waits,
-    /// It would take more at once: come again soon.
+    /// It would take more at once: call again soon.
     Again,
 }
 

@@ -34,7 +34,7 @@ pub struct MotorPort {
     bsrr: *mut u32,
 }
 
-// SAFETY: a store to BSRR is atomic, and what it does is told by the word alone.
+// SAFETY: a store to BSRR is atomic, and its effect depends on the word alone.
 unsafe impl Send for MotorPort {}
 // SAFETY: the same.
 unsafe impl Sync for MotorPort {}
@@ -43,7 +43,7 @@ impl MotorPort {
     /// The port of an index: 0 is A (RM0090 2.3 and 8.4.7: all ports are alike).
     ///
     /// # Safety
-    /// Who calls it may write to the pins that it will write to.
+    /// The caller may write to the pins that it will write to.
     pub(crate) const unsafe fn of(index: u8) -> Self {
         const BSRR: u32 = 0x4002_0018;
         Self { bsrr: (BSRR + 0x400 * index as u32) as *mut u32 }
@@ -83,7 +83,7 @@ pub struct StepTimer<M: 'static, const PORTS: usize, const N: usize> {
 #[derive(Clone, Copy)]
 struct Timer(&'static tim2::RegisterBlock);
 
-// SAFETY: the interrupt is the only one to have it, and its stores are of whole registers.
+// SAFETY: only the interrupt has it, and it stores whole registers.
 unsafe impl Send for Timer {}
 
 impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
@@ -115,7 +115,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
     /// The interrupt, for TIM2.
     #[inline(always)]
     pub fn update(&mut self) {
-        // Copied, so that the compiler need not load it again.
+        // Copied, so that the compiler does not load it again.
         let timer = self.timer;
         self.player.update(&mut self.next, &timer, &self.ports);
     }
@@ -130,8 +130,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
 }
 
 impl Timer {
-    /// TIM2 was given up to [`StepTimer::start`]; but for the planner task, which does so only while the interrupt is
-    /// masked, nobody else writes to it.
+    /// TIM2 was given up to [`StepTimer::start`]. Besides this only the planner task writes to it, while the interrupt is
+    /// masked.
     fn new() -> Self {
         // SAFETY: as said above.
         Self(unsafe { &*TIM2::ptr() })
@@ -208,7 +208,7 @@ fn call_start_or_end() {
     cortex_m::asm::isb();
 }
 
-/// From the next instruction on no motor steps; the planner task sees to the rest. From any task but the step interrupt.
+/// Stops all motors before the next instruction; the planner task does the rest. From any task but the step interrupt.
 pub fn stop(link: &StepLink) {
     halt();
     link.request_stop();

@@ -1,4 +1,4 @@
-//! What looks after the chip as a whole: cause of the last reset, supply voltage, watchdog, last words.
+//! Supervision of the chip: cause of the last reset, supply voltage, watchdog, last words.
 
 use core::fmt;
 
@@ -19,7 +19,7 @@ pub fn reset_cause(_rcc: &RCC) -> ResetCause {
     ResetCause::take(&mut unsafe { Volatile::new() })
 }
 
-/// Sees to it that the chip is in reset while its supply is too low. Writes to flash if it was never done.
+/// Keeps the chip in reset while its supply is too low. Writes to flash the first time.
 pub fn set_brown_out_level(_rcc: &RCC, _flash: &FLASH) -> BrownOut {
     // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which is used here alone.
     chip::set_brown_out_level(&mut unsafe { Volatile::new() })
@@ -46,7 +46,7 @@ impl Watchdog {
     }
 }
 
-/// Feeds the watchdog, if it runs, at the end of all: what has been made safe shall stay so.
+/// Feeds the watchdog, if it runs, in the safe state: a reset would end it.
 pub(crate) fn feed_at_the_end() {
     // SAFETY: one store, which is allowed at any time and leaves the watchdog as `Watchdog::feed` would.
     watchdog::feed(&mut unsafe { Volatile::new() });

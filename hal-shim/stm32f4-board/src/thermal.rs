@@ -18,7 +18,7 @@ static MEMORY: [AtomicU16; THERMISTORS * CONVERSIONS] = [const { AtomicU16::new(
 /// What measures.
 pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
 
-/// Starts converter and timers, with all heaters and fans off; `None` on a board without heaters. After
+/// Starts converter and timers, all heaters and fans off; `None` on a board without heaters. After
 /// [`BoardPins::new`](crate::board::BoardPins::new).
 pub fn start(_converters: Converters, clock: &Clock) -> Option<Heaters> {
     let pins = THERMAL?;

@@ -1,4 +1,4 @@
-//! The chip's registers for those adapters of hal-shim that know them by address.
+//! The chip's registers for the adapters of hal-shim that know them by address.
 
 use ferrostep_stm32f4::registers::Registers;
 

@@ -1,8 +1,8 @@
 //! The full-speed USB controller (OTG_FS), on PA11 and PA12.
 //!
-//! Its driver is synopsys-usb-otg. That one waits for flags without end and panics when its clock is too slow or when a bus
-//! reset ends with a speed that it does not know, so it is only let near a controller that has answered and has its 48 MHz,
-//! and [`UsbGuard`] looks at the speed before it.
+//! Its driver is synopsys-usb-otg. It waits for flags without end and panics when its clock is too slow or when a bus
+//! reset ends with a speed that it does not know. So it starts only on a controller that has answered and has its 48 MHz,
+//! and [`UsbGuard`] checks the speed first.
 
 use core::fmt;
 
@@ -18,7 +18,7 @@ use ferrostep_stm32f4_board::usb_guard::UsbGuard;
 /// Words that the packets of OUT endpoints are copied to: 64 bytes each of the control and the bulk endpoint.
 pub const PACKET_WORDS: usize = 32;
 
-/// The controller, as its driver wants to know it.
+/// The controller, as its driver's trait describes it.
 pub struct Controller {
     core_hz: u32,
 }

@@ -50,7 +50,7 @@ impl Default for Memory {
     }
 }
 
-/// The interrupt's ends of the rings, and what it does about commands that do not wait their turn.
+/// The interrupt's ends of the rings, and its actions for commands that do not wait their turn.
 pub struct Rings {
     /// Bytes for the printer.
     pub received: Producer<'static, u8>,
@@ -93,7 +93,7 @@ pub struct Usb {
     guard: UsbGuard,
 }
 
-/// What came of an interrupt.
+/// The result of an interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Served {
     /// Received bytes that were dropped for want of room.

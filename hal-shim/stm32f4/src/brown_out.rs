@@ -31,12 +31,12 @@ const COMPARATOR_LOOKS: u32 = 10_000;
 /// Looks at the flash's flag: some seconds. Erasing and writing the options takes up to 2 s (DS8626, flash memory).
 const MAX_LOOKS: u32 = 50_000_000;
 
-/// How it stands with the level.
+/// The state of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrownOut {
-    /// It was right already.
+    /// It was set before.
     WasSet,
-    /// It has been written, and counts from the next reset on.
+    /// It has been written, and takes effect at the next reset.
     Written,
     /// The supply is so low that writing might go wrong.
     LowSupply,
@@ -55,9 +55,9 @@ impl fmt::Display for BrownOut {
     }
 }
 
-/// Sets level 3: below 2.7 V the chip is in reset and its pins let go, before the flash is misread and a wrong program
-/// heats. The other options, among them the one that locks the chip, are written as they are. To be called before anything
-/// else runs: while the flash is busy, nothing does.
+/// Sets level 3: below 2.7 V the chip is in reset and its pins float, before a misread flash could make the program
+/// heat. The other options, among them the one that locks the chip, are written as they are. To be called before any task
+/// runs: the core stalls while the flash is busy.
 pub fn set_brown_out_level(registers: &mut impl Registers) -> BrownOut {
     set_within(MAX_LOOKS, registers)
 }
@@ -78,7 +78,7 @@ fn set_within(max_looks: u32, registers: &mut impl Registers) -> BrownOut {
             registers.write(FLASH_OPTKEYR, key);
         }
     }
-    // Still locked: any store would be lost.
+    // Still locked: stores would have no effect.
     if registers.read(FLASH_OPTCR) & LOCK != 0 {
         return BrownOut::Refused;
     }

@@ -1,4 +1,4 @@
-//! The clock's registers, each stated in full: a boot loader may have left any of them as it needed it.
+//! The clock's registers, each stated in full: a boot loader may have changed any of them.
 //!
 //! Addresses and bits: RM0090 3.9 (FLASH_ACR), 5.4 (PWR), 7.3 (RCC); RM0390 3.8, 5.4, 6.3.
 //!
@@ -33,7 +33,7 @@ const HSERDY: u32 = 1 << 17;
 const CSSON: u32 = 1 << 19;
 const PLLON: u32 = 1 << 24;
 const PLLRDY: u32 = 1 << 25;
-/// All that can be on besides: the PLLs for I2S (bit 26) and SAI (bit 28, an STM32F446 only).
+/// Further switches: the PLLs for I2S (bit 26) and SAI (bit 28, an STM32F446 only).
 const OTHERS_ON: u32 = 1 << 26 | 1 << 28;
 const OTHERS_READY: u32 = 1 << 27 | 1 << 29;
 
@@ -46,10 +46,10 @@ const SWS_PLL: u32 = 0b10 << 2;
 /// CIR: clears all flags, that of a failed crystal (bit 23) included, and asks for no interrupt.
 const CLEAR_FLAGS: u32 = 0xff << 16;
 
-/// PWR_CSR: the regulator gives what the scale asks for.
+/// PWR_CSR: the regulator has reached the scale's voltage.
 const VOSRDY: u32 = 1 << 14;
 
-// FLASH_ACR: prefetch and both caches; what empties the caches while they are off.
+// FLASH_ACR: prefetch and both caches; the bits that empty the caches while they are off.
 const LATENCY: u32 = 0xf;
 const PRFTEN: u32 = 1 << 8;
 const CACHES_ON: u32 = 1 << 9 | 1 << 10;
@@ -62,7 +62,7 @@ const MAX_LOOKS: u32 = 50_000;
 /// A divider takes effect within 16 cycles of the AHB (RM0090 7.3.3); a look takes one at least.
 const DIVIDER_LOOKS: u32 = 16;
 
-/// What a board's clock is made of.
+/// A board's clock settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClockSettings {
     /// The chip's.
@@ -78,7 +78,7 @@ pub struct ClockSettings {
 }
 
 impl ClockSettings {
-    /// PWR_CR: voltage scale 1, and nothing else (over-drive is off). It is one bit of an STM32F405, two of an STM32F446.
+    /// PWR_CR: voltage scale 1 alone (over-drive is off). It is one bit of an STM32F405, two of an STM32F446.
     const fn scale_1(&self) -> u32 {
         match self.family {
             ChipFamily::F405 => 1 << 14,
@@ -203,8 +203,8 @@ impl<R: Registers> ClockTree for ClockRegisters<R> {
     }
 }
 
-/// Whether the crystal has stopped while it was watched ([`ClockTree::watch_crystal`]): what interrupts that cannot be masked
-/// come from. The chip runs on its internal oscillator by then, and PLL and crystal are off.
+/// Whether the crystal has stopped while it was watched ([`ClockTree::watch_crystal`]): the cause of the non-maskable
+/// interrupt. The chip runs on its internal oscillator by then, and PLL and crystal are off.
 pub fn crystal_has_stopped(registers: &mut impl Registers) -> bool {
     const CSSF: u32 = 1 << 7;
     registers.read(CIR) & CSSF != 0

@@ -16,7 +16,7 @@ pub enum ClockSource {
     Internal,
 }
 
-/// What a chip's clock is made of. Every attempt ends in bounded time.
+/// The parts of a chip's clock. Every attempt ends in bounded time.
 pub trait ClockTree {
     /// Starts the crystal; whether it oscillates.
     fn start_crystal(&mut self) -> bool;
@@ -25,8 +25,8 @@ pub trait ClockTree {
     /// Runs the chip from the PLL, fed by the crystal or the internal oscillator; if that fails (`false`) the chip runs
     /// from the internal oscillator.
     fn start_pll(&mut self, source: PllSource) -> bool;
-    /// From now on the chip looks after the crystal, and calls an interrupt that cannot be masked when it stops: without
-    /// that the PLL drifts, and heaters, steps and time go on at a wrong pace.
+    /// Makes the chip watch the crystal from now on, with a non-maskable interrupt when it stops: otherwise the
+    /// PLL would drift, and heaters, steps and time go on at a wrong pace.
     fn watch_crystal(&mut self);
 }
 
@@ -49,7 +49,7 @@ pub fn start_best(tree: &mut impl ClockTree) -> ClockSource {
     if tree.start_pll(PllSource::Internal) { ClockSource::InternalWithPll } else { ClockSource::Internal }
 }
 
-/// A clock that runs. As text it is what the host is told, `HSI 16 MHz, time stretched 5.25 times`.
+/// A clock that runs. Its text is for the host: `HSI 16 MHz, time stretched 5.25 times`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     /// Where it comes from.
@@ -60,7 +60,7 @@ pub struct Clock {
     pub slow_bus: Hertz,
     /// Of the timers on the slow bus, which count the ticks of the motion clock.
     pub slow_timers: Hertz,
-    /// Of the fast bus, APB2, which the host's line hangs on.
+    /// Of the fast bus, APB2, which feeds the host's line.
     pub fast_bus: Hertz,
     /// Of the timers on the fast bus.
     pub fast_timers: Hertz,

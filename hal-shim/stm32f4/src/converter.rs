@@ -1,4 +1,4 @@
-//! Thermistors: an ADC that never stops, and a DMA stream that lays its conversions out in memory.
+//! Thermistors: an ADC that converts without end, and a DMA stream that stores its conversions.
 
 use core::sync::atomic::{AtomicU16, Ordering};
 
@@ -9,11 +9,11 @@ use ferrostep_thermistor::CONVERSIONS_A_READING;
 /// Conversions of each sensor that the memory holds: those of one reading.
 pub const CONVERSIONS: usize = CONVERSIONS_A_READING as usize;
 
-/// In the place of a conversion that has been taken: the converter has 12 bits.
+/// Marks a conversion that has been taken: the converter has 12 bits.
 const TAKEN: u16 = u16::MAX;
 
-/// Readings in a row that are not wholly new, after which the converter counts as stopped: 80 ms at the control's pace.
-/// One that works makes a reading in 2 ms ([`Converter`]); some in a row may be asked for at once at the start.
+/// Number of readings in a row with old conversions after which the converter counts as stopped: 80 ms at the control's pace.
+/// A working one makes a reading in 2 ms ([`Converter`]); the start may take several readings at once.
 const MAX_OLD: u8 = 8;
 
 /// A pair of looks at a register takes two cycles of the fast bus or more, so this is 3 us or longer up to 84 MHz: what
@@ -43,7 +43,7 @@ const DR: u32 = 0x4c;
 const OVR: u32 = 1 << 5;
 /// CR1: the whole sequence, 12 bits.
 const SCAN: u32 = 1 << 8;
-/// CR2: on; again and again; by DMA, without end.
+/// CR2: on; continuous; by DMA, without end.
 const ADON: u32 = 1 << 0;
 const CONT: u32 = 1 << 1;
 const DMA: u32 = 1 << 8;
@@ -73,7 +73,7 @@ const STREAM_SETTINGS: u32 = 1 << 8 | 1 << 10 | 0b01 << 11 | 0b01 << 13 | 0b01 <
 const STREAM_FLAGS: u32 = 0x3d;
 const STREAM_ERRORS: u32 = 1 << 3 | 1 << 2;
 
-/// A converter that thermistors may be at.
+/// A converter for thermistors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConverterNumber {
     /// ADC1.
@@ -112,9 +112,9 @@ impl ConverterNumber {
 /// A conversion is 492 cycles of 21 MHz, 23.4 us: with five sensors a reading of each is new every 1.9 ms. On the bare
 /// internal oscillator, 16 MHz, it is every 9.8 ms.
 ///
-/// **A reading cannot stand still unnoticed.** A conversion that has been taken is marked in memory, so that the next
-/// reading knows which are new. When they are not for 80 ms, or the chip says that a transfer failed, the reading is that
-/// of an open circuit, which is a fault of the heater; the converter is started again, in case that helps.
+/// **A reading that stands still is noticed.** A conversion that has been taken is marked in memory, so that the next
+/// reading knows which are new. When they are not for 80 ms, or the chip says that a transfer failed, the reading becomes that
+/// of an open circuit, which is a fault of the heater, and the converter is started again, in case that helps.
 #[derive(Debug)]
 pub struct Converter {
     number: ConverterNumber,
@@ -149,7 +149,7 @@ impl Converter {
         converter
     }
 
-    /// From the beginning, whatever it did before.
+    /// Starts it anew, from any state.
     #[inline(never)]
     fn begin(&self, registers: &mut impl Registers) {
         let base = self.number.base();
@@ -184,7 +184,7 @@ impl Converter {
         }
         let on = ADON | CONT | DMA | DDS;
         registers.write(base + CR2, on);
-        // Only the looks count: not all of these bits exist.
+        // This only waits: not all of these bits exist.
         let _never = registers.comes_to(base + SR, u32::MAX, true, WAKE_UP_LOOKS);
         registers.write(base + CR2, on | SWSTART);
     }
@@ -192,7 +192,7 @@ impl Converter {
     /// The sum of a sensor's newest conversions; `place` is 0 or 1 (whose it is), `turn` its place among the channels.
     /// While not all of them are new, it is the reading before, and after 80 ms that of an open circuit.
     ///
-    /// Not inlined: where there is no such converter, in an emulator, a test puts readings in the place of this function.
+    /// Not inlined: in an emulator without such a converter a test replaces this function.
     #[inline(never)]
     pub fn reading_of_sensor(&mut self, place: usize, turn: u8, registers: &mut impl Registers) -> u16 {
         let mut sum = 0_u16;
@@ -221,7 +221,7 @@ impl Converter {
             *last = u16::MAX;
         }
         let reading = *last;
-        // Not again before the new start has had its time.
+        // No further start before this one has had its time.
         let is_due = *old == MAX_OLD || *old >= 2 * MAX_OLD;
         if *old >= 2 * MAX_OLD {
             *old = MAX_OLD;

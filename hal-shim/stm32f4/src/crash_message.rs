@@ -3,14 +3,14 @@
 use core::fmt;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// Longest text, bytes; what is longer is cut.
+/// Maximum length of the text, bytes; a longer one is cut.
 pub const MAX_BYTES: usize = 160;
 
 /// FNV-1a's first value and factor.
 const BASIS: u32 = 0x811c_9dc5;
 const FACTOR: u32 = 0x0100_0193;
 
-/// The text and its check word. When the supply comes, the memory holds anything, and that is no text.
+/// The text and its check word. At power-on the memory is random, and the check word does not match.
 #[derive(Debug)]
 pub struct CrashMessage {
     check: AtomicU32,
@@ -24,7 +24,7 @@ impl CrashMessage {
         Self { check: AtomicU32::new(0), length: AtomicU32::new(0), bytes: [const { AtomicU8::new(0) }; MAX_BYTES] }
     }
 
-    /// Keeps a text in the place of the one before. Line ends become spaces, as does what is not ASCII.
+    /// Keeps a text in the place of the one before. Line ends and other characters than ASCII become spaces.
     pub fn keep(&self, text: fmt::Arguments<'_>) {
         self.length.store(0, Ordering::Relaxed);
         // Cut where it is too long.

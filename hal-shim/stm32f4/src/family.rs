@@ -1,4 +1,4 @@
-//! What differs between the chips as far as their start is concerned.
+//! Families of chips that start alike.
 
 /// A family of chips with the same registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

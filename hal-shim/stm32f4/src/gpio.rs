@@ -6,13 +6,13 @@ pub const GPIO: u32 = 0x4002_0000;
 pub const GPIO_STRIDE: u32 = 0x400;
 /// Offset of the modes: two bits a pin.
 pub const MODER: u32 = 0x00;
-/// Offset of what drives an output high: 0 a transistor, 1 nothing (open drain).
+/// Offset of the output types: 0 push-pull, 1 open drain.
 pub const OTYPER: u32 = 0x04;
 /// Offset of the slew rates: two bits a pin.
 pub const OSPEEDR: u32 = 0x08;
 /// Offset of the pull-ups and pull-downs: two bits a pin.
 pub const PUPDR: u32 = 0x0c;
-/// Offset of the levels that are read.
+/// Offset of the input levels.
 pub const IDR: u32 = 0x10;
 /// Offset of the levels to set, and in the upper half to reset.
 pub const BSRR: u32 = 0x18;

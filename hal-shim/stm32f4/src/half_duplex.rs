@@ -1,6 +1,6 @@
 //! USART2 on one wire: the line to drivers that share it, as on the Prusa MINI's board (PD5).
 //!
-//! In half-duplex the receiver listens to the transmitter's pin (RM0090, section 30.3.10), so that what is sent comes back.
+//! In half-duplex the receiver is at the transmitter's pin (RM0090, section 30.3.10), so that sent bytes come back.
 //! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 30.6 (USART); RM0390 is the same.
 
 use crate::gpio::{self, AFRL, ALTERNATE, MODER, OTYPER, PULL_UP, PUPDR};
@@ -56,7 +56,7 @@ impl<R: Registers> HalfDuplexLine<R> {
     }
 
     /// A byte has come, or the transmitter takes one. Must come before the next but one byte: 174 us at 115,200 baud. One
-    /// that is lost, or damaged, shows in the datagram's check sum.
+    /// that is lost, or damaged, shows in the datagram's checksum.
     pub fn interrupt(&mut self) {
         let status = self.registers.read(USART2_SR);
         // Reading status and data clears the overrun, which would otherwise interrupt for ever.
@@ -108,7 +108,7 @@ mod tests {
         assert_eq!(registers.value(0x4002_3840), 1 << 17);
         // 42 MHz / 115,200 = 364.6; 0.1 % off.
         assert_eq!(registers.value(uart + 0x08), 365);
-        // Half-duplex; UE, TE, RE, RXNEIE and nothing else.
+        // Half-duplex; UE, TE, RE, RXNEIE alone.
         assert_eq!((registers.value(uart + 0x14), registers.value(uart + 0x0c)), (1 << 3, 0x202c));
         // PD5: open drain, pull-up, function 7, and last of all no longer an input.
         assert_eq!(registers.value(port + 0x04), 1 << 5);
@@ -185,7 +185,7 @@ mod tests {
             }
         }
         assert_eq!([0, 1, 2, 3].map(|motor| bank.state(motor)), [Some(DriverState::Confirmed); 4]);
-        // NODECONF of the first: sync, address, register to be written, value, check sum.
+        // NODECONF of the first: sync, address, register to be written, value, checksum.
         let first = &port.borrow().wire[..8];
         assert_eq!(
             first,

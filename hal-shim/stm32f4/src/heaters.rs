@@ -7,7 +7,7 @@ use super::pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput};
 use crate::registers::Registers;
 use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
 
-/// What of a board heats, cools and measures.
+/// A board's heaters, fans and thermistors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ThermalPins {
     /// The converter of all thermistors.
@@ -33,7 +33,7 @@ pub struct BoardHeaters<R> {
     heaters: [PwmOutput; 2],
     part_fan: Option<PwmOutput>,
     hotend_fan: Option<PwmOutput>,
-    /// What the fans were last told; heaters are told again in each sample.
+    /// The fans' last powers; heaters are set in each sample.
     part_power: u8,
     hotend_is_on: bool,
 }
@@ -56,7 +56,7 @@ impl<R: Registers> BoardHeaters<R> {
         Self { registers, converter, sensors, heaters, part_fan, hotend_fan, part_power: 0, hotend_is_on: false }
     }
 
-    /// To be called every 10 ms: for what no timer switches.
+    /// To be called every 10 ms, for pins without a timer.
     pub fn tick(&mut self) {
         let fans = self.part_fan.iter_mut().chain(&mut self.hotend_fan);
         self.heaters.iter_mut().chain(fans).for_each(|output| output.tick(&mut self.registers));

@@ -1,7 +1,7 @@
 //! Times counted into buckets while a machine runs, for a few instructions each.
 //!
-//! One side adds, at a priority above the one that reads; so nothing is ever lost, although no addition is a
-//! read-modify-write of the processor's. Percentiles are read off the buckets: at most half as much again as the truth,
+//! One side adds, at a priority above the one that reads; so no value is lost, although the additions are not
+//! atomic. Percentiles are read off the buckets: at most half as much again as the truth,
 //! never less.
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -17,7 +17,7 @@ pub struct Histogram {
     max: AtomicU32,
 }
 
-/// What a histogram says in a line.
+/// The summary of a histogram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Summary {
     /// How many values there were.
@@ -63,7 +63,7 @@ impl Histogram {
         self.max.store(0, Ordering::Relaxed);
     }
 
-    /// What is in it now; all zero when empty.
+    /// Its summary now; all zero when empty.
     pub fn summary(&self) -> Summary {
         let counts = self.buckets.each_ref().map(|bucket| bucket.load(Ordering::Relaxed));
         let max = self.max.load(Ordering::Relaxed);

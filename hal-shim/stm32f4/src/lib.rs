@@ -1,4 +1,4 @@
-//! Peripherals of the STM32F4 that are sequences of loads and stores, and what the firmware keeps beside them.
+//! Peripherals of the STM32F4 as sequences of loads and stores, and the firmware's aids around them.
 //!
 //! The code knows registers by address (RM0090, RM0390: the same in everything that is used here) and reaches them through
 //! [`Registers`](registers::Registers). Tests on the desk read what it stores; on the board the stores are volatile ones

@@ -2,14 +2,14 @@
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
-/// A task that must show life to the heaters' control, which feeds the watchdog and so shows its own.
+/// A task that must show life to the heaters' control, which feeds the watchdog.
 ///
 /// Tasks above the lowest of them, and interrupts, need not: where one of them never ends, the lowest never runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
-    /// What keeps the step queue full.
+    /// The planner, which keeps the step queue full.
     Planner,
-    /// What is said without being asked: the lowest of all.
+    /// The task of unasked reports: the lowest of all.
     Reports,
 }
 
@@ -23,9 +23,9 @@ impl Task {
 
     /// How long it may be silent, ms.
     ///
-    /// The planner looks around every 2 ms and works some ms at a time. The lowest task, every 100 ms, waits for a command
-    /// that is at work (arithmetic of a line, or a long reply that waits for a slow host, 0.2 s) and for the planner
-    /// where that has all it can do.
+    /// The planner runs every 2 ms for some ms at a time. The lowest task, every 100 ms, waits for a command at
+    /// work (arithmetic of a line, or a long reply that waits for a slow host, 0.2 s), and for the planner while
+    /// that is fully busy.
     pub const fn patience_ms(self) -> u32 {
         match self {
             Self::Planner => 1_000,
@@ -50,14 +50,14 @@ impl LifeSigns {
     }
 }
 
-/// Who looks after them.
+/// The supervisor of the tasks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Vigil {
     silent_ms: [u32; 2],
 }
 
 impl Vigil {
-    /// After `passed_ms` more: whether no task has been silent for longer than it may be. One that was speaks again
+    /// After `passed_ms` more: whether no task has been silent for too long. A task that shows life again
     /// counts as alive again.
     pub fn all_alive(&mut self, signs: &LifeSigns, passed_ms: u32) -> bool {
         let seen = signs.0.swap(0, Ordering::Relaxed);

@@ -15,7 +15,7 @@ const TIM7_SR: u32 = 0x4000_1410;
 const TIM7_CNT: u32 = 0x4000_1424;
 const TIM7_ARR: u32 = 0x4000_142c;
 
-/// Bits that the line is listened to after what was sent: the longest delay of a reply, eight bytes, and some.
+/// Bits to listen for after a datagram: the longest delay of a reply, eight bytes, and a margin.
 const LISTENED_BITS: u16 = 200;
 
 /// The lines; TIM7's interrupt calls [`Self::interrupt`].
@@ -26,7 +26,7 @@ pub struct PinLines<R> {
     pins: [(u8, u8); 4],
     serial: SoftwareSerial,
     driven: PinAction,
-    /// Ticks until nothing more is expected.
+    /// Ticks until the end of any reply.
     ticks_left: u16,
 }
 
@@ -154,7 +154,7 @@ mod tests {
         let positions = [(port + BSRR, 1 << 18), (port + MODER, 0b01 << 4)]
             .map(|store| lines.registers.stores.iter().position(|made| *made == store).unwrap());
         assert!(positions[0] < positions[1]);
-        // Then it is let go of, listened to for a while, and the timer stops.
+        // Then it is released, sampled for a while, and the timer stops.
         lines.registers.fix(port + IDR, 1 << 2);
         let mut ticks = 0;
         while lines.registers.value(TIM7_CR1) == 1 {
@@ -255,7 +255,7 @@ mod tests {
             }
         }
         assert_eq!([0, 1, 2, 3].map(|motor| bank.state(motor)), [Some(DriverState::Confirmed); 4]);
-        // Where nothing is said, nothing interrupts.
+        // A silent line causes no interrupts.
         assert!(calls < 140_000, "{calls}");
     }
 }

@@ -12,7 +12,7 @@ pub const HEATER_HZ: u32 = 10;
 /// Frequency of fans on a timer, Hz: two-wire fans run smoothly, and their transistors, made for slow switching, stay cool.
 pub const FAN_HZ: u32 = 100;
 
-/// Steps of a timer's duty. Whoever divides the clock by this and a frequency above must stay within 16 bits.
+/// Steps of a timer's duty. The clock divided by this and by a frequency above must fit in 16 bits.
 const STEPS: u32 = 1000;
 
 // RM0090, 17.4 and 18.4: timers.
@@ -25,7 +25,7 @@ const PSC: u32 = 0x28;
 const ARR: u32 = 0x2c;
 const CCR1: u32 = 0x34;
 const BDTR: u32 = 0x44;
-/// PWM mode 1: high while the counter is below the compare value. No preload: off must be off at once.
+/// PWM mode 1: high while the counter is below the compare value. No preload: off must act at once.
 const PWM_MODE: u32 = 0b110 << 4;
 /// BDTR: the outputs of TIM1 and TIM8 are their channels'.
 const MOE: u32 = 1 << 15;
@@ -135,9 +135,9 @@ impl PwmOutput {
         Self { pin, software: SoftwarePwm::new(), is_high: false }
     }
 
-    /// Sets the power, 0 to 1; 0 is low at once, and nothing else is that low.
+    /// Sets the power, 0 to 1; 0 is low at once, and only 0 is always low.
     pub fn set(&mut self, power: f32, registers: &mut impl Registers) {
-        // A power that is no number is none.
+        // NaN counts as 0.
         let power = if power > 0.0 { power.min(1.0) } else { 0.0 };
         match self.pin.channel {
             // The cast keeps to the type's range; at 1000 of 1000 it is high all the time.

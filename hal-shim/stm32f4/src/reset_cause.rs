@@ -13,13 +13,13 @@ const SOFTWARE: u32 = 1 << 28;
 const POWER_ON: u32 = 1 << 27;
 const PIN: u32 = 1 << 26;
 const BROWN_OUT: u32 = 1 << 25;
-/// Clears the others.
+/// The bit that clears the flags.
 const REMOVE: u32 = 1 << 24;
 
-/// What has reset the chip. As text, what the host is told.
+/// The cause of the chip's reset. Its text is for the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetCause {
-    /// The supply came.
+    /// Power-on.
     PowerOn,
     /// The supply was too low for a moment.
     BrownOut,
@@ -27,21 +27,21 @@ pub enum ResetCause {
     Pin,
     /// The program itself, or a boot loader.
     Software,
-    /// [`Watchdog`](super::Watchdog): some task has stood still.
+    /// [`Watchdog`](super::Watchdog): a task has stopped.
     Watchdog,
     /// The other watchdog, which a boot loader may have used.
     WindowWatchdog,
-    /// Sleep that is not allowed.
+    /// A low-power mode that the option bytes forbid.
     LowPower,
-    /// The chip does not say: an emulator's, or a boot loader has cleared the flags.
+    /// Unknown: an emulator, or a boot loader has cleared the flags.
     Unknown,
 }
 
 impl ResetCause {
     /// Reads the flags and clears them for the next time.
     ///
-    /// Several may be set. Every reset sets that of the pin, for it pulls the pin low; when the supply comes it has
-    /// been too low before.
+    /// Several may be set. Every reset sets that of the pin, since it pulls the pin low; power-on also sets that of
+    /// a low supply.
     pub fn take(registers: &mut impl Registers) -> Self {
         let flags = registers.read(RCC_CSR);
         registers.write(RCC_CSR, flags | REMOVE);

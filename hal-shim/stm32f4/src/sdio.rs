@@ -1,7 +1,7 @@
 //! A memory card at the SDIO: commands, and blocks by DMA.
 //!
-//! stm32f4xx-hal's driver moves blocks by the processor and waits without bounds: a step interrupt would lose bytes, and a card
-//! that stays busy would hold the image for ever. Here DMA2's stream 3 moves them, and every wait ends.
+//! stm32f4xx-hal's driver moves blocks by the processor and waits without bounds: step interrupts would make it lose bytes, and a
+//! card that stays busy would stop it for ever. Here DMA2's stream 3 moves them, and every wait ends.
 //!
 //! Registers: RM0090 31.9 and RM0390 29.8. Commands and answers: SD Physical Layer Simplified Specification 4.7 and 4.9.
 
@@ -40,7 +40,7 @@ const FIFO: u32 = SDIO + 0x80;
 /// POWER: on.
 const POWER_ON: u32 = 0b11;
 /// CLKCR: the clock runs; four lines; dividers of 48 MHz for 400 kHz at the start and 12 MHz then. 25 MHz are allowed; at half of
-/// that a block of 43 us takes 86, of which the processor sees nothing.
+/// that a block of 43 us takes 86, without work for the processor.
 const CLOCK_ON: u32 = 1 << 8;
 const FOUR_LINES: u32 = 0b01 << 11;
 const SLOW: u32 = 118;
@@ -84,9 +84,9 @@ const STREAM_ENABLE: u32 = 1 << 0;
 /// increments, and the SDIO says when it ends.
 const STREAM_SETTINGS: u32 = 4 << 25 | 0b01 << 23 | 0b01 << 21 | 0b10 << 13 | 0b10 << 11 | 1 << 10 | 1 << 5;
 const TO_PERIPHERAL: u32 = 0b01 << 6;
-/// The stream's own buffer, used to the full.
+/// The stream's own buffer, filled before each burst.
 const STREAM_BUFFER: u32 = 1 << 2 | 0b11;
-/// Flags of stream 3, and the one that says that all is done.
+/// Flags of stream 3, and that of a complete transfer.
 const STREAM_FLAGS: u32 = 0x3d << 22;
 const STREAM_COMPLETE: u32 = 1 << 27;
 
@@ -131,7 +131,7 @@ impl Default for BlockMemory {
 #[derive(Clone, Copy, Debug)]
 struct Started {
     address: u16,
-    /// Its blocks have numbers, not places in bytes.
+    /// Commands address blocks by number, not by byte.
     by_block: bool,
     blocks: u32,
 }
@@ -148,7 +148,7 @@ struct Inner<R, T> {
     started: Option<Started>,
 }
 
-/// The slot. Its waits are the processor's: it belongs into the task of the lowest priority.
+/// The slot. Its waits are the processor's: it belongs in the task of the lowest priority.
 #[derive(Debug)]
 pub struct SdioSlot<R, T>(RefCell<Inner<R, T>>);
 
@@ -179,11 +179,11 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         is_there
     }
 
-    /// Waits until some bits of a register are up; what it read, or the last it read.
+    /// Waits until any of the bits of a register is set; returns the register's last value.
     fn wait_for(&mut self, address: u32, bits: u32, longest_ms: u32) -> Result<u32, CardError> {
         let since = (self.now)();
         loop {
-            // First the clock: whoever was kept away for long looks once more.
+            // The clock first: after a long interruption the register is read once more.
             let is_late = (self.now)().wrapping_sub(since) > longest_ms * MS;
             let value = self.registers.read(address);
             if value & bits != 0 {
@@ -273,7 +273,7 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         Err(CardError::Silent)
     }
 
-    /// The started card, if it is still there, and where a block of it is.
+    /// The started card, if it is still in the slot, and the address of a block.
     fn place(&mut self, block: u32) -> Result<(Started, u32), CardError> {
         if !self.is_inserted() {
             return Err(CardError::Missing);
@@ -337,11 +337,11 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         Ok(())
     }
 
-    /// After a transfer that failed: nothing of it goes on.
+    /// Ends a failed transfer.
     fn give_up(&mut self) {
         self.registers.write(DCTRL, 0);
         let _ = self.stop_stream();
-        // Whatever the card was at; it may be gone.
+        // The card may be gone: its answer does not matter.
         if self.command(12, 0, SHORT, true).is_err() {
             self.started = None;
         }

@@ -14,7 +14,7 @@ const EXTI_RTSR: u32 = 0x4001_3c08;
 const EXTI_FTSR: u32 = 0x4001_3c0c;
 const EXTI_PR: u32 = 0x4001_3c14;
 
-/// Looks at a pin that must all agree, some tens of nanoseconds apart: a spike is not an end stop.
+/// Samples of a pin that must all agree, some tens of nanoseconds apart: a spike must not count as an end stop.
 const LOOKS: u32 = 8;
 
 /// A sensor's pin.
@@ -73,21 +73,21 @@ impl SensorLines {
         Self::started(pins)
     }
 
-    /// Lines that somebody has set up as [`Self::start`] does: a build script, which had its stores written down.
+    /// Lines whose pins are set up: by the stores of [`Self::start`], which a build script recorded.
     pub const fn started(pins: [Option<SensorPin>; 3]) -> Self {
         Self { pins }
     }
 
-    /// Whether the sensor of an axis is triggered now, looked at as often as the interrupt does: a spike is not the end of an
-    /// approach that has not begun. One that is not there never is.
+    /// Whether the sensor of an axis is triggered now, by as many samples as in the interrupt, so that a spike does not end an
+    /// approach before it begins. `false` without a sensor.
     pub fn is_triggered(&self, axis: usize, registers: &mut impl Registers) -> bool {
         self.pins.get(axis).copied().flatten().is_some_and(|pin| pin.is_triggered(registers))
     }
 
-    /// Opens the line of an axis, and no other: from now on its edge interrupts.
+    /// Opens the line of an axis alone: from now on its edge interrupts.
     pub fn open(&self, axis: usize, registers: &mut impl Registers) {
         if let Some(pin) = self.pins.get(axis).copied().flatten() {
-            // An edge of before does not count.
+            // An earlier edge does not count.
             registers.write(EXTI_PR, pin.bit());
             registers.write(EXTI_IMR, pin.bit());
         }

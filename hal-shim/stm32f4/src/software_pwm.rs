@@ -4,7 +4,7 @@
 /// ([`HEATER_HZ`](super::HEATER_HZ)).
 pub const SOFTWARE_PERIOD_TICKS: u8 = 10;
 
-/// On for the first ticks of each period. What a period cannot hold of the power, less than a tick, the next ones get: over
+/// On for the first ticks of each period. The rest, less than a tick, is carried to the next ones: over
 /// ten periods the power is right to a hundredth.
 #[derive(Clone, Copy, Debug)]
 pub struct SoftwarePwm {

@@ -1,14 +1,14 @@
 //! A serial line of one wire by software: the bit machine, without registers.
 //!
-//! A timer calls [`SoftwareSerial::tick`] [`TICKS_A_BIT`] times a bit, hands it the level of the pin, and does with the
-//! pin what it says. 8 bits, no parity, one stop bit, lowest bit first; the line is high at rest. While nothing is sent or
+//! A timer calls [`SoftwareSerial::tick`] [`TICKS_A_BIT`] times a bit, passes the level of the pin, and drives the
+//! pin as it returns. 8 bits, no parity, one stop bit, lowest bit first; the line is high at rest. While nothing is sent or
 //! awaited the timer may stand still ([`SoftwareSerial::is_quiet`]).
 //!
 //! A bit is what two of three samples around its middle say, so that a disturbance shorter than a sample's interval does
 //! no harm. Every byte is timed from its own start bit, which is found to within a quarter of a bit: the last sample of
 //! a byte may drift by half a bit less that quarter in ten bits, 2.5 %, before a bit is read wrongly (1.8 % if the timer
 //! itself is a tenth of its interval early or late). The chip replies at the speed that it measured in the request (TMC2209
-//! data sheet, section 4.1), so what is left of that is its clock's resolution, 1/625 of a bit at 19,200 baud.
+//! data sheet, section 4.1), so the remaining error is its clock's resolution, 1/625 of a bit at 19,200 baud.
 
 use ferrostep_tmc2209::{LineBusy, LineBytes, SingleWireUart};
 
@@ -18,14 +18,14 @@ pub const TICKS_A_BIT: u8 = 4;
 /// Bits of a byte: start, eight, stop.
 const BITS: u8 = 10;
 
-/// What to do with the pin until the next tick.
+/// How to drive the pin until the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PinAction {
     /// Drive it low.
     Low,
     /// Drive it high.
     High,
-    /// Let go of it: a pull-up holds it high, or the other side drives it.
+    /// Release it: a pull-up holds it high, or the other side drives it.
     Release,
 }
 
@@ -50,7 +50,7 @@ struct Receiver {
     high: u8,
 }
 
-/// What a sample has ended.
+/// The result of a sample.
 enum Heard {
     Byte(u8),
     /// A byte without its stop bit.
@@ -109,7 +109,7 @@ impl SoftwareSerial {
         }
     }
 
-    /// A quarter of a bit has passed: `level` is the pin's now. What is returned holds until the next tick.
+    /// A quarter of a bit has passed: `level` is the pin's now. The returned drive holds until the next tick.
     pub fn tick(&mut self, level: bool) -> PinAction {
         match self.receiver.sample(level) {
             None => {}

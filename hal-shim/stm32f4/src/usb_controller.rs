@@ -22,13 +22,13 @@ const DSTS: u32 = 0x5000_0808;
 /// DSTS: the speed; 11 is full speed, and the only one that this controller has.
 const ENUMSPD: u32 = 0b11 << 1;
 
-/// Whether the controller says that a bus reset has ended with another speed than the one that it has. Its driver stops
-/// the whole program at such a value.
+/// Whether the controller reports another speed than its own after a bus reset. Its driver panics at such a
+/// value.
 pub fn has_wrong_speed(registers: &mut impl Registers) -> bool {
     registers.read(GINTSTS) & ENUMDNE != 0 && registers.read(DSTS) & ENUMSPD != ENUMSPD
 }
 
-/// Takes the device off the bus: no interrupts any more, and for the host it is gone.
+/// Takes the device off the bus: no interrupts any more, and the host sees it unplugged.
 pub fn switch_off(registers: &mut impl Registers) {
     registers.modify(GAHBCFG, GINT, 0);
     registers.modify(DCTL, 0, SOFT_DISCONNECT);

@@ -13,7 +13,7 @@ const FEED: u32 = 0xaaaa;
 /// SR: divider and reload value are on their way to the other clock, five of its periods.
 const UPDATING: u32 = 0b11;
 /// DBGMCU_APB1_FZ (RM0090, 38.16.4): it stands still while a debugger has halted the core. Only power-on resets the
-/// register, so that it may be as a debugger of before has left it.
+/// register, so an earlier debugger may have set it.
 const DEBUG_FREEZE: u32 = 0xe004_2008;
 const FREEZE_WATCHDOG: u32 = 1 << 12;
 
@@ -26,10 +26,10 @@ const COUNT: u32 = 500;
 const FASTEST_HZ: u32 = 47_000;
 const SLOWEST_HZ: u32 = 17_000;
 
-/// It never resets sooner after it was fed, ms.
+/// Shortest time-out, ms.
 pub const FASTEST_TIMEOUT_MS: u32 = COUNT * DIVIDER * 1000 / FASTEST_HZ;
 
-/// It never takes longer, ms.
+/// Longest time-out, ms.
 pub const SLOWEST_TIMEOUT_MS: u32 = (COUNT * DIVIDER * 1000).div_ceil(SLOWEST_HZ);
 
 /// Looks at a flag, more than five periods of the slowest oscillator divided by 256 at 168 MHz.
@@ -38,8 +38,8 @@ const MAX_LOOKS: u32 = 1_000_000;
 /// What the watchdog does while a debugger has halted the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnderDebugger {
-    /// It resets the chip: on a board with heaters. The timers go on switching those at the power that they had, so that a
-    /// core that stands still is a bed without limit.
+    /// It resets the chip: on a board with heaters. The timers keep the heaters at their last power, so
+    /// a halted core would let a bed heat without limit.
     Runs,
     /// It stands still as well: on a board without.
     StandsStill,
@@ -68,13 +68,13 @@ impl Watchdog {
         watchdog
     }
 
-    /// From now on it has its whole time-out again.
+    /// Restarts the time-out.
     pub fn feed(self, registers: &mut impl Registers) {
         feed(registers);
     }
 }
 
-/// Feeds it whether it runs or not: for the end, in which nothing but rest is left.
+/// Feeds it whether it runs or not, for the safe state.
 pub fn feed(registers: &mut impl Registers) {
     registers.write(KR, FEED);
 }

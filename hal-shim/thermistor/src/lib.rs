@@ -1,4 +1,4 @@
-//! Thermistors: from what the converter reads to degrees Celsius, and back for the virtual board.
+//! Thermistors: from the converter's readings to degrees Celsius, and back for the virtual board.
 //!
 //! The circuit is the one that printer boards have: a pull-up resistor to the converter's reference, the thermistor to
 //! ground. The f32 arithmetic and libm's logarithm, exponential and cube root are the same code on every processor, so
@@ -13,7 +13,7 @@ pub const CONVERSIONS_A_READING: u16 = 16;
 /// What a reading would be at the reference voltage: 16 conversions of 4096 steps.
 const FULL_SCALE: f32 = 65_536.0;
 
-/// A reading so near to an end of the range tells nothing of the temperature: 12 steps of the converter, more than
+/// A reading as near to an end of the range as this has no temperature: 12 steps of the converter, more than
 /// twice the STM32F405's largest total error of 5 (data sheet DS8626, ADC accuracy).
 const BLIND_END: u16 = 12 * CONVERSIONS_A_READING;
 
@@ -60,8 +60,8 @@ pub enum ThermistorType {
 }
 
 impl ThermistorType {
-    /// Highest temperature that it is made for, degrees Celsius; what it reads beyond means nothing. Glass beads of an
-    /// unknown maker are taken to stand as much.
+    /// Highest temperature that it is made for, degrees Celsius; readings beyond it are meaningless. Glass beads of an
+    /// unknown maker are assumed to have the same limit.
     pub const fn highest_celsius(self) -> f32 {
         300.0
     }
@@ -138,7 +138,7 @@ impl Thermistor {
         (FULL_SCALE * (ohm / (ohm + self.pull_up_ohm)) + 0.5) as u16
     }
 
-    /// Whether it can tell a temperature: within what it is made for, and neither like an open nor like a shorted
+    /// Whether it can measure a temperature: within its limit, with a reading unlike those of an open or a shorted
     /// circuit.
     pub fn can_tell(&self, celsius: f32) -> bool {
         let apart = BLIND_END + 1..OPEN;

@@ -9,11 +9,11 @@ use super::uart::SingleWireUart;
 /// Motors: X (A), Y (B), Z and E.
 pub const MOTORS: usize = 4;
 
-/// The line rests for so long between datagrams: the chip wants 12 bit times after one that it did not understand
+/// Rest of the line between datagrams: the chip wants 12 bit times after one that it did not understand
 /// (section 4.1.1).
 const REST_BITS: u32 = 16;
 
-/// Times of the line, in ticks of whoever calls. No interval may reach 2^31 ticks: the clock has at most 1 GHz.
+/// Times of the line, in ticks of the caller. No interval may reach 2^31 ticks: the clock has at most 1 GHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineTiming {
     /// A bit, rounded up.
@@ -46,15 +46,15 @@ pub struct DriverBank {
     timing: LineTiming,
     /// The datagram under way, and whose it is.
     exchange: Option<(usize, Exchange)>,
-    /// Its answer is of no use any more, but the line is not free before it.
+    /// Its answer is no longer needed, but the line is busy until it ends.
     is_stale: bool,
     /// Until when the line rests.
     rests_until: Option<u32>,
-    /// The next driver to be told to reply late; before all have been, none is asked.
+    /// The next driver to be set to reply late; none is asked before all have been.
     to_quieten: usize,
     /// Whose turn it is.
     turn: usize,
-    /// Drivers whose settings are impossible have not been told yet.
+    /// Drivers whose impossible settings have not been reported yet.
     to_tell: u8,
     /// Motors that may not be where their steps say.
     moved: u8,
@@ -91,19 +91,19 @@ impl DriverBank {
         self.driver(motor).map(Driver::state)
     }
 
-    /// What M122 shows; `None` for a motor without a driver.
+    /// The state for M122; `None` for a motor without a driver.
     #[must_use]
     pub fn report(&self, motor: usize) -> Option<DriverReport> {
         self.driver(motor).map(Driver::report)
     }
 
-    /// What a driver was asked for.
+    /// A driver's settings.
     #[must_use]
     pub fn settings(&self, motor: usize) -> Option<DriverSettings> {
         self.driver(motor).map(Driver::settings)
     }
 
-    /// Whether a driver could do something else that is asked of it.
+    /// Checks other settings for a driver.
     ///
     /// # Errors
     /// The chip cannot do that with this board's sense resistors.
@@ -111,7 +111,7 @@ impl DriverBank {
         self.driver(motor).map_or(Ok(()), |driver| RegisterImage::new(settings, &driver.wiring).map(|_| ()))
     }
 
-    /// Asks for something else of a driver, which is then unconfirmed until it is set up anew. Without effect for a
+    /// Changes a driver's settings; it is then unconfirmed until it is set up anew. Without effect for a
     /// motor without a driver.
     ///
     /// # Errors
@@ -119,7 +119,7 @@ impl DriverBank {
     pub fn set(&mut self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
         let Some(driver) = self.drivers.get_mut(motor).and_then(Option::as_mut) else { return Ok(()) };
         driver.set(settings)?;
-        // What is under way was for the registers as they were.
+        // The datagram under way was for the old registers.
         self.is_stale |= self.exchange.is_some_and(|(whose, _)| whose == motor);
         Ok(())
     }
@@ -133,7 +133,7 @@ impl DriverBank {
         self.drivers.get(motor).and_then(Option::as_ref)
     }
 
-    /// Does what is due. What has happened to a driver is returned; there may be more, so call again until there is not.
+    /// Does what is due, and returns an event of a driver; call again until it returns `None`.
     pub fn poll(&mut self, uart: &mut impl SingleWireUart, now_ticks: u32) -> Option<DriverEvent> {
         if self.to_tell != 0 {
             let motor = self.to_tell.trailing_zeros() as usize;

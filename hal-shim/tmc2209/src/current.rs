@@ -14,7 +14,7 @@ const ROOT_TWO_TIMES_32: u64 = 45_254_834;
 /// mA times milliohm over mV, in thousands and millionths.
 const UNITS: u64 = 1_000 * 1_000_000;
 
-/// A current as the chip takes it.
+/// A current in the chip's units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CurrentScale {
     /// The share of full scale: this and one, over 32; 0 to 31.
@@ -26,11 +26,11 @@ pub struct CurrentScale {
 /// A current that the chip cannot make with its sense resistor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CurrentError {
-    /// What was asked for, mA.
+    /// The requested current, mA.
     pub current_ma: u16,
-    /// The least that can be made, mA.
+    /// Minimum, mA.
     pub least_ma: u16,
-    /// The most, mA.
+    /// Maximum, mA.
     pub most_ma: u16,
 }
 

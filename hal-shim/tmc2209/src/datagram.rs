@@ -1,4 +1,4 @@
-//! Datagrams byte for byte (data sheet, section 4.1), and their check sum (section 4.2).
+//! Datagrams byte for byte (data sheet, section 4.1), and their checksum (section 4.2).
 
 use core::fmt;
 
@@ -22,15 +22,15 @@ pub const WRITE_BYTES: usize = 8;
 /// Bytes of a reply.
 pub const REPLY_BYTES: usize = 8;
 
-/// The check sum of section 4.2: polynomial x^8 + x^2 + x + 1, beginning with 0, lowest bit of each byte first.
+/// The checksum of section 4.2: polynomial x^8 + x^2 + x + 1, beginning with 0, lowest bit of each byte first.
 #[must_use]
 pub fn crc8(bytes: &[u8]) -> u8 {
-    // Reckoned from its other end, as the bits come: half a byte at a time.
+    // Computed mirrored, in the order of the bits: half a byte at a time.
     let half = |crc: u8| crc >> 4 ^ HALF_BYTES[usize::from(crc & 15)];
     bytes.iter().fold(0, |crc, byte| half(half(crc ^ byte))).reverse_bits()
 }
 
-/// What four bits of the mirrored check sum leave when they have gone; 0xe0 is the polynomial 0x07 mirrored.
+/// The effect of the four bits that leave the mirrored checksum; 0xe0 is the polynomial 0x07 mirrored.
 const HALF_BYTES: [u8; 16] = {
     let mut table = [0; 16];
     let mut bits = 0;
@@ -71,16 +71,16 @@ pub enum ReplyError {
         /// How many there are.
         received: usize,
     },
-    /// The check sum is wrong.
+    /// The checksum is wrong.
     BadCrc {
-        /// What the bytes before it give.
+        /// The checksum of the bytes before it.
         expected: u8,
-        /// What it is.
+        /// The received checksum.
         received: u8,
     },
-    /// The first byte is no synchronisation.
+    /// The first byte is not the synchronisation.
     WrongSync(u8),
-    /// It is for somebody else.
+    /// It has another address.
     WrongAddress(u8),
     /// It is of another register.
     WrongRegister(u8),

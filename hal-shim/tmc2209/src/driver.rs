@@ -1,4 +1,4 @@
-//! One driver: what it is asked next, and what its answers mean. Every course of it ends: a datagram is tried at most
+//! One driver: its next datagram, and the meaning of its answers. Every course ends: a datagram is tried at most
 //! [`TRIES`] times, a set-up [`ATTEMPTS`] times, and then the driver has failed.
 
 use super::event::{DriverEventKind, Failure};
@@ -7,7 +7,7 @@ use super::registers::{DriverStatus, GlobalStatus, Register, VERSION};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
 
 /// How often a datagram is tried. On a line that garbles one byte in a hundred, a read fails with a chance of one in
-/// nine, and so often in a row with one of 20 million.
+/// nine, and this many in a row with one in 20 million.
 pub(super) const TRIES: u8 = 8;
 
 /// How often a set-up is begun before the driver has failed.
@@ -18,13 +18,13 @@ pub(super) const ATTEMPTS: u8 = 3;
 pub enum DriverState {
     /// It is being set up.
     Unconfirmed,
-    /// It has all its registers, and has confirmed that.
+    /// It has confirmed all its registers.
     Confirmed,
-    /// It could not be set up. It is tried again from time to time.
+    /// Its set-up has failed. The bank tries again from time to time.
     Failed(Failure),
 }
 
-/// What a driver is in the midst of.
+/// The stage of a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Idle,
@@ -38,7 +38,7 @@ enum Step {
     Count,
     /// A write, by its index.
     Write(usize),
-    /// IFCNT behind it.
+    /// IFCNT after it.
     Counted(usize),
     /// A register that can be read, by the index of its write.
     ReadBack(usize),
@@ -48,16 +48,16 @@ enum Step {
     ReadReset,
     ReadStatus,
     ReadLoad,
-    /// GSTAT's flags to 0, after they were told.
+    /// GSTAT's flags to 0, after they were reported.
     ForgetStatus,
 }
 
-/// What a report shows of a driver.
+/// A driver's state in a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverReport {
     /// Whether it can be relied on.
     pub state: DriverState,
-    /// What it was asked for.
+    /// Its settings.
     pub settings: DriverSettings,
     /// Effective current in motion that this makes, mA.
     pub run_ma: u16,
@@ -83,11 +83,11 @@ pub(super) struct Driver {
     tries: u8,
     attempts: u8,
     count: u8,
-    /// The failure has been told, and is not told again.
+    /// The failure has been reported.
     told_failure: bool,
-    /// GSTAT's flags that have been told.
+    /// GSTAT's flags that have been reported.
     told_status: GlobalStatus,
-    /// DRV_STATUS' flags that have been told.
+    /// DRV_STATUS' flags that have been reported.
     told: u32,
     status: DriverStatus,
     load: u16,
@@ -158,7 +158,7 @@ impl Driver {
         Ok(())
     }
 
-    /// Its time has come: it looks at its chip, or tries to set it up again.
+    /// When its time has come: reads its chip's state, or sets it up again.
     pub(super) fn look(&mut self) {
         match self.state {
             DriverState::Confirmed => self.go(Step::ReadReset),
@@ -186,7 +186,7 @@ impl Driver {
         self.image.and_then(|image| image.writes.get(index).copied())
     }
 
-    /// What it asks or tells next; `None` if nothing.
+    /// Its next datagram; `None` without one.
     pub(super) fn request(&self) -> Option<Request> {
         Some(match self.step {
             Step::Idle => return None,
@@ -212,7 +212,7 @@ impl Driver {
         })
     }
 
-    /// How its datagram has ended; what that means for others.
+    /// Handles the end of its datagram; returns an event, if there is one.
     pub(super) fn answered(&mut self, outcome: Result<u32, ExchangeError>) -> Option<DriverEventKind> {
         match (self.step, outcome) {
             (Step::Idle, _) => None,
@@ -220,7 +220,7 @@ impl Driver {
                 self.go(Step::Identify);
                 None
             }
-            // Whether a write has arrived is what the chip's count tells, whatever was heard of it.
+            // The chip's count shows whether a write has arrived, even if its echo was garbled.
             (Step::Write(index), _) => {
                 // The tries go on: they are of the write and its count together.
                 self.step = Step::Counted(index);
@@ -230,7 +230,7 @@ impl Driver {
                 self.go(Step::Count);
                 None
             }
-            // It was worth an attempt; the flags are read again.
+            // Clearing has failed; the flags are read again.
             (Step::ForgetStatus, _) => {
                 self.go(Step::Idle);
                 None
@@ -284,7 +284,7 @@ impl Driver {
         }
     }
 
-    /// IFCNT behind a write.
+    /// Handles IFCNT after a write.
     fn counted(&mut self, index: usize, count: u8) -> Option<DriverEventKind> {
         if count == self.count.wrapping_add(1) {
             self.count = count;
@@ -296,7 +296,7 @@ impl Driver {
             return None;
         }
         if count != self.count {
-            // The chip has been reset, or somebody else writes.
+            // The chip has been reset, or another host writes.
             return self.failed(Failure::Unsteady);
         }
         self.repeated = self.repeated.wrapping_add(1);
@@ -346,7 +346,7 @@ impl Driver {
         (new != 0).then_some(DriverEventKind::Warning(DriverStatus::from_bits(new)))
     }
 
-    /// A read that came to nothing.
+    /// Handles a failed read.
     fn unanswered(&mut self, error: ExchangeError) -> Option<DriverEventKind> {
         self.repeated = self.repeated.wrapping_add(1);
         self.tries += 1;

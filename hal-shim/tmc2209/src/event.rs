@@ -1,4 +1,4 @@
-//! What has happened to a driver, in words.
+//! Events of drivers, as text.
 
 use core::fmt;
 
@@ -9,10 +9,10 @@ use super::settings::SettingsError;
 /// Names of the motors, by their number.
 const NAMES: [char; 4] = ['X', 'Y', 'Z', 'E'];
 
-/// Why a driver is not to be relied on.
+/// Why a driver is not confirmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
-    /// Datagrams come to nothing.
+    /// Datagrams fail.
     Line(ExchangeError),
     /// Another chip answers.
     Version(u8),
@@ -20,14 +20,14 @@ pub enum Failure {
     NotAccepted(Register),
     /// A register does not hold what was written.
     ReadBack {
-        /// Which.
+        /// The register.
         register: Register,
-        /// What was written.
+        /// The value written.
         written: u32,
-        /// What it holds.
+        /// The value read.
         found: u32,
     },
-    /// The chip counts writes that nobody made, or is reset again and again.
+    /// The chip counts more writes than were made, or is reset again and again.
     Unsteady,
     /// The settings cannot be made with this board's sense resistors.
     Settings(SettingsError),
@@ -55,7 +55,7 @@ impl fmt::Display for Failure {
 pub enum DriverEventKind {
     /// It is set up, and has confirmed it.
     Confirmed,
-    /// It could not be set up. That is tried again and again, and not told again.
+    /// It could not be set up. Later failures to do so are not reported.
     Failed(Failure),
     /// It was set up, and does not answer any more.
     Lost(ExchangeError),
@@ -65,11 +65,11 @@ pub enum DriverEventKind {
     SwitchedOff(DriverStatus),
     /// Its charge pump has too little voltage, and the motor is off for as long.
     ChargePumpLow,
-    /// A warning, not told again for as long as it lasts.
+    /// A warning, reported once for as long as it lasts.
     Warning(DriverStatus),
 }
 
-/// What has happened to which driver. As text: `driver X has been reset, ...`.
+/// An event of a driver. As text: `driver X has been reset, ...`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverEvent {
     /// The motor's number.

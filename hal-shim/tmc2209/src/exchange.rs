@@ -16,26 +16,26 @@ const BYTE_BITS: u32 = 10;
 /// edges may take some more.
 const REPLY_DELAY_BITS: u32 = 40;
 
-/// What may be added by whoever looks only now and then.
+/// Margin for a caller that polls only now and then.
 const SLACK_BITS: u32 = 40;
 
-/// What a driver is asked or told.
+/// A request to a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Request {
     Read(Register),
     Write(Register, u32),
 }
 
-/// Why a datagram came to nothing.
+/// Why a datagram failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExchangeError {
-    /// Nothing came back, not even what was sent: the line is held, or not connected to the receiver.
+    /// Not even the sent bytes came back: the line is held, or not connected to the receiver.
     NoEcho,
-    /// What came back is not what was sent.
+    /// The bytes that came back differ from those sent.
     GarbledEcho,
-    /// The request was on the line, and nobody replied.
+    /// The request was on the line, and no chip replied.
     NoReply,
-    /// The reply is none.
+    /// The reply is malformed.
     BadReply(ReplyError),
 }
 
@@ -104,7 +104,7 @@ impl Exchange {
                 self.deadline = Some(now_ticks.wrapping_add(bits.saturating_mul(bit_ticks)));
                 return None;
             }
-            // What is being sent is over in less, if the line works at all.
+            // A datagram takes less than this on a line that works.
             let longest = (WRITE_BYTES as u32 * BYTE_BITS + SLACK_BITS).saturating_mul(bit_ticks);
             let until = *self.busy_until.get_or_insert(now_ticks.wrapping_add(longest));
             return (now_ticks.wrapping_sub(until) as i32 >= 0).then_some(Err(ExchangeError::NoEcho));
@@ -118,7 +118,7 @@ impl Exchange {
             *place = byte;
             self.count += 1;
         }
-        // The line is left alone until all that may come has come, for only then is it idle.
+        // Only when all bytes that may come have come is the line idle.
         let is_over = now_ticks.wrapping_sub(deadline) as i32 >= 0;
         (self.count == expected || is_over).then(|| self.outcome())
     }

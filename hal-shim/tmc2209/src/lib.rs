@@ -1,6 +1,6 @@
 //! TMC2209 motor drivers over their single-wire serial line.
 //!
-//! What is here has neither registers of a microcontroller nor waits in it: the line is behind [`SingleWireUart`], time
+//! The code has no registers of a microcontroller and no waits: the line is a [`SingleWireUart`], time
 //! comes in as ticks, and [`DriverBank::poll`] does what is due. All numbers are those of the TMC2209 data sheet, revision
 //! 1.09, of which the comments name sections and tables.
 //!

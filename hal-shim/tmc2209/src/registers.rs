@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// What the upper byte of IOIN says a TMC2209 is (section 5.1).
+/// The upper byte of a TMC2209's IOIN (section 5.1).
 pub const VERSION: u8 = 0x21;
 
 /// A register of the chip (section 5, register map).
@@ -85,7 +85,7 @@ impl Register {
         !matches!(self, Self::Ifcnt | Self::Ioin | Self::Tstep | Self::SgResult | Self::Mscnt | Self::DrvStatus)
     }
 
-    /// Whether the chip tells its value.
+    /// Whether its value can be read.
     #[must_use]
     pub const fn is_readable(self) -> bool {
         self.reads_back() || !self.is_writable() || matches!(self, Self::Gstat)
@@ -127,7 +127,7 @@ const fn bit(flag: bool, at: u32) -> u32 {
 pub struct GlobalConf {
     /// spreadCycle at all speeds (and no stealthChop).
     pub spread_cycle: bool,
-    /// The pin PDN_UART is a serial line and nothing else.
+    /// The pin PDN_UART is only a serial line.
     pub pin_is_serial: bool,
     /// Microsteps by CHOPCONF, not by the pins MS1 and MS2, which are the chip's address.
     pub microsteps_by_register: bool,
@@ -161,7 +161,7 @@ pub struct GlobalStatus {
 }
 
 impl GlobalStatus {
-    /// What clears all flags when it is written.
+    /// The value that clears all flags when it is written.
     pub const CLEAR_ALL: u32 = 0b111;
 
     /// From the register's value.
@@ -233,7 +233,7 @@ pub struct ChopConf {
     pub high_sensitivity: bool,
     /// Microsteps of a full step.
     pub resolution: MicrostepResolution,
-    /// The chip makes 256 microsteps of however many there are.
+    /// The chip interpolates to 256 microsteps.
     pub interpolate: bool,
     /// Both edges of the step signal step.
     pub both_edges: bool,

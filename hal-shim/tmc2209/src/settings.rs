@@ -1,4 +1,4 @@
-//! What a machine wants of a driver, how a board connects it, and the registers that follow from both.
+//! A driver's settings, its wiring on a board, and the registers that follow from both.
 
 use core::fmt;
 
@@ -14,7 +14,7 @@ pub const CLOCK_HZ: u32 = 12_000_000;
 /// Microsteps of a full step that TSTEP counts in.
 pub const TSTEP_MICROSTEPS: u32 = 256;
 
-/// The slowest that a motor may turn for its load to be told, full steps a second: a revolution a second of most motors
+/// The slowest speed at which a motor's load can be measured, full steps a second: a revolution a second of most motors
 /// (section 11.4).
 pub const STALL_FULL_STEPS_PER_S: u32 = 200;
 
@@ -35,7 +35,7 @@ const HOLD_DELAY: u8 = 8;
 /// PWMCONF: both automatic tunings on, 2/683 of the clock, and the rest as the chip has it at reset (section 5.5.2).
 const PWM_CONF: u32 = 0xc10d_0024;
 
-/// What the machine wants of a motor's driver.
+/// The machine's settings for a motor's driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverSettings {
     /// Effective current in motion, mA.
@@ -44,7 +44,7 @@ pub struct DriverSettings {
     pub hold_percent: u8,
     /// Microsteps of a full step: 1, 2, 4 ... 256.
     pub microsteps: u16,
-    /// The chip makes 256 microsteps of them.
+    /// The chip interpolates them to 256 microsteps.
     pub interpolate: bool,
     /// stealthChop; else spreadCycle at all speeds.
     pub stealth_chop: bool,
@@ -57,10 +57,10 @@ pub struct DriverSettings {
     pub both_edges: bool,
 }
 
-/// How a board connects a driver.
+/// A driver's wiring on a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverWiring {
-    /// Which of the board's lines.
+    /// Index of its line.
     pub line: u8,
     /// Its address there, by the pins MS1 and MS2: 0 to 3.
     pub address: u8,
@@ -68,8 +68,8 @@ pub struct DriverWiring {
     pub sense_milliohm: u16,
 }
 
-/// TPWMTHRS for the speed at which spreadCycle shall take over (section 5.2: TSTEP in clocks of 12 MHz a microstep of
-/// 1/256); 0, nowhere, for a speed that is not above 0. It is reckoned when a profile is read, not on the board.
+/// TPWMTHRS for the speed at which spreadCycle takes over (section 5.2: TSTEP in clocks of 12 MHz a microstep of
+/// 1/256); 0, nowhere, for a speed that is not above 0. It is computed when a profile is read, not on the board.
 #[must_use]
 pub fn chopper_threshold(mm_per_s: f64, steps_per_mm: f64, microsteps: u16) -> u32 {
     if !(mm_per_s > 0.0 && steps_per_mm > 0.0) || microsteps == 0 {

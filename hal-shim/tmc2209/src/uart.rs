@@ -1,11 +1,11 @@
-//! The line to the drivers, whoever makes it.
+//! The trait of the serial line to the drivers, and its buffers.
 
 /// A datagram is still being sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineBusy;
 
 /// Serial lines of one wire each, of which one is in use at a time: 8 bits, no parity, one stop bit, lowest bit first. On
-/// one wire the sender hears itself, so that what was sent comes back before any reply.
+/// one wire the sender hears itself, so that sent bytes come back before any reply.
 ///
 /// No call waits. `now_ticks` is the clock of the caller, modulo 2^32; hardware need not look at it.
 pub trait SingleWireUart {
@@ -22,10 +22,10 @@ pub trait SingleWireUart {
 /// Most bytes of a datagram.
 const SENT: usize = 8;
 
-/// Bytes that are kept until somebody takes them: those of a read and its reply, and some.
+/// Received bytes that are kept: those of a read and its reply, and a margin.
 const RECEIVED: usize = 16;
 
-/// The bytes of a datagram on their way out, and those that have come in: what every line has to keep.
+/// The buffers of a line: the bytes of a datagram to send, and those received.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineBytes {
     to_send: [u8; SENT],
@@ -65,12 +65,12 @@ impl LineBytes {
         if self.has_more() { self.to_send.get(self.sent).copied() } else { None }
     }
 
-    /// The byte to send has been sent, or taken by whoever sends it.
+    /// Removes the byte to send: it has been sent, or the transmitter has it.
     pub fn has_sent(&mut self) {
         self.sent = self.length.min(self.sent + 1);
     }
 
-    /// Keeps a byte that has come; one too many is lost, and the check sum tells.
+    /// Keeps a byte that has come; a byte too many is lost, and the checksum shows it.
     pub fn keep(&mut self, byte: u8) {
         if let Some(place) = self.received.get_mut((self.first + self.waiting) % RECEIVED)
             && self.waiting < RECEIVED

@@ -1,20 +1,20 @@
-//! A memory card in its slot: an image in memory, with what may go wrong.
+//! A memory card in its slot: an image in memory, with faults.
 
 use core::cell::RefCell;
 use core::ops::Range;
 
 use ferrostep_hal_shim::card::{Block, BlockCount, BlockDevice, BlockIdx, CardError, CardSlot};
 
-/// What goes wrong with a card.
+/// A fault of a card.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CardFault {
-    /// It is pulled out before the access after so many more.
+    /// It is pulled out after this many further accesses.
     PulledAfter(u32),
     /// These blocks cannot be read.
     Unreadable(Range<u32>),
     /// These blocks come with a bit changed, and nothing notices.
     Corrupted(Range<u32>),
-    /// So many reads fail, as on a bad contact.
+    /// This many reads fail, as on a bad contact.
     FailingReads(u32),
     /// It cannot be written.
     Unwritable,
@@ -74,7 +74,7 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> VirtualCard<M> {
         (state.image, state.inserted, state.started) = (image, true, false);
     }
 
-    /// From now on this goes wrong.
+    /// Sets its fault.
     pub fn set_fault(&self, fault: Option<CardFault>) {
         self.0.borrow_mut().fault = fault;
     }

@@ -70,7 +70,7 @@ impl DriverChip {
         self.status.driver_error |= DriverStatus::from_bits(flags).fatal() != 0;
     }
 
-    /// What a register holds.
+    /// Value of a register.
     #[must_use]
     pub fn register(&self, register: Register) -> u32 {
         match register {
@@ -85,7 +85,7 @@ impl DriverChip {
         }
     }
 
-    /// When it says that its motor stalls; `None`: never.
+    /// The conditions of its stall signal; `None`: never.
     #[must_use]
     pub fn stall_signal(&self) -> Option<StallSignal> {
         StallSignal::from_registers(|register| self.register(register)).filter(|_| !self.is_silent)

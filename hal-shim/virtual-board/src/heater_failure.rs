@@ -1,11 +1,11 @@
-//! What can fail at a heater of the virtual board.
+//! Failures of the virtual board's heaters.
 
 /// A failure of a heater or of its thermistor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeaterFailure {
     /// No power reaches the heater: a wire is off, or the cartridge burnt out.
     Dead,
-    /// The heater is at full power whatever it is told: its transistor has failed as they do, closed.
+    /// The heater is always at full power: its transistor has failed closed, as they do.
     StuckOn,
     /// The thermistor's circuit is open.
     ThermistorOpen,

@@ -52,7 +52,7 @@ impl VirtualHeater {
     }
 }
 
-/// Two heaters with a thermal model each, and the fans. The hot end's own fan cools none of both.
+/// Two heaters with a thermal model each, and the fans. The hot end's own fan cools neither.
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
     heaters: [VirtualHeater; 2],
@@ -84,7 +84,7 @@ impl VirtualHeaters {
         self.heaters[heater.index()].model.celsius()
     }
 
-    /// Power that a heater was last told to have, 0 to 1.
+    /// Last power set for a heater, 0 to 1.
     pub const fn power(&self, heater: Heater) -> f32 {
         self.heaters[heater.index()].power
     }

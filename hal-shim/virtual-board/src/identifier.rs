@@ -1,5 +1,5 @@
 //! The virtual board's own number.
 
-/// In the place of a chip's unique identifier: `VIRTUALBOARD` in ASCII, the same on every desk.
+/// Replaces a chip's unique identifier: `VIRTUALBOARD` in ASCII, the same on every desk.
 pub const IDENTIFIER: [u32; 3] =
     [u32::from_be_bytes(*b"VIRT"), u32::from_be_bytes(*b"UALB"), u32::from_be_bytes(*b"OARD")];

@@ -2,7 +2,7 @@
 //! the desk's time and can be tried from very many places.
 //!
 //! The frame has a hard end on both sides of each axis; the lower one of Z is the bed. A motor that pushes against an end loses
-//! what it is held back by, and how far it was is kept.
+//! those steps, and the greatest push is recorded.
 
 use super::VirtualProbe;
 
@@ -13,7 +13,7 @@ pub const STALL_LAG_10NM: i64 = 6_000;
 /// Up to this far before its place a sensor that bounces may seem to trigger, units of 10 nm: 0.1 mm.
 pub const BOUNCE_10NM: i64 = 10_000;
 
-/// What an axis homes with.
+/// The sensor that an axis homes with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorPlace {
     /// A switch, or a probe's height, at this machine coordinate, units of 10 nm.
@@ -46,7 +46,7 @@ pub struct VirtualSensor {
     pub place: SensorPlace,
     /// At the upper end of the axis, else at the lower.
     pub at_max: bool,
-    /// What is wrong with it.
+    /// Its fault.
     pub fault: SensorFault,
 }
 
@@ -55,7 +55,7 @@ pub struct VirtualSensor {
 pub struct Mechanics {
     /// Lower and upper end of each axis, units of 10 nm; Z's lower end is the bed.
     frame_10nm: [[i64; 2]; 3],
-    /// What X, Y and Z home with.
+    /// The sensors of X, Y and Z.
     pub sensors: [VirtualSensor; 3],
     /// Z's sensor is this probe.
     probe: Option<VirtualProbe>,
@@ -68,7 +68,7 @@ pub struct Mechanics {
 }
 
 impl Mechanics {
-    /// A machine whose nozzle truly stands at a place within the frame; `seed` rules what is left to chance.
+    /// A machine whose nozzle truly stands at a place within the frame; `seed` sets the random choices.
     pub fn new(
         frame_10nm: [[i64; 2]; 3],
         sensors: [VirtualSensor; 3],

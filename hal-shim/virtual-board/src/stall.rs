@@ -1,6 +1,6 @@
 //! When a TMC2209 says that its motor stalls: the virtual board's model of StallGuard4 (data sheet, section 11).
 //!
-//! A motor that is held back lags behind its steps, and what the chip measures of the load, SG_RESULT, falls from that of
+//! A motor that is held back lags behind its steps, and the chip's measure of the load, SG_RESULT, falls from that of
 //! free motion to 0 at a full step. The signal comes when it is down to twice SGTHRS, in stealthChop, and only where the
 //! chip counts a time between microsteps from TPWMTHRS to TCOOLTHRS: a slow motor does not show its load.
 

@@ -1,11 +1,11 @@
-//! Registers that exist in memory only and remember every store.
+//! Registers in memory that record every store.
 
 use std::collections::BTreeMap;
 
 use super::Registers;
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 
-/// Memory in the place of a chip: what was stored is read back, unless a value was fixed.
+/// Memory in the place of a chip: loads return the last store, or a fixed value.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     values: BTreeMap<u32, u32>,
@@ -21,7 +21,7 @@ impl Recorder {
         self
     }
 
-    /// A register that reads this whatever is stored to it: the hardware's own.
+    /// Fixes a register's value, as the hardware sets it: stores do not change it.
     pub fn fix(&mut self, address: u32, value: u32) {
         self.fixed.insert(address, value);
     }

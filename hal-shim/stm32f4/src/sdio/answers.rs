@@ -1,11 +1,11 @@
-//! What a card answers (SD Physical Layer Simplified Specification 4.10 and 5.3).
+//! The answers of a card (SD Physical Layer Simplified Specification 4.10 and 5.3).
 
-/// Errors in the answer R1; "ready for data" and the state are none.
+/// Error bits in the answer R1, without "ready for data" and the state.
 pub const R1_ERRORS: u32 = 0xfdf9_a008;
 /// The state in which blocks are read and written.
 const TRANSFER_STATE: u32 = 4;
 
-/// How much a card holds.
+/// Capacity of a card.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capacity {
     /// Blocks of 512 bytes.
