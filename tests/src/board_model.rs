@@ -121,7 +121,7 @@ pub fn with_board<M: Stepping, T>(
 }
 
 impl<'a, M: Stepping> Board<'a, M> {
-    /// The executor of G-code; one at a time makes sense.
+    /// The executor of G-code, of which a board has one.
     pub fn printer(&self) -> BoardPrinter<'_, 'a, M> {
         let clock = VirtualDelay(&self.clock);
         let mut printer = Printer::new(
@@ -268,7 +268,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.interrupts.act_at(cycle, emergency);
     }
 
-    /// Takes the notes of the stops so far.
+    /// Takes the records of the stops so far.
     pub fn take_stop_reports(&self) -> Vec<StopReport> {
         self.stop_reports.take()
     }
@@ -293,7 +293,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.machine.borrow().fan_power()
     }
 
-    /// What M797 reports.
+    /// The figures of M797.
     pub fn figures(&self) -> MotionFigures {
         self.machine.borrow().figures()
     }

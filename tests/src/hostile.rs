@@ -80,9 +80,9 @@ fn machine(random: &mut Random, acceleration: &str) -> String {
         steps = steps.map(f64::round);
     }
     let steps = steps.map(|steps| (steps * 100.0).round() / 100.0);
-    // Motors of X and Y alike, as they are.
+    // The motors of X and Y are alike, as in real machines.
     let [x, _, z, e] = steps;
-    // Within what events may follow each other, both motors of CoreXY for one axis.
+    // Within the minimum event interval; an axis of CoreXY uses both motors.
     let [feed_x, feed_z, feed_e] =
         [(300.0, x), (30.0, z), (100.0, e)].map(|(most, steps)| f64::min(most, 200_000.0 / steps));
     let print = random.magnitude(200.0, 10_000.0).round();

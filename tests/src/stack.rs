@@ -219,7 +219,7 @@ fn taken_bytes(instruction: &Instruction) -> Option<u32> {
     if is_push {
         return Some(registers(operands)? * bytes_of_one);
     }
-    // What is written before the place it is written to: `str r11, [sp, #-4]!`.
+    // The stored register precedes its address: `str r11, [sp, #-4]!`.
     if let Some((_, offset)) = operands.split_once("[sp, #-").filter(|_| operands.ends_with("]!")) {
         return number(offset.trim_end_matches("]!"));
     }

@@ -1,8 +1,8 @@
 //! The edges that a trace's steps make on the pins of a board whose step interrupt is as late as it may be.
 //!
-//! Every step event becomes a slot of its own, the dearest case for the interrupt. It is played on the timer's model with
+//! Every step event becomes a slot of its own, the slowest case for the interrupt. It is played on the timer's model with
 //! preload: the interrupt comes right after the update or as late as it can, by chance, so that neighbouring edges come
-//! as near each other as they ever will.
+//! as near each other as possible.
 
 use std::cell::Cell;
 
@@ -118,7 +118,7 @@ fn entries(event: &StepEvent, last_tick: u64, directions: u8, mut take: impl FnM
 /// Plays the step events of a trace, in order; `M` is how the profile's drivers step.
 ///
 /// # Errors
-/// Two events are nearer to each other than the step interrupt keeps.
+/// Two events are nearer to each other than the step interrupt allows.
 pub fn play<M: Stepping>(
     events: impl IntoIterator<Item = StepEvent>,
     pulse_ticks: u32,
@@ -146,7 +146,7 @@ pub fn play<M: Stepping>(
     let mut feeder = StepFeeder::new(&player, pins, signals);
     let (mut next, mut chance) = (NextWords::NONE, Chance(1));
     let mut events = events.into_iter().peekable();
-    // Steps that have been queued and not been seen yet.
+    // Steps in the queue that have not reached the pins.
     let mut planned = std::collections::VecDeque::new();
     let (mut last_tick, mut directions, mut count) = (0, 0, 0);
     let (mut offset, mut largest, mut missed_updates) = (None, 0, 0);
@@ -205,7 +205,7 @@ mod tests {
 
     const LATENESS: Lateness = Lateness { reload_cycles: 128, handler_cycles: 56 };
 
-    /// Steps of two motors at changing intervals, to and fro.
+    /// Steps of two motors back and forth at changing intervals.
     fn events(shortest: u64) -> Vec<StepEvent> {
         let mut tick = 1_000_000;
         (0..4_000u64)

@@ -61,7 +61,7 @@ impl File {
                 angle += PIECE_MM / (radius * radius + growth * growth).sqrt();
                 self.piece(on_spiral(angle));
             }
-            // On along the tangent and back again.
+            // Along the tangent and back.
             let [dx, dy] = direction(angle);
             let far = f64::from(STRAIGHT_PIECES) * PIECE_MM;
             let here = self.at;

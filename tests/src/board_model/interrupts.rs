@@ -23,7 +23,7 @@ pub(super) struct Interrupts<'a, M> {
     signals: Signals,
     /// The commands that are to act, with their cycles, in this order.
     acts: RefCell<VecDeque<(u64, Emergency)>>,
-    /// How often motors had stepped when motion was stopped.
+    /// Number of step events when motion was stopped.
     events_at_stop: Cell<Option<u64>>,
 }
 
@@ -108,7 +108,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         &self.signals
     }
 
-    /// From now on no motor steps, as the serial interrupt does it.
+    /// Stops all motors, as the serial interrupt does.
     pub fn stop(&self) {
         self.timer.mask();
         self.player.link().request_stop();

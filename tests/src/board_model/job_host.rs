@@ -191,7 +191,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         cycle: u64,
     ) -> Option<Report> {
         let size = u32::try_from(sender.sender.size()).unwrap_or(u32::MAX);
-        // The M790 was said to have been executed.
+        // M790 has had its `ok`.
         sender.asked = self.now();
         let request = JobRequest { size, silence_s: JOB_SILENCE_S };
         let mut line = JobPort { board: self, sender, host: Host::new(), reader: LineReader::new() };

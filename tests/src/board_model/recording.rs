@@ -20,7 +20,7 @@ const AT_SPEED_CYCLES: u64 = 250 * CYCLES_A_US;
 /// A feed is the distance covered in this time.
 const FEED_WINDOW_MS: usize = 5;
 
-/// The port with a watch on it.
+/// The port, observed.
 #[derive(Debug)]
 pub(super) struct WatchedPort<'a> {
     port: VirtualPort<'a>,
@@ -29,7 +29,7 @@ pub(super) struct WatchedPort<'a> {
     events: Cell<u64>,
 }
 
-/// Notes of one print.
+/// The record of one print.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
     /// Where the X and Y motors (A and B) stand at each whole ms, up to the last event.
@@ -48,7 +48,7 @@ impl Watch {
         if [x, y] == self.stands_at {
             return;
         }
-        // Before the step: at a whole ms that is the same moment the motors had not moved yet.
+        // Before the step: at a whole ms that coincides with the step the motors had not moved yet.
         let upto = now.div_ceil(CYCLES_A_MS) as usize;
         self.every_ms.resize(upto.max(self.every_ms.len()), self.stands_at);
         self.stands_at = [x, y];

@@ -12,7 +12,7 @@ pub const CYCLES_A_MS: u64 = CYCLES_PER_S / 1_000;
 /// Cycles in a microsecond.
 pub const CYCLES_A_US: u64 = CYCLES_PER_S / 1_000_000;
 
-/// The nanosecond that a cycle is in.
+/// The nanosecond that contains the start of a cycle.
 pub(super) fn to_ns(cycle: u64) -> u64 {
     (u128::from(cycle) * 1_000_000_000 / u128::from(CYCLES_PER_S)) as u64
 }

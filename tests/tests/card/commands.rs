@@ -50,7 +50,7 @@ fn octoprint_lists_and_prints() {
         (list.first().unwrap().as_str(), &list[list.len() - 2..]),
         ("Begin file list", &["End file list".to_owned(), "ok".to_owned()][..])
     );
-    // As OctoPrint takes a line apart: name, size, time, long name.
+    // OctoPrint's fields of a line: name, size, time, long name.
     let entries: Vec<(&str, u32, &str, &str)> = list[1..list.len() - 2]
         .iter()
         .map(|line| {
@@ -190,7 +190,7 @@ fn a_print_that_stops_parks_the_head_and_keeps_the_heat() {
             lines.iter().map(|line| (*line).to_owned()).collect()
         });
         assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
-        // The first is of homing.
+        // The first move belongs to homing.
         let place = said.iter().filter(|line| line.starts_with("X:")).nth(1).unwrap_or_else(|| panic!("{said:?}"));
         assert!(place.starts_with("X:10.00 Y:190.00 Z:25.00"), "{pulls}: {place}");
         let heat = said.iter().find(|line| line.starts_with("ok T:")).unwrap();
@@ -271,7 +271,7 @@ fn a_host_writes_a_file() {
     );
 }
 
-/// A line whose N was changed on the way has no number, and its checksum is not compared: in a print it is an unknown command, in
+/// A line whose N was damaged has no number, so its checksum is not compared: in a print it is an unknown command, in
 /// a file it would stay.
 #[test]
 fn a_line_without_its_number_is_not_written_by_a_host_that_numbers_its_lines() {

@@ -41,7 +41,7 @@ fn a_prepared_job_on_the_card_prints_as_the_file_does() {
     assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
     assert_eq!(undisturbed.digests().order, printed(profile("cartesian"), &text).order);
 
-    // Paused in the middle, where the nozzle goes aside, and gone on with.
+    // Paused in the middle, where the nozzle goes aside, and resumed.
     let setup = Setup::new(profile("cartesian"), image());
     setup.put("CUBE.GPR", &job);
     let mut is_paused = false;

@@ -6,7 +6,7 @@ use ferrostep_virtual_board::{CardFault, VirtualCard};
 use crate::prints::printed;
 use crate::setup::{Setup, image, nothing, profile};
 
-/// A program of many short moves, whose every line matters. Without homing a pause leaves the nozzle where it is, and makes no
+/// A program of many short moves, in which every line matters. Without homing a pause leaves the nozzle in place, and makes no
 /// step of its own.
 fn program(is_homed: bool) -> Vec<u8> {
     let mut text = String::from(if is_homed { "G28\nG1 Z5 F600\nG90\n" } else { "G90\n" });
@@ -169,7 +169,7 @@ fn another_card_does_not_go_on_with_the_print() {
     });
     assert!(said.contains(&"echo:card: there is no such file; the print waits for M24".to_owned()), "{said:?}");
     assert!(said.contains(&"//action:cancel".to_owned()), "{said:?}");
-    // And the printer prints again.
+    // The printer can print again.
     let said = setup.say(&["M21", "M32 !PARTS/ONE.GCO#"], &mut nothing);
     assert!(said.contains(&"File selected".to_owned()), "{said:?}");
 }

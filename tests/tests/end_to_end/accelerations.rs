@@ -42,7 +42,7 @@ fn check(name: &str, law: AccelerationProfile) {
     let reference = ReferenceProfile::cartesian();
     let options = TraceCheckOptions { findings_kept: usize::MAX, ..options() };
     let report = check_trace(File::open(&trace).unwrap(), &text, &reference, &options).unwrap();
-    // A table's start frequency is a jump: any block may begin with it.
+    // A table's start frequency is a jump in speed, which any block may begin with.
     let jumps = |finding: &&Finding| matches!(finding, Finding::JumpsTooFar { .. });
     let by_design =
         if law == AccelerationProfile::SCurveTable { report.findings.iter().filter(jumps).count() } else { 0 };

@@ -68,7 +68,7 @@ fn unreadable_lines_stop_the_job() {
     }
 }
 
-/// Without them the rest of the job would be printed at another place, or with another amount of filament.
+/// If they were ignored, the rest of the job would be printed at another place, or with another amount of filament.
 #[test]
 fn commands_that_must_not_be_skipped_stop_the_job() {
     for (line, says) in [
@@ -122,7 +122,7 @@ fn lines_that_are_not_text_stop_the_job() {
     // Comments may hold anything, and be of any length.
     let directory = directory();
     let long = "x".repeat(100_000);
-    // So may the text of a message.
+    // The text of a message may, too.
     let message = [b"M117 Gr\xfc\xdfe ", long.as_bytes(), b"\nM118 \xff\n"].concat();
     let comment = [PROLOGUE.as_bytes(), b"G1 X20 ; \xff\xfe", long.as_bytes(), b"\n", &message].concat();
     let outcome = print(&file(&directory, "comment.gcode", comment));

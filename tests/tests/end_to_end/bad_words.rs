@@ -175,7 +175,7 @@ fn bad_words_for_drivers_and_probe_change_nothing() {
     check("prusa-mini", &WITH_DRIVERS);
 }
 
-/// A check of the test: each valid word changes something that the comparison sees.
+/// Checks the test itself: the comparison notices every valid word.
 #[test]
 fn the_good_words_do_change_something() {
     let cartesian = profile("cartesian");
@@ -183,7 +183,7 @@ fn the_good_words_do_change_something() {
     for command in COMMANDS {
         let (done, said, refused) = execute(&cartesian, Some(command));
         let is_seen = done != unharmed || said.len() > 1;
-        // The idle time is not asked for, the fan's power neither; nothing is hotter than 0 after a wait for 0.
+        // No query reports the idle time or the fan's power; a wait for 0 degrees ends at once.
         let unseen = ["G4", "M18", "M84", "M109", "M190", "M106", "M107"].iter().any(|code| command.starts_with(code));
         assert!(is_seen || unseen, "{command}: {said:?}");
         assert!(!refused, "{command}: {said:?}");

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::command::{directory, example, ferrostep, file, repository};
 
-/// The cartesian profile with motors A and C of equal steps in the places of X's and Z's.
+/// The cartesian profile with motors A and C, of equal steps, for X and Z.
 fn machine() -> String {
     let cartesian = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
     let mut text = cartesian.clone();

@@ -67,7 +67,7 @@ fn all_registers_are_written_before_the_first_step() {
 fn drivers_change_no_step() {
     let with = profile("prusa-mini");
     let without = Profile { drivers: [None; 4], ..with };
-    // This machine needs drivers to home by.
+    // This machine homes by its drivers' stall signals.
     let program = "M302 P1\nG1 X90 Y80 Z3 F6000\nG1 X10 E4 F1800\nG2 X20 Y90 I10 J0\nG10\nG11\n";
     let [with, without] = [with, without].map(|profile| {
         let ended = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut program.as_bytes());
@@ -94,7 +94,7 @@ fn a_silent_driver_blocks_motion_only() {
         "{replies:#?}"
     );
     assert!(replies.iter().any(|reply| reply.starts_with("echo:driver Y: failed, ")), "{replies:#?}");
-    // With the supply back it is found within two seconds.
+    // Once the supply is back, the driver is set up within two seconds.
     with_chip(&machine, 1, |chip| {
         chip.reset();
         chip.set_silent(false);
@@ -104,7 +104,7 @@ fn a_silent_driver_blocks_motion_only() {
     assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{replies:?}");
 }
 
-/// Until a driver is set, its current is what the chip has after a reset: more than twice what the MINI's motors get.
+/// Until a driver is set up it uses the chip's current after a reset: more than twice that of the MINI's motors.
 #[test]
 fn m17_waits_for_the_drivers() {
     let profile = profile("prusa-mini");

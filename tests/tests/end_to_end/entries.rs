@@ -1,4 +1,4 @@
-//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and before that the nozzle touches nothing.
+//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and on its way the nozzle avoids the print.
 
 use std::path::Path;
 
@@ -129,7 +129,7 @@ fn check(name: &str, machine: &str, lines: usize) {
         let (_, expected) = behind(all.clone(), start.line);
         keeps_above(&machine, &approach, &start);
         assert!(way(&tail) == way(&expected), "frame {frame}: other steps");
-        // Part of an extruder step may wait where the job is entered, that of the whole job is not told.
+        // The whole job may have part of an extruder step left over at the entry; the entered one begins without.
         assert!((pushed(&tail) - pushed(&expected)).abs() <= 1, "frame {frame}");
         assert_eq!(entered.logical_10nm, whole.logical_10nm, "frame {frame}");
         assert_eq!(entered.lines, whole.lines);
@@ -159,7 +159,7 @@ fn a_corexy_job_resumes_at_any_frame() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(150))]
 
-    /// With any settings before, in a homed machine.
+    /// Enters jobs in a homed machine with any settings.
     #[test]
     fn any_program_resumes_at_any_frame(program in homed_program()) {
         let machine = profile(program.machine);

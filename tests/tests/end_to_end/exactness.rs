@@ -23,7 +23,7 @@ fn stands(machine_name: &str, lines: &str) -> ([i64; 4], [f64; 4]) {
 /// Homing stops the machine and must not lose a fraction of an extruder step.
 #[test]
 fn homing_keeps_the_fraction_of_the_extruder() {
-    // 0.9723 mm at 400 steps/mm are 388.92 steps, whatever happened in between.
+    // 0.9723 mm at 400 steps/mm are 388.92 steps, with any homing in between.
     let lines = "M302 P1\nG1 E-.1063\nG28 X\nG1 E.9723\n";
     assert_eq!(stands("corexy", lines).0[3], 389);
     let mut lines = "M302 P1\nM83\n".to_owned();
@@ -39,7 +39,7 @@ fn homing_keeps_the_fraction_of_the_extruder() {
 fn a_lift_is_undone_exactly() {
     let mut wrong = Vec::new();
     for (lines, z_mm) in [
-        // As a matter of course.
+        // The simple case.
         ("G1 Z5\nG10\nG1 X20\nG11\n", 5.0),
         ("G1 Z5\nG10\nG1 X20 Z6\nG11\n", 6.0),
         ("G1 Z5\nG10\nG92 Z3\nG1 Z4\nG11\nG92 Z6\n", 6.0),
@@ -65,7 +65,7 @@ fn a_lift_is_undone_exactly() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Filament drawn back is pushed again, to the step, without changing the G-code's E.
+/// Retracted filament is pushed back to the step, without changing the G-code's E.
 #[test]
 fn retractions_cancel_out() {
     let lines = "G28\nM302 P1\nM207 S1.2345 Z.3\nG1 Z2 E1 F600\n";

@@ -16,8 +16,8 @@ use crate::command::{directory, example, ferrostep, file};
 const XY_STEPS_PER_MM: f64 = 80.0;
 const E_STEPS_PER_MM: f64 = 95.0;
 
-/// What else the nozzle may be from where its motors' last whole steps are: half a step of each, times lambda, in steps
-/// of the extruder; and events that left as one.
+/// Tolerance for the nozzle's distance from its motors' last whole steps: half a step of each, times lambda, in steps
+/// of the extruder; and for events that were joined.
 const TOLERANCE_STEPS: f64 = 0.1;
 
 /// A straight move of a job.
@@ -54,8 +54,8 @@ fn word(line: &str, letter: char) -> Option<f64> {
     words.skip(1).find_map(|word| word.strip_prefix(letter)).map(|number| number.parse().unwrap())
 }
 
-/// The moves of a job of G0 and G1 with absolute coordinates that homes to zero, with the filament that it tells
-/// (absolute), or that its length asks for.
+/// The moves of a job of G0 and G1 with absolute coordinates that homes to zero, with the filament of its E
+/// (absolute), or of its length.
 fn moves(job: &str, mut lambda: impl FnMut(&str, bool) -> Option<f64>) -> Vec<Straight> {
     let (mut at, mut e, mut z) = ([0.0; 2], 0.0, 0.0);
     let mut moves = Vec::new();
@@ -151,7 +151,7 @@ fn one_move(
     let is_print = straight.length_mm() > 0.0 && displacement != 0.0;
     let totals: [i64; 2] = [0, 1].map(|axis| events.iter().map(|event| event[axis].abs()).sum());
     let master = usize::from(totals[1] > totals[0]);
-    // Where the slave stands, and its steps in this move.
+    // The slaved extruder's position, and its steps in this move.
     let mut slave = ideal_start.round() as i64;
     let slave_steps = (ideal_start + displacement).round() as i64 - slave;
     let has_slave = slave_steps.abs() <= totals[master];
@@ -206,7 +206,7 @@ fn filament_of_the_gcode_follows_the_nozzle() {
     assert!(found.of_a_slave > found.of_the_machine, "{found:?}");
 }
 
-/// The same way without a word of filament: travels by G0, retractions relative.
+/// The same path without E: travels by G0, retractions relative.
 fn stripped(job: &str, settings: &str) -> String {
     let mut stripped = String::new();
     let mut e = 0.0;
@@ -218,7 +218,7 @@ fn stripped(job: &str, settings: &str) -> String {
                 stripped += &format!("G1 E{filament:.5} F2100\n");
             }
             (true, Some(filament)) => {
-                // Wipes draw filament back on their way: told, as they were.
+                // Wipes retract while they move: their E stays as it was.
                 let words = line.split(';').next().unwrap().split_ascii_whitespace();
                 let kept = words.filter(|word| !word.starts_with('E')).collect::<Vec<_>>().join(" ");
                 stripped += &if filament > 0.0 { kept } else { format!("{kept} E{filament:.5}") };

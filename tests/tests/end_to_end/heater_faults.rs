@@ -57,8 +57,8 @@ fn a_cold_nozzle_stops_the_job() {
     assert!(outcome.stderr.contains("M999"), "{outcome:#?}");
     assert_eq!(summary["motor_steps"]["x"], 0);
 
-    // The same in motion: 40 s of it were asked for, the watch allows 20. The desk looks around after each step entry,
-    // which at 800 steps a second may last for half a second.
+    // The same in motion: the move takes 40 s, the watch allows 20. The desk checks after each step entry,
+    // which at 800 steps a second may last half a second.
     let outcome = print_with_nozzle(&weak, "G92 X0\nM104 S200\nG1 X400 F600\nM400\nG1 X99\n");
     let summary = check_stopped(&outcome, error, 4);
     let steps = summary["motor_steps"]["x"].as_f64().unwrap();
@@ -67,7 +67,7 @@ fn a_cold_nozzle_stops_the_job() {
     assert!((x - stands).abs() <= 0.0126, "{x} after {steps} steps: {outcome:#?}");
 }
 
-/// A loop that overshoots by far runs into the maximum.
+/// A control loop that overshoots by far reaches the maximum.
 #[test]
 fn an_overheated_nozzle_stops_the_job() {
     let wild = [("max_celsius", "210"), ("proportional", "0.0001"), ("integral", "0.001"), ("derivative", "0")];
@@ -116,7 +116,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             assert_eq!(replies[at + 1], KILLED);
             assert_eq!(replies.iter().filter(|reply| reply.starts_with("Error:")).count(), 2, "{replies:?}");
 
-            // Nothing moves, nothing heats, and the position is where the motors stand.
+            // All motors stand, all heaters are off, and the reported position is the motors'.
             let steps = machine.figures().motor_steps;
             let refused = conversation.say("G1 X5 F3000");
             assert!(refused[0].contains("M999") && refused[1] == KILLED, "{refused:?}");
@@ -129,7 +129,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             }
             assert_eq!(machine.heaters().fan_power(), 255);
 
-            // M999 where the thermistor is still broken changes nothing; where it is mended, the machine goes on, cold.
+            // M999 has no effect while the thermistor is broken; once it is mended, the machine goes on, cold.
             let broken = matches!(failure, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted);
             if broken {
                 let again = conversation.say("M999");

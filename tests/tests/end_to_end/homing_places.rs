@@ -265,7 +265,7 @@ fn from_everywhere(
                     let places = Places::new(mechanics);
                     let outcome = execute(&mut printer(&profile, &places), "G28");
                     let pushed = places.pushed_10nm();
-                    // Whatever happens: where Z has a sensor that may trigger, the nozzle is not pressed into the bed.
+                    // In every scenario: if Z's sensor can trigger, the nozzle is not pressed into the bed.
                     if faults[2] != SensorFault::AlwaysOff {
                         assert!(pushed[2][0] <= MAX_PRESS_10NM, "{name} {seed}: {pushed:?}");
                     }
@@ -343,7 +343,7 @@ fn an_absent_or_stuck_sensor_is_named_and_z_stays_up() {
     }
 }
 
-/// X and Y push against the frame for as long as the bound lets them, and Z has not been touched.
+/// X and Y push against the frame up to the bound, and Z has not moved.
 #[test]
 fn a_dead_sensor_of_x_or_y_is_named() {
     for axis in 0..2 {
@@ -421,7 +421,7 @@ fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
     }
 }
 
-/// The limit of what is possible: if Z has not been homed since power-on, an approach cannot tell a high nozzle from a sensor that
+/// A limit: if Z has not been homed since power-on, an approach cannot distinguish a high nozzle from a sensor that
 /// never triggers. It goes down by the travel at most, and only once.
 #[test]
 fn a_dead_z_sensor_presses_once_as_documented() {

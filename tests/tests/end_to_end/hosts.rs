@@ -154,7 +154,7 @@ fn a_bad_line_changes_only_the_time() {
             assert!(oks(&replies) > 0, "{line:?}: {replies:?}");
             match resend(&replies) {
                 Some(wanted) => {
-                    // A line that lost its number was taken for one without, and the gap shows with the next.
+                    // A line that lost its number counts as one without, and the next line shows the gap.
                     assert!(wanted == number || wanted == number - 1, "{line:?}: {replies:?}");
                     let error = replies.iter().find(|reply| reply.starts_with("Error:")).unwrap();
                     assert!(error.ends_with(&format!(", Last Line: {}", wanted - 1)), "{replies:?}");
@@ -211,7 +211,7 @@ fn damaged_lines_are_requested_again() {
     assert_eq!(conversation.position_mm()[0], 5.0);
 }
 
-/// Unreadable lines that arrive as they were sent: asked for again, they would come the same for ever.
+/// Unreadable lines that arrived undamaged: a resend would repeat them for ever.
 #[test]
 fn lines_that_can_never_be_read_are_refused_once() {
     let machine = machine(&profile("cartesian"));
@@ -287,7 +287,7 @@ fn answered_at_s(machine: &Machine, lines: &[String]) -> Vec<f64> {
     times
 }
 
-/// When a host stops sending, the machine stops within the time at hand, for any moves; the plan stays that of the file.
+/// When a host stops sending, the machine stops within the motion that it has, for any moves; the plan stays that of the file.
 #[test]
 fn a_hosts_ok_waits_with_seconds_of_motion_at_hand() {
     let profile = profile("cartesian");
@@ -301,7 +301,7 @@ fn a_hosts_ok_waits_with_seconds_of_motion_at_hand() {
         let lines: Vec<String> = (1..=count).map(line).collect();
         let machine = machine(&profile);
         let times = answered_at_s(&machine, &lines);
-        // All that is at hand, or what is certain and the move whose end speed the next one may still change; and the braking.
+        // All its motion, or its certain part, the move whose end speed the next one may still change, and the braking.
         let most = f64::max(1.5, 0.5 + seconds) + 0.2;
         for (index, at_s) in times.iter().enumerate() {
             let held = (index + 1) as f64 * seconds - at_s;

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use crate::command::{ferrostep, repository};
 
-/// Set, the pictures and tables in the book are written anew.
+/// If set, the test writes the book's pictures and tables anew.
 pub const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
 
 /// Name and text of every picture in a folder.
@@ -123,7 +123,7 @@ fn compare_prints_a_file_in_every_way() {
             // An exact one is half a step off just before and just after a step.
             assert!(number("extruder") > 0.49 && number("extruder") < 1.0, "{row}");
         }
-        // Each way makes steps of its own.
+        // Each method makes other steps.
         let digests: std::collections::BTreeSet<_> =
             rows.iter().map(|row| row[column("step digest")].to_string()).collect();
         assert!(digests.len() >= 14, "{digests:?}");

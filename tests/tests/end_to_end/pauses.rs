@@ -1,4 +1,4 @@
-//! Pauses, and what a halted printer says.
+//! Pauses, and the answers of a halted printer.
 
 use ferrostep::desk::{Desk, MotionState};
 use ferrostep_hal_shim::Heater;
@@ -90,13 +90,13 @@ fn a_filament_change_goes_aside_waits_and_goes_back() {
         }
         assert_eq!(parked, [10.0, 190.0, 25.0], "{line}");
         assert!((60.0..75.0).contains(&(now_s(&machine) - from_s)), "{line}: {}", now_s(&machine) - from_s);
-        // What a host understands, once each, and its sign of life meanwhile.
+        // The lines that hosts understand, once each, and signs of life meanwhile.
         for text in ["//action:paused", "//action:prompt_button Continue", "//action:prompt_show", "//action:resumed"] {
             assert_eq!(count(&replies, text), 1, "{line}: {text}: {replies:?}");
         }
         assert!((20..=32).contains(&count(&replies, "echo:busy: paused for user")), "{line}: {replies:?}");
         assert_eq!(replies.last().map(String::as_str), Some("ok"));
-        // All as before, to the step.
+        // All positions as before, to the step.
         assert_eq!((print.conversation.position_mm(), machine.desk().motor_steps()), before, "{line}");
         assert_eq!(print.say("G1 X21"), ["ok"]);
         print.conversation.finish();
@@ -193,7 +193,7 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
     }
 }
 
-/// A cold nozzle gives no filament out: the line says so and the host's print waits.
+/// A cold nozzle refuses to extrude: the line says so and the host's print waits.
 #[test]
 fn a_cold_nozzle_is_not_unloaded() {
     let machine = machine(&profile("cartesian"));

@@ -58,7 +58,7 @@ fn check(name: &str, profile: &str, most_bytes_per_move: f64) {
         assert!(executed["motion_time_s"].as_f64().unwrap() <= ring["motion_time_s"].as_f64().unwrap() + 1e-6);
         if format == "compact" {
             assert!(summary["bytes_per_move"].as_f64().unwrap() <= most_bytes_per_move, "{summary}");
-            // The board's own ring is enough to follow the plan.
+            // The board's own look-ahead ring is enough to follow the plan.
             let board = json(&["print", out, "--profile", profile, "--look-ahead", "128"]);
             assert_eq!(board["step_digest"], planned["step_digest"]);
         }
@@ -77,7 +77,7 @@ fn a_gyroid() {
 
 #[test]
 fn a_vase() {
-    // An eighth of its moves share a block, which takes two bits more to say.
+    // An eighth of its moves share a block, which takes two bits more.
     check("vase.gcode.gz", "cartesian", 4.9);
 }
 
@@ -122,8 +122,8 @@ proptest! {
         }
     }
 
-    /// Whatever is changed in a file: it is refused, or it was nothing that matters; the machine keeps to its limits and
-    /// comes to an end.
+    /// After any change to a file: it is refused, or the change does not matter; the machine keeps to its limits and
+    /// stops.
     #[test]
     fn a_changed_file_is_answered(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
         let machine = profile("cartesian");
@@ -232,7 +232,7 @@ fn a_prepared_job_sets_filters_where_the_gcode_does() {
     let profiles = [plain.clone(), format!("{plain}\n{shaper}")];
     let [plain, shaped] = [("plain.toml", &profiles[0]), ("shaped.toml", &profiles[1])]
         .map(|(name, text)| file(&directory, name, text).to_str().unwrap().to_owned());
-    // The first line asks for what the second machine has: that is a standstill all the same, as it is planned.
+    // The first line sets what the second machine already has: it is a standstill all the same, as planned.
     let gcode = "G28\nG1 X20 F6000\nG1 X40 Y1\nSET_INPUT_SHAPER SHAPER_TYPE_X=mzv SHAPER_FREQ_X=50\nG1 X60 Y2\nG1 X80\n\
                  M593 Y P\"zvd\" F44 S0.05\nG1 X90 Y30\nG1 X70 Y60\nM593 F0\nG1 X20\nM593\n";
     let gcode = file(&directory, "job.gcode", gcode).to_str().unwrap().to_owned();
@@ -385,7 +385,7 @@ fn a_job_prints_after_any_filament_and_at_any_flow() {
     }
 }
 
-/// A flow that the extruder cannot push at the plan's speeds ends the job where it would be too fast, at rest on its path.
+/// A flow that is too fast for the extruder at the plan's speeds ends the job there, at rest on its path.
 #[test]
 fn too_much_flow_ends_the_job_at_rest() {
     let machine = profile("cartesian");

@@ -172,7 +172,7 @@ fn answer(arguments: &[&str], folder: &str) -> String {
     let outcome = ferrostep(arguments);
     assert_ne!(outcome.status, Some(0), "{arguments:?} was accepted: {outcome:#?}");
     let text = outcome.stderr.replace(&format!("{folder}/"), "");
-    // A summary of what was done comes before; of several lines the last says why.
+    // A summary may come before; the last of several lines gives the reason.
     let error =
         text.lines().rev().find_map(|line| line.strip_prefix("error: ")).unwrap_or_else(|| panic!("{outcome:#?}"));
     error.replace('|', "\\|")

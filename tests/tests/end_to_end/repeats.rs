@@ -83,7 +83,7 @@ fn equivalent_files_give_the_same_steps() {
     let plain = step_digest(&file(&directory, "plain.gcode", &text));
     assert_eq!(step_digest(&file(&directory, "again.gcode", &text)), plain);
     assert_eq!(step_digest(&file(&directory, "packed.gcode.gz", gzip(&text))), plain);
-    // The content counts, not the name.
+    // The digests depend on the content, not on the name.
     assert_eq!(step_digest(&file(&directory, "packed.gcode", gzip(&text))), plain);
     let (start, end) = text.split_at(text.len() / 3);
     assert_eq!(step_digest(&file(&directory, "members.gz", [gzip(start), gzip(end)].concat())), plain);

@@ -145,7 +145,7 @@ fn packed_gcode_prints_the_same_in_fewer_bytes() {
         board.end()
     };
     let board = PtyBoard::start(board());
-    // The next host finds the line as it was before the last one.
+    // The next host finds the line unpacked, as before.
     for _ in 0..2 {
         let outcome = send_packed(&text, board.port());
         assert_eq!(outcome.status, Some(0), "{outcome:#?}");

@@ -1,4 +1,4 @@
-//! Input shaping from G-code to the frame: hosts, homing, time, and what is left of the ringing.
+//! Input shaping from G-code to the frame: hosts, homing, time, and the remaining ringing.
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_planner::{AxisShaper, ShaperKind};
@@ -9,7 +9,7 @@ use crate::command::{directory, ferrostep, file};
 use crate::desk::{profile, rehearse};
 use crate::hosts::{Conversation, machine};
 
-/// A machine whose frame rings at 50 and 40 Hz, as the simulator's does if nothing else is said.
+/// A machine whose frame rings at 50 and 40 Hz, the simulator's defaults.
 fn shaped(name: &str) -> Profile {
     let shaper = |frequency_hz| AxisShaper { kind: ShaperKind::Mzv, frequency_hz, damping: 0.06 };
     let mut profile = profile(name);
@@ -86,7 +86,7 @@ fn a_shaped_print_rings_less_in_hardly_more_time() {
     let [plain, shaped] = [plain, shaped].map(|path| path.to_str().unwrap().to_owned());
     let [before, after] = [&plain, &shaped].map(|job| ferrostep(["simulate", job.as_str(), "--json"]).json());
     let ringing = [&before, &after].map(|result| number(result, &["ringing", "rms_um"]));
-    // What is left are the steps: they are 12.5 um.
+    // The remaining deviation is that of whole steps, 12.5 um.
     assert!(ringing[1] * 5.0 < ringing[0], "{ringing:?}");
     let error = [&before, &after].map(|result| number(result, &["contour_error_um", "rms"]));
     assert!(error[1] * 2.0 < error[0], "{error:?}");

@@ -170,7 +170,7 @@ mod sliced {
         let bundle = bundle();
         let scratch = tempfile::tempdir().unwrap();
         for (name, _, profile) in MACHINES {
-            // The command takes one flat file of settings: that is what choosing the presets in the window comes to.
+            // The command takes one flat file of settings: the presets of the window make the same file.
             let presets = ["print:0.20 mm - Ferrostep", "filament:PLA - Ferrostep", &format!("printer:{name}")]
                 .map(|section| &bundle[section]);
             let settings: String =

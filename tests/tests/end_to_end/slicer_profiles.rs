@@ -153,7 +153,7 @@ fn tables(fates: &BTreeMap<&str, Fate>) -> Tables {
     tables
 }
 
-/// What a command would do where it is executed, for those that no table of the firmware's knows.
+/// The effect of a command in the firmware that it is for, for commands that no table of ours has.
 const MACROS: [(&str, &str); 4] = [
     ("T?", "select the extruder that the person chooses (Prusa's multi-material unit)"),
     ("Tc", "load filament to the nozzle (Prusa's multi-material unit)"),
@@ -207,7 +207,7 @@ fn without_effect(fates: &BTreeMap<&str, Fate>) -> String {
                 (_, Some(entry)) => format!("no effect: {}", entry.why),
                 (_, None) => "no effect".to_owned(),
             };
-            // Names of macros are no names of this book's.
+            // Names of macros are not names of code.
             let code = if code.contains('_') { code.replace('_', "\\_") } else { format!("`{code}`") };
             (machines, format!("| {machines} | {code} | {meaning} | {here} |"))
         })
@@ -233,7 +233,7 @@ fn stops(tables: &Tables) -> String {
     text
 }
 
-/// The whole of it: nothing stops but jobs for several extruders, and every command has an answer.
+/// All sets: only jobs for several extruders stop, and every command has an answer.
 #[test]
 fn slicers_default_commands_run_through() {
     let fates = fates();

@@ -20,7 +20,7 @@ fn machine(profile: &Profile) -> Machine {
 fn say(machine: &Machine, printer: &mut DeskPrinter<'_, (), Collector>, lines: &[&str]) -> Vec<String> {
     let mut replies = Vec::new();
     for (number, line) in (1..).zip(lines) {
-        // What was refused is said.
+        // A refusal is reported.
         let _ = machine.run(printer.execute(number, line));
         replies.extend(
             machine.replies().take().into_iter().filter(|reply| !reply.starts_with("ok") && !reply.contains("busy")),
@@ -50,7 +50,7 @@ fn x_and_y_home_by_stall_against_the_frame() {
     let [x, y, z] = true_mm(&machine);
     assert!((x - 90.0 - LAG_MM).abs() < 1e-6 && (y - 90.0 + LAG_MM).abs() < 1e-6, "{x} {y}");
     assert_eq!(z, 10.0);
-    // A second time it is the same place to the step.
+    // The second homing ends at the same place, to the step.
     say(&machine, &mut printer, &["G28 X Y", "G1 X90 Y90 F6000", "M400"]);
     assert_eq!(true_mm(&machine), [x, y, z]);
 }
@@ -75,7 +75,7 @@ fn an_axis_at_its_end_homes() {
 #[test]
 fn a_wrong_stall_threshold_shows() {
     let profile = profile("prusa-mini");
-    // At 250 a motor in free motion seems to stall as soon as it is fast enough to tell: far from the end, and the second
+    // At 250 a motor in free motion seems to stall as soon as its load can be measured: far from the end, and the second
     // approach elsewhere than the first.
     let too_sensitive = machine(&profile);
     let replies = say(&too_sensitive, &mut too_sensitive.printer(), &["M914 X250", "G28 X"]);

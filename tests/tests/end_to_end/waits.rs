@@ -38,7 +38,7 @@ fn an_emergency_stop_ends_a_wait_for_heat() {
     assert!((5.0..5.3).contains(&ended_s), "{ended_s} s");
     assert_eq!(replies.iter().filter(|reply| reply.starts_with("ok")).count(), 1, "{replies:?}");
 
-    // Everything is off, and stays so.
+    // All heaters are off, and stay off.
     let report = conversation.say("M105").concat();
     let status = machine.heating();
     for heater in ferrostep_hal_shim::Heater::ALL {
@@ -68,7 +68,7 @@ fn an_emergency_stop_ends_a_dwell_and_motion() {
         conversation.say("G1 X100 F300");
         conversation.say("G1 X0");
         let halted = std::cell::Cell::new(false);
-        // The desk lets a whole move pass at a time, so this comes at the first look after its time.
+        // The desk lets a whole move pass at a time, so this acts at the first check after its time.
         let stop = at(3.0, |machine: &Machine| {
             machine.halt();
             halted.set(true);

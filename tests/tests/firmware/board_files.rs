@@ -141,7 +141,7 @@ fn all_files_of_a_board_hold_the_same_bytes() {
             let data = section.data().unwrap();
             assert!(bytes[offset..offset + data.len()] == *data, "{}: {name} differs", board.name);
         }
-        // Nothing that another build has left: it might be flashed by mistake.
+        // No files of another build, which might be flashed by mistake.
         let mut names: Vec<String> = std::fs::read_dir(image.parent().unwrap())
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())

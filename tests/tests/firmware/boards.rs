@@ -15,9 +15,9 @@ pub struct BoardFacts {
     pub image_address: u32,
     /// The flash ends here.
     pub flash_end: u32,
-    /// What the plain bytes are called.
+    /// File name of the plain bytes.
     pub bytes_file: &'static str,
-    /// What Prusa's container is called, where the boot loader takes one.
+    /// File name of Prusa's container, for a boot loader that takes one.
     pub container: Option<&'static str>,
     /// Frequency of its crystal, MHz.
     pub crystal_mhz: u32,
@@ -111,7 +111,7 @@ pub static BOARDS: [BoardFacts; 3] = [
 
 #[allow(dead_code)]
 impl BoardFacts {
-    /// Whether something real may hang on it.
+    /// Whether it has real heaters and motors.
     pub fn is_printer(&self) -> bool {
         !self.heaters.is_empty()
     }

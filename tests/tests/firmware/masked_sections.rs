@@ -13,7 +13,7 @@ use crate::image::image_of;
 /// RTIC's priority of critical sections, which mask everything but steps.
 const CRITICAL: u32 = 15;
 
-/// What a row of the list is for: what is masked, and where.
+/// The key of a row of the list: the mask, and the place.
 type Place = (Mask, String);
 
 /// The longest of a place's sections.
@@ -68,8 +68,8 @@ fn short(name: &str) -> String {
     text.split("::{").next().unwrap_or_default().trim_end_matches("::").to_owned()
 }
 
-/// Where a section is listed: a critical section under its function, a lock under its priority alone, for locks come and go with
-/// what the compiler inlines.
+/// Where a section is listed: a critical section under its function, a lock under its priority alone, since the compiler's inlining
+/// moves locks.
 fn place(section: &Section) -> Place {
     let where_to = match section.mask {
         Mask::All | Mask::Priority(CRITICAL) => format!("<code>{}</code>", short(&section.function)),

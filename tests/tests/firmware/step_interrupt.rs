@@ -85,7 +85,7 @@ fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
             }
             Flow::Call(target) => {
                 called = Some(target);
-                // Who panics does not come back.
+                // A panic does not return.
                 if !code.function(target).contains("panic") {
                     pending.push((target, None));
                     pending.push(next);
@@ -113,7 +113,7 @@ fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
     reached
 }
 
-/// Fails with all that speaks against what can be reached from a function on, which may call these.
+/// Fails with the list of all forbidden instructions that a function can reach; it may call the named functions.
 fn assert_short_and_alone(code: &Code, entry: u32, may_call: &[&str]) {
     let reached = reach(code, entry, may_call);
     let name = code.function(entry);
@@ -130,7 +130,7 @@ fn the_step_interrupt_never_calls_waits_or_panics() {
     }
 }
 
-/// How long it takes at worst, and how long it may: building an image fails where this does.
+/// Its longest time, and the limit: building an image fails where this does.
 #[test]
 fn the_reload_value_arrives_in_time_in_every_image() {
     let gap_cycles = MIN_GAP_TICKS * CYCLES_A_TICK as u32;

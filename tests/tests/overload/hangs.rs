@@ -26,7 +26,7 @@ const INSTANTS: u64 = 100;
 /// How soon a command that waits for motion is answered after a stop, and a line that need not wait after its arrival, ms.
 const ANSWER_MS: u64 = 5;
 
-/// One that waits for time or heat looks around so often, ms.
+/// Interval at which a wait for time or heat checks for stops, ms.
 const LOOK_MS: u64 = 100;
 
 /// How long a prepared job waits for its line before it checks for stops, ms.
@@ -73,7 +73,7 @@ fn job_host(job: &[u8], begin: u64, pause_ms: &Range<u64>) -> JobHost {
     JobHost::new(job.to_vec()).pauses(start..end)
 }
 
-/// A board and who talks to it.
+/// A board and its host.
 struct Talk<'b, 'a> {
     state: &'b State,
     board: &'b Board<'a, Pulses>,
@@ -123,7 +123,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         self.longest_ms = self.longest_ms.max(waited_ms);
     }
 
-    /// Homes, and tells where the signals have the motors then.
+    /// Homes; returns the motors' positions by the signals.
     #[track_caller]
     fn home(&mut self) -> [i64; 3] {
         self.line("G28", HOMING_MS).unwrap();
@@ -131,7 +131,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         steps
     }
 
-    /// Lets the state's work go to its end; what each line took.
+    /// Lets the state's work end; returns the time of each line.
     fn work_undisturbed(&mut self) -> Vec<u64> {
         let begin = self.board.now();
         let mut answers = Vec::new();
@@ -166,7 +166,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         }
         match kind {
             Kind::Stop if line.starts_with("G4") => (after(at, LOOK_MS + ANSWER_MS), false),
-            // Its time passes as ever, its motion does not.
+            // Its wait goes on as before, its motion does not.
             Kind::QuickStop if line.starts_with("G4") => (after(own_end, ANSWER_MS), false),
             Kind::Stop | Kind::QuickStop => (after(at, ANSWER_MS), false),
             Kind::EndWait | Kind::HostGoes => (own_end, true),
@@ -178,7 +178,7 @@ impl<'b, 'a> Talk<'b, 'a> {
     fn disturb(&mut self, kind: Kind, undisturbed: &Undisturbed, random: &mut Random) {
         let begin = self.board.now();
         let at = begin + random.below(undisturbed.end);
-        // The host comes back, and who has seen that M410 does not end a wait says M108.
+        // The host comes back; since M410 does not end a wait, it sends M108.
         let back = at + random.below(1_200) * CYCLES_A_MS + random.below(CYCLES_A_MS);
         let end_wait_at = if kind == Kind::EndWait { at } else { back };
         match kind {
@@ -248,7 +248,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         }
     }
 
-    /// What the host says afterwards is answered at once.
+    /// Later lines of the host are answered at once.
     #[track_caller]
     fn speak_again(&mut self, kind: Kind, random: &mut Random) {
         if random.below(2) == 0 {
@@ -347,7 +347,7 @@ impl<'b, 'a> Talk<'b, 'a> {
     }
 }
 
-/// Where nothing happens.
+/// The undisturbed run.
 fn undisturbed(state: &State) -> Undisturbed {
     with_board::<Pulses, _>(&state.profile, state.look_ahead, Costs::BOARD, |board| {
         let mut talk = Talk::new(state, board);

@@ -21,14 +21,14 @@ const FILAMENT_100PM: i64 = 2_000_000;
 /// Feed of the moves.
 const FEED_MM_PER_MIN: u32 = 3_600;
 
-/// The moment in the middle of the job at which something is said.
+/// The moment in the middle of the job at which the host sends a command.
 const MIDDLE: u64 = 40 * CYCLES_PER_S;
 
 fn profile() -> Profile {
     ferrostep_profiles::load("cartesian").unwrap()
 }
 
-/// Where a move of the job ends: to and fro along X, a little farther in Y each time, and so uneven that the job is longer than
+/// Where a move of the job ends: back and forth along X, a little farther in Y each time, and so uneven that the job is longer than
 /// what a board has room for.
 fn target_10nm(index: u32) -> [i64; 3] {
     let x_mm = [5, 10, 15, 20, 15, 10, 5, 0][index as usize % 8];
@@ -50,7 +50,7 @@ fn job() -> Vec<u8> {
     out.into_inner()
 }
 
-/// What came of it.
+/// The result.
 struct Print {
     report: Report,
     figures: MotionFigures,
@@ -186,7 +186,7 @@ fn fan_and_temperatures_change_during_a_job() {
     assert_eq!((plain.fan_power, print.fan_power), (0, 128));
     let temperatures = print.replies.last().unwrap();
     assert!(temperatures.contains("/205.00") && temperatures.contains("/60.00"), "{temperatures}");
-    // Not a step is another, nor at another time.
+    // All steps are the same, at the same times.
     assert_eq!(print.figures.step_digest, plain.figures.step_digest);
 }
 
@@ -198,7 +198,7 @@ fn a_pause_stops_the_machine_on_its_path() {
     is_whole(&print);
     assert_eq!(print.figures.order_digest, plain.figures.order_digest);
     assert_eq!(print.filament_100pm, plain.filament_100pm);
-    // What the board had, a minute's moves, it has made; then it stood.
+    // The board has made the moves that it had, a minute of them, and then stopped.
     let longer = print.watch.seconds() - plain.watch.seconds();
     assert!((40.0..160.0).contains(&longer), "{longer} s longer");
     let at_rest = (pause.end / CYCLES_A_MS - 1_000) as usize..(pause.end / CYCLES_A_MS) as usize;

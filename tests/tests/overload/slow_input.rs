@@ -12,7 +12,7 @@ const PIECES: u32 = 6_000;
 fn smooth_print(speeds: &Speeds) -> Print {
     let print = print(&profile(), &stress_file(PIECES, 5), speeds);
     is_smooth(&print, &profile());
-    // Planning is fast: nothing but the input may be found wanting.
+    // Planning is fast: only the input is slow.
     assert_eq!((print.figures.slowed_moves, print.figures.planning_slowdowns), (0, 0));
     print
 }
@@ -38,7 +38,7 @@ fn slow_lines_brake_the_machine_on_its_path() {
             } else {
                 // Either the motors caught up with the input, or it came in portions with silence between them.
                 assert!(slow.figures.starvation_flushes > at_the_end || slow.figures.idle_flushes > 10);
-                // It takes as long as the lines take, but for what stands in ring and queue: up to eight pieces share a block.
+                // It takes as long as the lines take, except for the moves in ring and queue: up to eight pieces share a block.
                 let lines = f64::from(PIECES) / rate as f64;
                 let ahead = 8.0 * LOOK_AHEAD_BLOCKS as f64 / rate as f64;
                 assert!(seconds > 0.95 * (lines - ahead), "{seconds} s at {rate} lines/s");

@@ -46,7 +46,7 @@ fn a_slow_planner_lowers_the_feed() {
             slow.figures.planning_slowdowns
         );
         is_smooth(&slow, &profile());
-        // It is the planner that is slow, and it is kept at work: no more than a third of the time is lost to margins.
+        // The planner is slow, and always at work: no more than a third of the time is lost to margins.
         assert!(slow.figures.planning_slowdowns > 0);
         let busy = busy_seconds(times);
         assert!(slow.watch.seconds() < 1.5 * busy, "{} s, of which {busy} are work", slow.watch.seconds());

@@ -1,4 +1,4 @@
-//! What a host hears, and what acts before its turn.
+//! The answers to a host, and the commands that act before their turn.
 
 use std::process::Command;
 use std::time::Instant;
@@ -16,7 +16,7 @@ pub fn part() -> Vec<String> {
     commands.filter(|command| !command.is_empty()).take(1_500).map(str::to_owned).collect()
 }
 
-/// What `print` says of these lines.
+/// The report of `print` for these lines.
 pub fn printed(lines: &[String]) -> Value {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let file = folder.path().join("part.gcode");
@@ -137,7 +137,7 @@ fn a_thermistor_that_breaks_halts_the_printer() {
     assert_eq!(printer.end()["lines"], 3);
 }
 
-/// At `--speed max` time leaps where a print has something to do, but not over a person who is asked to do it: between two signs of
+/// At `--speed max` time leaps while a print works, but not while a person is asked to act: between two signs of
 /// life pass the two seconds of a clock on the wall, and heaters that rest after a minute stay on.
 #[test]
 fn time_does_not_leap_while_a_person_is_waited_for() {

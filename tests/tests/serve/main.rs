@@ -1,4 +1,4 @@
-//! The printer that `ferrostep serve` is, and hosts at its port: our own, printcore and OctoPrint.
+//! The printer of `ferrostep serve`, and hosts at its port: our own, printcore and OctoPrint.
 //!
 //! `cargo xtask test` installs the hosts first and names their folder in `FERROSTEP_HOSTS`; without it the tests have it done.
 #![cfg(unix)]

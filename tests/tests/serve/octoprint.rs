@@ -16,8 +16,8 @@ fn figure<'a>(line: &'a str, name: &str) -> &'a str {
 #[test]
 fn octoprint_prints_pauses_cancels_and_stops() {
     let printer = Printer::at_pty(&["--speed", "max"]);
-    // One start of OctoPrint for both: it takes half a minute. The damage begins in the print; of its first line, M110, OctoPrint
-    // knows no number to send again.
+    // One start of OctoPrint for both: it takes half a minute. The damage begins in the print, since OctoPrint cannot send its first
+    // line, M110, again.
     let bad_line = Printer::at_pty(&["--speed", "max", "--fault", "flip-line:1%@100", "--fault", "drop-line:1%@100"]);
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let part = folder.path().join("part.gcode");

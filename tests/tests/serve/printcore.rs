@@ -10,20 +10,20 @@ use crate::python;
 
 const CUBE: &str = "examples/cube.gcode";
 
-/// What `print` says of the cube.
+/// The report of `print` for the cube.
 pub fn printed() -> &'static Value {
     static PRINTED: OnceLock<Value> = OnceLock::new();
     PRINTED.get_or_init(|| print_of(CUBE))
 }
 
-/// What `print` says of a file.
+/// The report of `print` for a file.
 fn print_of(file: &str) -> Value {
     let mut print = std::process::Command::new(program());
     let output = print.args(["print", file, "--json"]).current_dir(repository()).output().unwrap();
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// What a host saw, and what the printer did.
+/// The host's record of a print, and the printer's.
 struct Print {
     host: Value,
     printer: Value,

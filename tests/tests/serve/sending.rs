@@ -69,7 +69,7 @@ fn a_prepared_job_is_sent_and_makes_the_steps_of_print() {
         let mut host = printer.connect();
         host.say("G4 S2");
         says(&send(&job, printer.port().to_str().unwrap()), 0, "printed");
-        // A frame that no job waits for is answered by how the last one ended, and its text is no line.
+        // A frame without a job is answered by the end of the last job, and its text is not a line.
         host.send("~M112\n");
         let said = host.hear_until(|line| line.starts_with("gpre:done "));
         assert!(!said.iter().any(|line| line.contains("halted")), "{said:?}");

@@ -130,10 +130,10 @@ fn unread_output_is_not_sent_to_the_next_program() {
     device.report("start");
     host.plug_in();
     host.plug_in();
-    // The first one reads what was said before it came ...
+    // The first host reads the lines from before it came ...
     host.set_open(true);
     assert_eq!(host.read_lines(), ["start"]);
-    // ... the next is not. It begins with a whole line, though the one before had read half of one.
+    // ... the next does not. It begins with a whole line, although the one before had read half of one.
     device.reply(format_args!("ok {}", "x".repeat(PACKET_BYTES)));
     assert_eq!(host.read_packet().map(|packet| packet.len()), Some(PACKET_BYTES));
     assert_eq!(host.read_packet().map(|packet| packet.len()), Some(4));
@@ -191,7 +191,7 @@ fn a_faulty_controller_is_left_alone() {
     host.send(b"M105\n");
     let before = device.bus().polls();
     device.bus().break_down();
-    // Interrupts go on to come, and lines to be written.
+    // Interrupts still come, and lines are still written.
     device.interrupt();
     device.reply("ok");
     device.report("echo:still here");

@@ -1,4 +1,4 @@
-//! A device controller in memory: what a host's transactions find, and what the driver sees of them.
+//! A device controller in memory, with the host's side and the driver's.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -14,11 +14,11 @@ pub enum Answer {
     Data(Vec<u8>),
     /// OUT or SETUP data were taken.
     Ack,
-    /// Not now.
+    /// NAK: not now.
     Nak,
-    /// Not at all.
+    /// STALL: refused.
     Stall,
-    /// Nobody has this address, or the endpoint is not set up.
+    /// No device has this address, or the endpoint is not set up.
     Silence,
 }
 
@@ -92,7 +92,7 @@ impl Bus {
         self.lock().signal = Some(Signal::Resume);
     }
 
-    /// From now on the driver may not look at it.
+    /// From now on the driver must not access it.
     pub fn break_down(&self) {
         self.lock().is_broken = true;
     }

@@ -1,4 +1,4 @@
-//! The firmware's side of the port: its rings, and what the interrupt and the printer task do with them.
+//! The firmware's side of the port: its rings, and their use by the interrupt and the printer task.
 
 use std::cell::{Cell, RefCell};
 use std::fmt::Display;
@@ -51,7 +51,7 @@ impl Buffers for Interrupt {
     }
 }
 
-/// Leaks what a test makes, because a device lives for ever.
+/// Leaks a value, because a device lives for ever.
 fn forever<T>(value: T) -> &'static mut T {
     Box::leak(Box::new(value))
 }

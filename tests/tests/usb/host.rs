@@ -220,7 +220,7 @@ impl<'a> Host<'a> {
         bytes
     }
 
-    /// Lines that a program reads; empty ones are nothing to it.
+    /// Lines that a program reads, without the empty ones.
     pub fn read_lines(&mut self) -> Vec<String> {
         let text = String::from_utf8(self.read()).unwrap();
         self.line.push_str(&text);

@@ -65,7 +65,7 @@ proptest! {
                 whole.push(None);
             }
         }
-        // Blanks say nothing.
+        // Blank lines have no answer.
         whole.retain(|line| line.as_deref() != Some(""));
         let trimmed: Vec<_> =
             heard(&received).into_iter().map(|line| line.map(|text| text.trim().to_owned())).collect();

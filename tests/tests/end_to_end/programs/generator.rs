@@ -1,7 +1,7 @@
 //! Valid programs, in all modes.
 //!
 //! Lengths are chosen in millimetres and written in the unit in force, so that no program leaves the reach of the
-//! planner (5 m, 1 m of filament a move); everything else is left to chance.
+//! planner (5 m, 1 m of filament a move); everything else is random.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -148,7 +148,7 @@ pub fn program() -> impl Strategy<Value = Program> {
         writer.line("M302 P1");
         if homed {
             writer.line("G28");
-            // Away from the corner: some moves shall meet the soft limits, not all.
+            // Away from the corner: some moves should meet the soft limits, not all.
             writer.line("G1 X100 Y100 Z2 F9000");
         }
         lines.iter().for_each(|line| writer.write(line));
@@ -204,7 +204,7 @@ impl Writer {
                 };
                 let target = self.words(&[('X', end[0]), ('Y', end[1]), ('Z', *rise), ('E', *filament)]);
                 let command = if *clockwise { "G2" } else { "G3" };
-                // Relative, for the end must lie on the circle.
+                // Relative, since the end must lie on the circle.
                 self.line("G91");
                 self.line(&format!("{command}{target}{circle}"));
                 self.restore_modes();
@@ -227,7 +227,7 @@ impl Writer {
             Line::RetractSettings { length, feed, lift, extra } => {
                 let retract = self.words(&[('S', *length), ('F', *feed), ('Z', *lift)]);
                 let recover = self.words(&[('S', *extra), ('F', *feed)]);
-                // Whether a change after G10 changes what G11 recovers is a matter of choice.
+                // Firmwares differ in whether a change after G10 affects G11.
                 self.line("G11");
                 self.line(&format!("M207{retract}"));
                 self.line(&format!("M208{recover}"));

@@ -1,4 +1,4 @@
-//! What a board can be at when M410, M112 or M108 comes, or when its host goes.
+//! The states of a board in which M410, M112 or M108 comes, or its host goes.
 
 use std::io::Cursor;
 use std::ops::Range;
@@ -13,7 +13,7 @@ use ferrostep_tests::board_model::LOOK_AHEAD_BLOCKS;
 /// the motors stand when they are switched on.
 const SIZE_MM: i64 = 95;
 
-/// What the board is at.
+/// The board's work.
 pub enum Work {
     /// It executes these lines.
     Lines(Vec<String>),
@@ -116,7 +116,7 @@ impl State {
     }
 }
 
-/// To and fro in pieces of some hundredths of a millimetre.
+/// Moves back and forth in pieces of some hundredths of a millimetre.
 fn short_moves() -> Vec<String> {
     let place =
         |index: u32| [index * 5 + index % 3, (index / 40 % 2) * 40 + index % 40].map(|place| f64::from(place) / 100.0);
