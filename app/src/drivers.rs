@@ -15,7 +15,7 @@ use rtic::Mutex;
 use crate::profile::PROFILE;
 use crate::wiring::{BoardDriverLine, DRIVER_WIRING};
 
-/// Baud rate by which timeouts are reckoned on the bare internal oscillator. That is also an emulator's clock, and its time may
+/// Baud rate for timeouts on the bare internal oscillator. That is also an emulator's clock, and its time may
 /// run many times faster than that of the program that answers.
 const PATIENT_BAUD: u32 = 200;
 

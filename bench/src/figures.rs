@@ -46,7 +46,7 @@ impl fmt::Display for Mean {
     }
 }
 
-/// A number, or `null` for what there is none of.
+/// A number, or `null` without one.
 pub struct OrNull(pub Option<u32>);
 
 impl fmt::Display for OrNull {

@@ -92,7 +92,7 @@ fn cost<M: Stepping>(
     let (instructions, decisions) = counter.count(|| draw(slope, queue));
     queue.empty();
     let tally = queue.take_tally();
-    // Entries are told by one build of this program only.
+    // Only one build of this program reports entries.
     if tally.events != dx && cfg!(feature = "tally") {
         return Err("a line has lost steps");
     }

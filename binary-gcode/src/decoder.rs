@@ -10,7 +10,7 @@ use crate::heatshrink::Heatshrink;
 use crate::inflate::Inflate;
 use crate::{BlockKind, Error, Reason};
 
-/// The table behind the checksums.
+/// The table of the checksums.
 static TABLE: crc::Crc<u32> = CRC;
 
 /// Which blocks' contents a [`Decoder`] gives out. The checksums of the others are checked all the same.
@@ -285,7 +285,7 @@ impl Decoder {
         self.offset = self.position;
     }
 
-    /// Takes bytes until so many are gathered; whether they are.
+    /// Takes bytes until this many are gathered; whether they all are.
     fn collect(&mut self, count: usize, input: &mut &[u8]) -> bool {
         while self.gathered_bytes < count {
             let Some((&byte, rest)) = input.split_first() else { return false };

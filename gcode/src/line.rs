@@ -208,7 +208,7 @@ fn skip_blanks(text: &[u8], mut at: usize) -> usize {
     at
 }
 
-/// The text before the first byte that is none, and that byte, if any.
+/// The text before the first byte that is not text, and that byte, if any.
 fn text_before(bytes: &[u8]) -> (&str, Option<u8>) {
     let valid = match core::str::from_utf8(bytes) {
         Ok(_) => bytes.len(),
@@ -360,7 +360,7 @@ mod tests {
             "not text: byte 0x01, expected UTF-8 without control characters"
         );
         assert_eq!(line("M117\tGr\u{fc}\u{df}e").text, "M117\tGr\u{fc}\u{df}e");
-        // A message loses what is no text: nobody is asked for it again, and no job stops.
+        // A message loses bytes that are not text; it is not requested again, and no job stops.
         let message = |bytes: &'static [u8]| take_apart(bytes, false, 7, Checksum::Absent).unwrap();
         assert_eq!(message(b"M117 Gr\xfc\xdfe").text, "M117 Gr");
         assert_eq!(message(b"m 0118 Gr\x01e").text, "m 0118 Gr");

@@ -183,7 +183,7 @@ pub enum CommandError {
     },
     /// The plan of a prepared job cannot be followed.
     Plan(PlanFault),
-    /// Jobs come over a board's own ports, and here is none.
+    /// Jobs come over a board's own ports only.
     NoJobs,
 }
 

@@ -13,7 +13,7 @@ pub struct PathSegment {
     pub from_mm: [f64; 2],
     /// Where it ends, mm.
     pub to_mm: [f64; 2],
-    /// Cross-section of what is to be laid along it, mm^2 (that is mm^3/mm); 0 on a travel.
+    /// Cross-section of the material along it, mm^2 (that is mm^3/mm); 0 on a travel.
     pub bead_mm2: f64,
 }
 
@@ -23,7 +23,7 @@ impl PathSegment {
         (self.to_mm[0] - self.from_mm[0]).hypot(self.to_mm[1] - self.from_mm[1])
     }
 
-    /// Whether material is to be laid along it.
+    /// Whether material is laid along it.
     pub fn is_printing(&self) -> bool {
         self.bead_mm2 > 0.0
     }

@@ -40,7 +40,7 @@ impl<M: Mutex<T = Mailbox>> SharedMailbox for TaskMailbox<'_, M> {
     }
 }
 
-/// Does one thing that the printer waits for, and wakes it; `false` if nothing is asked for.
+/// Does one thing that the printer waits for, and wakes it; `false` if no request waits.
 pub fn serve(card: &mut Option<BoardCard>, mailbox: &mut impl Mutex<T = BoardMailbox>) -> bool {
     let served = card.as_mut().is_some_and(|card| card.serve(&mut TaskMailbox(mailbox)));
     if served {

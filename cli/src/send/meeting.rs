@@ -41,7 +41,7 @@ pub(super) fn meet(
         attempt = attempt.wrapping_add(1);
         let lines = format!("\n{}{}", numbered(0, "M110 N0"), numbered(1, &format!("M118 {name}")));
         port.send(&packing.bytes(&lines))?;
-        // The last sign that the printer is at work on lines, whoever has sent them.
+        // The last sign that the printer is at work on lines of any host.
         let mut at_work = port.now();
         let (mut is_named, mut has_answered, mut wants_again) = (false, false, false);
         loop {

@@ -184,7 +184,7 @@ mod tests {
                     let dead = more * 10 > a.abs().min(b.abs()) * 50;
                     assert_eq!(has_two_rates, method == PlaneMethod::DualRate && !dead);
                     match method {
-                        // Both motors step in every pulse, one of them to and fro.
+                        // Both motors step in every pulse, one of them back and forth.
                         PlaneMethod::PointByPoint => {
                             let odd = (a + b) & 1;
                             assert_eq!(steps[0] + steps[1], 2 * more - odd);

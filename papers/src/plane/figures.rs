@@ -46,7 +46,7 @@ impl LineFigures {
         Ok(Self { has_two_rates, ..Self::measured(&target, feeds, line) })
     }
 
-    /// Those of events that somebody else has made of the line from 0 to (x, y) pulses.
+    /// Those of any events that make the line from 0 to (x, y) pulses.
     ///
     /// # Errors
     /// As [`Self::new`].

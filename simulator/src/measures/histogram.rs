@@ -11,7 +11,7 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Bins of this width, up to so many; larger values share the last.
+    /// Bins of this width, up to a maximum number; larger values share the last.
     pub fn new(bin: f64, bins: usize) -> Self {
         Self { bin, counts: vec![0; bins.max(1)], count: 0, square_sum: 0.0, max: 0.0 }
     }

@@ -55,7 +55,7 @@ impl fmt::Display for EvenSpacingError {
 impl std::error::Error for EvenSpacingError {}
 
 impl EvenSpacing {
-    /// This number of impulses over so many damped periods.
+    /// This number of impulses over this many damped periods.
     ///
     /// # Errors
     /// There is no such shaper, or one of its impulses would be negative.
