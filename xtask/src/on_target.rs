@@ -81,21 +81,30 @@ pub fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     let image = firmware::build(run, Program::OnTarget, &Target::bench()?)?;
     run.step("on-target tests on the virtual mainboard", || {
         let bytes = std::fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))?;
-        for OnTargetTest { name, address, should_panic } in
-            tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))?
-        {
-            // The harness's runner names the test in the program's arguments.
-            let arguments = format!("run_addr {address}");
-            let folder = system::target_directory();
-            let outcome = mainboard::counting(mainboard, &image, Counter::Core, &folder, &arguments)
-                .and_then(|mut command| mainboard::output_of(&mut command));
-            let said = if should_panic { panicked(outcome) } else { outcome };
-            let said = said.map_err(|reason| format!("{name}: {reason}"))?;
+        let tests = tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))?;
+        // Each has a machine of its own and one thread: two of them take longer than all others together.
+        let outcomes: Vec<Result<String, Failure>> = std::thread::scope(|scope| {
+            let running: Vec<_> = tests.iter().map(|test| scope.spawn(|| outcome(mainboard, &image, test))).collect();
+            let ended = running.into_iter().map(|test| test.join());
+            ended.map(|test| test.unwrap_or_else(|_| Err("its thread panicked".to_owned()))).collect()
+        });
+        for (OnTargetTest { name, .. }, outcome) in tests.iter().zip(outcomes) {
+            let said = outcome.map_err(|reason| format!("{name}: {reason}"))?;
             eprintln!("    {name}");
             said.lines().for_each(|line| eprintln!("        {line}"));
         }
         Ok(())
     })
+}
+
+/// Runs one of the tests; what it says.
+fn outcome(mainboard: &Path, image: &Path, test: &OnTargetTest) -> Result<String, Failure> {
+    // The harness's runner names the test in the program's arguments.
+    let arguments = format!("run_addr {}", test.address);
+    let folder = system::target_directory();
+    let outcome = mainboard::counting(mainboard, image, Counter::Core, &folder, &arguments)
+        .and_then(|mut command| mainboard::output_of(&mut command));
+    if test.should_panic { panicked(outcome) } else { outcome }
 }
 
 /// The log's line of a panic in the tests' source, for a test that must end in one.
