@@ -28,11 +28,11 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("no_std check", || system::run(&mut check_command(&core_library)))
 }
 
-/// The check itself, in a target folder of its own: sharing one with another compiler would rebuild everything each time.
+/// The check itself, with the profile and in the folder of the images, whose core library has been checked there by their lints.
 fn check_command(core_library: &CoreLibrary) -> Command {
     let mut command = cargo();
-    command.args(["check", "--target-dir"]);
-    command.arg(system::target_directory().join("thumb"));
+    command.args(["check", "--release", "--target-dir"]);
+    command.arg(system::target_directory().join("firmware"));
     core_library.apply(&mut command);
     for package in PACKAGES {
         command.args(["--package", package]);
