@@ -23,8 +23,9 @@ pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
 use workload::Workload;
 
-/// Motion at hand from which on a host waits for the `ok` of its move: 1.5 s. A person takes that for an answer at once.
-const BOUND_TICKS: u64 = 3 * TICKS_PER_SECOND as u64 / 2;
+/// Motion at hand from which on a host waits for the `ok` of its move: 1 s. The move that comes next is to be within what a person
+/// takes for an answer at once, too.
+const BOUND_TICKS: u64 = TICKS_PER_SECOND as u64;
 
 /// Of this, what must be certain whatever the host sends next: 0.5 s. A host that must first wake up, or send a line again, takes
 /// less.
@@ -157,7 +158,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.has_room() && !self.feeder.queue.link().is_stopping() && !self.holds_enough()
     }
 
-    /// Whether a host waits for room in time, too, with 1.5 s (`BOUND_TICKS`) of motion at hand, though the look-ahead ring has room: it is
+    /// Whether a host waits for room in time, too, with 1 s (`BOUND_TICKS`) of motion at hand, though the look-ahead ring has room: it is
     /// to see soon that it pauses, cancels or changes the feed.
     pub fn set_bounded_in_time(&mut self, is_bounded: bool) {
         self.is_bounded = is_bounded;

@@ -205,7 +205,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(self.motion.finish().await?)
     }
 
-    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but with about 1.5 s of motion at hand a
+    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but with about 1 s of motion at hand a
     /// move is answered when there is less.
     pub async fn execute_for_host(&mut self, line: u32, text: &str, is_numbered: bool) -> Result<(), Failure> {
         // The moves of a prepared job, between which a host is answered, fill the ring.

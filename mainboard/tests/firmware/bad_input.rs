@@ -51,7 +51,7 @@ fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
         let host = &mut bench.host;
         // Lines are numbered from 1, so this is the number of the next line.
         let number = index + 1;
-        // The motors keep moving for as long as there is motion at hand: 1.5 s, which the lines between bring back.
+        // The motors keep moving for as long as there is motion at hand: 1 s, which the lines between bring back.
         match index.wrapping_sub(LINES_INTO_THE_PRINT) {
             0 => answered(host, &garbage(20), 20),
             10 => {

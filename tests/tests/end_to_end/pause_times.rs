@@ -161,7 +161,7 @@ fn pause_and_cancel_act_within_seconds() {
                      Marlin's 16 blocks: standstill |\n|---|---|---|---|---|---|\n"
             .to_owned();
     for (name, text, limit_s, heaters_limit_s) in [
-        ("`examples/cube.gcode`", example("cube.gcode"), 3.0, 1.0),
+        ("`examples/cube.gcode`", example("cube.gcode"), 2.3, 1.0),
         ("`examples/supports.gcode.gz`", example("supports.gcode.gz"), 4.0, 2.0),
         ("`examples/vase.gcode.gz`", example("vase.gcode.gz"), 3.0, 1.5),
         // What is certain, the move whose end speed the next one may change, and the one that the host has just sent.
