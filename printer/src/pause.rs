@@ -63,13 +63,11 @@ impl<P: Ports> Printer<'_, P> {
             targets_celsius: Heater::ALL.map(|heater| self.heating.status(heater).target_celsius),
             drawn_100pm: 0,
             load_100pm,
-            parked: false,
             until_ms: words.longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest)),
         };
         if reason != PauseReason::Stop {
             self.draw_back(&mut paused).await?;
             self.park(park_10nm).await?;
-            paused.parked = true;
         }
         if reason == PauseReason::FilamentChange {
             self.move_filament(-unload_100pm, self.profile.pause.filament_10nm_per_s).await?;
@@ -106,14 +104,13 @@ impl<P: Ports> Printer<'_, P> {
             // Where the way back is stopped, the next try pushes no second time.
             paused.load_100pm = 0;
         }
-        if paused.parked {
-            let [x, y, z] = paused.place_10nm;
-            let [.., from_z] = self.motion.position_10nm();
-            // Above the print first, then down.
-            self.go([x, y, from_z.max(z)]).await?;
-            self.go([x, y, z]).await?;
-            self.push_back(&paused).await?;
-        }
+        // A person may have moved the nozzle, also where it had not gone aside (M0).
+        let [x, y, z] = paused.place_10nm;
+        let [.., from_z] = self.motion.position_10nm();
+        // Above the print first, then down.
+        self.go([x, y, from_z.max(z)]).await?;
+        self.go([x, y, z]).await?;
+        self.push_back(&paused).await?;
         self.interpreter.modal.go_on_as(&paused.modal);
         self.paused = None;
         self.tell_host("//action:resumed");

@@ -55,8 +55,6 @@ pub(crate) struct Paused {
     pub(crate) drawn_100pm: i64,
     /// New filament to push in before the nozzle goes back, units of 0.1 nm.
     pub(crate) load_100pm: i64,
-    /// The nozzle has gone aside.
-    pub(crate) parked: bool,
     /// When it goes on by itself, ms; `None`: never.
     pub(crate) until_ms: Option<u64>,
 }

@@ -387,7 +387,7 @@ fn a_file_that_pauses_waits_for_a_person() {
     {
         let setup = setup();
         let mut printer = setup.printer();
-        setup.put("P.GCO", format!("G28\nG1 X20 Y30 Z5 F6000\n{pause}\nG1 X40\n").as_bytes());
+        setup.put("P.GCO", format!("G28\nG1 X20 Y30 Z5 F6000\n{pause}\nM114\nG1 X40\n").as_bytes());
         let mut turn = 0;
         let mut paused_at = None;
         let said = setup.converse(&mut printer, &["M21", "M23 P.GCO", "M24"], &mut |_, _| {
@@ -398,17 +398,17 @@ fn a_file_that_pauses_waits_for_a_person() {
             }
             match paused_at {
                 // A person moves the head by hand meanwhile.
-                Some(at) if turn == at + 3 && pause != "M0" => {
-                    vec!["G91".to_owned(), "G1 X7 F600".to_owned(), "G90".to_owned()]
-                }
+                Some(at) if turn == at + 3 => vec!["G91".to_owned(), "G1 X7 Y-3 F600".to_owned(), "G90".to_owned()],
                 Some(at) if turn == at + 6 => vec!["M114".to_owned(), resume.to_owned()],
                 _ => Vec::new(),
             }
         });
         let place =
             said.iter().filter(|line| line.starts_with("X:")).nth(1).unwrap_or_else(|| panic!("{pause}: {said:?}"));
-        let expected = if pause == "M0" { "X:20.00 Y:30.00 Z:5.00" } else { "X:17.00 Y:190.00 Z:25.00" };
+        let expected = if pause == "M0" { "X:27.00 Y:27.00 Z:5.00" } else { "X:17.00 Y:187.00 Z:25.00" };
         assert!(place.starts_with(expected), "{pause}: {place}");
+        let back = said.iter().rfind(|line| line.starts_with("X:")).unwrap();
+        assert!(back.ends_with("Count X:1600 Y:2400 Z:2000"), "{pause}: {back}");
         let position =
             |text: &str| said.iter().position(|line| line == text).unwrap_or_else(|| panic!("{text} in {said:?}"));
         assert!(position("//action:paused") < position("//action:resumed"), "{pause}");
