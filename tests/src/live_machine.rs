@@ -8,21 +8,30 @@ use std::fmt::Write;
 
 use arbitrary::Unstructured;
 use ferrostep_gcode::{Command, Emergency, EmergencyScanner, LineReader, parse};
-use ferrostep_printer::{Host, Profile};
+use ferrostep_planner::StepsPerMm;
+use ferrostep_printer::{HomeEnd, HomeSensor, Host, Profile, SafeHoming};
 use ferrostep_step_player::{BothEdges, Pulses, Stepping};
 
 use crate::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, Ended, with_board};
 use crate::host_side::checksum;
 
-/// Lines in a conversation.
-const MAX_LINES: u32 = 200;
+/// How far a conversation goes: what is longer costs more than it finds.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    /// Most lines.
+    lines: u32,
+    /// How long the host waits for an answer, ms.
+    patience_ms: u64,
+    /// The same for a homing, ms.
+    homing_patience_ms: u64,
+    /// Longest virtual time, ms.
+    longest_ms: u64,
+}
 
-/// How long the host waits for an answer, and for the answer to a homing, ms.
-const PATIENCE_MS: u64 = 500;
-const HOMING_PATIENCE_MS: u64 = 20_000;
+const LIFE_SIZE: Bounds = Bounds { lines: 200, patience_ms: 500, homing_patience_ms: 20_000, longest_ms: 60_000 };
 
-/// Longest virtual time of a conversation, ms: longer ones cost more than they find.
-const LONGEST_MS: u64 = 60_000;
+/// For [`small_machine`], which does everything in milliseconds.
+const SMALL: Bounds = Bounds { lines: 16, patience_ms: 40, homing_patience_ms: 600, longest_ms: 1_500 };
 
 /// Greatest difference between filament and the extruder's steps.
 const EXTRUDER_STEPS: f64 = 1.0;
@@ -282,6 +291,7 @@ fn said(bytes: &mut Unstructured<'_>, number: &mut i64) -> arbitrary::Result<Sai
 struct Talk<'b, 'a, M: Stepping> {
     board: &'b Board<'a, M>,
     profile: &'b Profile,
+    bounds: Bounds,
     printer: BoardPrinter<'b, 'a, M>,
     host: Host,
     reader: LineReader,
@@ -298,10 +308,11 @@ struct Talk<'b, 'a, M: Stepping> {
 }
 
 impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
-    fn new(board: &'b Board<'a, M>, profile: &'b Profile) -> Self {
+    fn new(board: &'b Board<'a, M>, profile: &'b Profile, bounds: Bounds) -> Self {
         Self {
             board,
             profile,
+            bounds,
             printer: board.printer(),
             host: Host::new(),
             reader: LineReader::new(),
@@ -332,7 +343,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
             self.lines += 1;
             let homes = line.is_ok_and(|line| matches!(parse(line.text), Ok(Command::Home(_))));
             self.has_homed |= homes;
-            let patience_ms = if homes { HOMING_PATIENCE_MS } else { PATIENCE_MS };
+            let patience_ms = if homes { self.bounds.homing_patience_ms } else { self.bounds.patience_ms };
             let answers = self.board.answers();
             let ended = self.board.answer((&mut self.printer, &mut self.host), line, patience_ms);
             assert_eq!(self.board.answers(), answers + 1, "{line:?} has one answer\n{}", self.told());
@@ -356,7 +367,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
             let mut reader = LineReader::new();
             let line = format!("{text}\n");
             if let (_, Some(line)) = reader.feed(line.as_bytes()) {
-                self.board.answer((&mut self.printer, &mut self.host), line, PATIENCE_MS);
+                self.board.answer((&mut self.printer, &mut self.host), line, self.bounds.patience_ms);
             }
         }
         self.check();
@@ -447,12 +458,12 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
     }
 }
 
-fn talk<M: Stepping>(profile: &Profile, look_ahead: usize, bytes: &mut Unstructured<'_>) {
+fn talk<M: Stepping>(profile: &Profile, bounds: Bounds, look_ahead: usize, bytes: &mut Unstructured<'_>) {
     with_board::<M, _>(profile, look_ahead, Costs::BOARD, |board| {
-        let mut talk = Talk::new(board, profile);
+        let mut talk = Talk::new(board, profile, bounds);
         talk.say(b"M302 P1\nM83\n");
         let mut number = 1;
-        while !bytes.is_empty() && talk.lines < MAX_LINES && board.now() < LONGEST_MS * CYCLES_A_MS {
+        while !bytes.is_empty() && talk.lines < bounds.lines && board.now() < bounds.longest_ms * CYCLES_A_MS {
             match said(bytes, &mut number) {
                 Ok(Said::Bytes(bytes)) => talk.say(&bytes),
                 Ok(Said::Silence(ms)) => board.stay_silent(ms),
@@ -479,12 +490,54 @@ fn talk<M: Stepping>(profile: &Profile, look_ahead: usize, bytes: &mut Unstructu
 /// # Panics
 /// If the printer panics, does not answer, or is wrong about its motors; the message contains the conversation.
 pub fn live_machine(profile: &Profile, bytes: &[u8]) {
+    converse(profile, LIFE_SIZE, bytes);
+}
+
+/// As [`live_machine`], but short, with a machine from [`small`]: a hundred times as many conversations in the same time.
+///
+/// # Panics
+/// As [`live_machine`].
+pub fn small_machine(profile: &Profile, bytes: &[u8]) {
+    converse(profile, SMALL, bytes);
+}
+
+/// Edge of a small machine, units of 10 nm: 20 mm.
+const SMALL_10NM: i64 = 2_000_000;
+
+/// A tenth of this machine in size, a sixteenth in steps/mm, and far faster, so that whatever it does takes milliseconds and few
+/// steps.
+pub fn small(profile: &Profile) -> Profile {
+    let mut small = *profile;
+    small.size_10nm = [SMALL_10NM; 3];
+    small.lower_end_10nm = [0; 3];
+    for steps in &mut small.steps_per_mm {
+        *steps = StepsPerMm::from_f64(steps.to_f64() / 16.0).unwrap_or(*steps);
+    }
+    let limits = &mut small.limits;
+    limits.max_feed_mm_per_s = [1_000.0; 4];
+    limits.max_acceleration_mm_per_s2 = [50_000.0; 4];
+    limits.print_acceleration_mm_per_s2 = 50_000.0;
+    limits.travel_acceleration_mm_per_s2 = 50_000.0;
+    limits.retract_acceleration_mm_per_s2 = 50_000.0;
+    small.safe_homing = SafeHoming::NONE;
+    for axis in &mut small.homing {
+        axis.sensor = HomeSensor::EndStop;
+        axis.position_10nm = if axis.end == HomeEnd::Max { SMALL_10NM } else { 0 };
+        (axis.fast_mm_per_s, axis.slow_mm_per_s) = (400.0, 200.0);
+        (axis.back_off_10nm, axis.overrun_10nm, axis.agree_10nm) = (100_000, 200_000, 50_000);
+    }
+    small.pause.place_10nm = [100_000, 1_900_000];
+    small.pause.rise_10nm = 100_000;
+    small
+}
+
+fn converse(profile: &Profile, bounds: Bounds, bytes: &[u8]) {
     let mut bytes = Unstructured::new(bytes);
     let Ok(build) = bytes.int_in_range(0..=3u8) else { return };
     let look_ahead = if build & 1 == 0 { 128 } else { 3 };
     if build & 2 == 0 {
-        talk::<Pulses>(profile, look_ahead, &mut bytes);
+        talk::<Pulses>(profile, bounds, look_ahead, &mut bytes);
     } else {
-        talk::<BothEdges>(profile, look_ahead, &mut bytes);
+        talk::<BothEdges>(profile, bounds, look_ahead, &mut bytes);
     }
 }

@@ -79,6 +79,11 @@ impl VirtualUpdateTimer {
             let was_due = self.due.replace(true);
             self.latched.set(self.latched.get() || !was_due);
             self.updates.set((self.updates.get() + 1) & MAX_EVENTS);
+            // The periods after the first are all alike.
+            let period = (u64::from(self.active.get()) + 1) * CYCLES_A_TICK;
+            let whole = cycle.saturating_sub(self.period_start.get()) / period;
+            self.period_start.set(self.period_start.get() + whole * period);
+            self.updates.set((u64::from(self.updates.get()) + whole) as u16 & MAX_EVENTS);
         }
         self.now.set(self.now.get().max(cycle));
     }
@@ -158,5 +163,33 @@ impl UpdateTimer for VirtualUpdateTimer {
     fn forget_served(&self) {
         // The line is the flag's level: an update that has not been served stays.
         self.latched.set(self.due.get());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The flag is up, and the second timer has counted every update, also where many fall into one pass.
+    #[test]
+    fn one_pass_is_as_many_small_ones() {
+        for (reload, cycles) in [(0, 1_000_001), (99, 70_000 * 200), (20_999, 41_999), (20_999, 42_000), (6, 3)] {
+            let [leaping, stepping] = [(); 2].map(|()| {
+                let timer = VirtualUpdateTimer::default();
+                timer.wire_update_count(true);
+                timer.preloaded.set(reload);
+                timer
+            });
+            let start = stepping.next_at();
+            leaping.pass_to(start + cycles);
+            while stepping.next_at() <= start + cycles {
+                stepping.pass_to(stepping.next_at());
+            }
+            stepping.pass_to(start + cycles);
+            assert_eq!(leaping.update_count(), stepping.update_count(), "{reload} {cycles}");
+            assert_eq!(leaping.next_at(), stepping.next_at(), "{reload} {cycles}");
+            assert_eq!(leaping.now_cycles(), stepping.now_cycles());
+            assert!(leaping.due.get() && leaping.latched.get());
+        }
     }
 }
