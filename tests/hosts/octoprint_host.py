@@ -11,12 +11,16 @@ import socket
 import subprocess
 import sys
 import time
+import uuid
 
 import requests
 import yaml
 
 PATIENCE_S = 240
-KEY = "0123456789ABCDEF0123456789ABCDEF"
+# Another program may take the port before OctoPrint does; so many ports are tried.
+PORTS = 5
+# Of this OctoPrint only: one of another test, which has got the port, does not know it.
+KEY = uuid.uuid4().hex.upper()
 
 
 def free_port():
@@ -56,12 +60,20 @@ class OctoPrint:
         self.folder = pathlib.Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / "config.yaml").write_text(yaml.safe_dump(settings(ports)), encoding="utf-8")
-        self.http = free_port()
-        program = pathlib.Path(sys.executable).parent / "octoprint"
-        command = [program, "serve", "--iknowwhatimdoing", "--basedir", folder, "--host", "127.0.0.1", "--port", str(self.http)]
         self.output = open(self.folder / "output.txt", "wb")
+        for _ in range(PORTS):
+            if self.starts(free_port()):
+                return
+        raise SystemExit(f"OctoPrint does not start; its log: {self.log()[-40:]}")
+
+    def starts(self, port):
+        """Whether it starts at this port; it ends where another program has taken that."""
+        self.http = port
+        program = pathlib.Path(sys.executable).parent / "octoprint"
+        command = [program, "serve", "--iknowwhatimdoing", "--basedir", str(self.folder), "--host", "127.0.0.1", "--port", str(self.http)]
         self.process = subprocess.Popen(command, stdout=self.output, stderr=subprocess.STDOUT)
-        self.wait(self.is_up, "OctoPrint does not start")
+        self.wait(lambda: self.process.poll() is not None or self.is_up(), "OctoPrint does not start")
+        return self.process.poll() is None
 
     def end(self):
         self.process.terminate()
@@ -73,13 +85,16 @@ class OctoPrint:
 
     def is_up(self):
         try:
-            return self.call("get", "version") is not None
+            return self.ask("get", "version").ok
         except requests.ConnectionError:
             return False
 
-    def call(self, method, path, **arguments):
+    def ask(self, method, path, **arguments):
         url = f"http://127.0.0.1:{self.http}/api/{path}"
-        reply = getattr(requests, method)(url, headers={"X-Api-Key": KEY}, timeout=60, **arguments)
+        return getattr(requests, method)(url, headers={"X-Api-Key": KEY}, timeout=60, **arguments)
+
+    def call(self, method, path, **arguments):
+        reply = self.ask(method, path, **arguments)
         if reply.status_code == 503:
             return None
         if not reply.ok:

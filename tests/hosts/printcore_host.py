@@ -23,6 +23,8 @@ ACTS_AT = 1500
 # which polls temperatures, goes on after its own while. A host that asks too soon gets one answer too many, and from then on has a
 # line more under way, which printcore's way of sending again does not bear.
 ASKS_AFTER_S = 0.5
+# What printcore does without a word from the printer (its own counters) is looked at this often, s.
+LOOKS_EVERY_S = 0.01
 
 
 class Host:
@@ -32,7 +34,8 @@ class Host:
         self.core = printcore()
         self.heard = []
         self.errors = []
-        self.last = time.monotonic()
+        # Notified with every line.
+        self.news = threading.Condition()
         self.core.recvcb = self.hear
         self.core.errorcb = self.errors.append
         self.port = port
@@ -40,12 +43,22 @@ class Host:
         self.watching = False
 
     def hear(self, line):
-        self.last = time.monotonic()
-        self.heard.append(line.strip())
+        with self.news:
+            self.heard.append(line.strip())
+            self.news.notify_all()
+
+    def wait(self, is_there, otherwise):
+        """Waits for something that the printer says, or that printcore makes of it right after."""
+        end = time.monotonic() + PATIENCE_S
+        with self.news:
+            while not is_there():
+                if time.monotonic() > end:
+                    give_up(otherwise)
+                self.news.wait(LOOKS_EVERY_S)
 
     def connect(self):
         self.core.connect(self.port, 115200)
-        wait(lambda: self.core.online, "the printer does not answer")
+        self.wait(lambda: self.core.online, "the printer does not answer")
 
     def ask_when_lost(self):
         """Asks for temperatures whenever an answer does not come."""
@@ -53,9 +66,9 @@ class Host:
 
         def watch():
             while self.watching:
-                time.sleep(0.02)
-                if self.core.printing and not self.core.clear and time.monotonic() - self.last > ASKS_AFTER_S:
-                    self.last = time.monotonic()
+                with self.news:
+                    is_silent = not self.news.wait(ASKS_AFTER_S)
+                if is_silent and self.core.printing and not self.core.clear:
                     self.asked += 1
                     self.core.printer.write(b"M105\n")
 
@@ -67,10 +80,10 @@ class Host:
         self.core.startprint(gcode)
 
     def until_line(self, number):
-        wait(lambda: self.core.queueindex >= number, "the print does not go on")
+        self.wait(lambda: self.core.queueindex >= number, "the print does not go on")
 
     def until_printed(self):
-        wait(lambda: not self.core.printing, "the print does not end")
+        self.wait(lambda: not self.core.printing, "the print does not end")
 
     def say(self, command):
         """Sends a command outside a print; what is heard up to its answer."""
@@ -80,7 +93,7 @@ class Host:
         def answered():
             return any(line.startswith("ok") for line in self.heard[before:])
 
-        wait(answered, f"no answer to {command}")
+        self.wait(answered, f"no answer to {command}")
         return self.heard[before:]
 
     def figures(self):
@@ -91,7 +104,7 @@ class Host:
         def said():
             return [line for line in self.heard[before:] if line.startswith("echo:motion ")]
 
-        wait(said, "no answer to M797")
+        self.wait(said, "no answer to M797")
         return said()[0]
 
     def count(self, start):
@@ -102,14 +115,6 @@ def give_up(why):
     """Ends at once: printcore's threads would go on."""
     print(why, file=sys.stderr, flush=True)
     os._exit(1)
-
-
-def wait(is_there, otherwise):
-    end = time.monotonic() + PATIENCE_S
-    while not is_there():
-        if time.monotonic() > end:
-            give_up(otherwise)
-        time.sleep(0.005)
 
 
 def prints(host, file):
@@ -127,8 +132,8 @@ def pauses_and_resumes(host, file):
     host.start(file)
     host.until_line(ACTS_AT)
     host.core.pause()
+    # Its answer says that the printer stands.
     host.say("M400")
-    time.sleep(1)
     host.core.resume()
     host.until_printed()
 
@@ -148,7 +153,7 @@ def stops(host, file):
     host.until_line(ACTS_AT)
     host.core.pause()
     host.core.send_now("M112")
-    wait(lambda: host.count("Error:Printer halted"), "no word of the halt")
+    host.wait(lambda: host.count("Error:Printer halted"), "no word of the halt")
     host.core.disconnect()
     host.connect()
     host.say("M999")
@@ -159,7 +164,6 @@ def reconnects(host, file):
     host.start(file)
     host.until_line(ACTS_AT)
     host.core.disconnect()
-    time.sleep(0.5)
     host.connect()
     host.say("G92 E0")
     prints(host, file)

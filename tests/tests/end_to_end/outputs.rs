@@ -286,25 +286,32 @@ fn an_interrupted_command_leaves_the_old_file_and_no_part() {
     }
 }
 
-/// Under `nohup` the command must survive the terminal.
+/// Under `nohup` the command must survive the terminal. The second signal, which is not ignored, ends it: had the first had an effect,
+/// that would have come before.
 #[test]
 fn an_ignored_signal_stays_ignored() {
     let directory = directory();
     let input = fifo(&directory, "job");
     let out = directory.path().join("out.gpre");
-    let script = "trap '' HUP; exec \"$0\" preprocess \"$1\" -o \"$2\"";
-    let child = Command::new("sh")
-        .args(["-c", script, text(crate::command::program()), text(&input), text(&out)])
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    let mut writer = fs::File::options().write(true).open(&input).unwrap();
-    writer.write_all(b"G28\nG1 X10 F3000\n").unwrap();
-    wait_for_part(&directory, 1);
-    assert!(Command::new("kill").args(["-HUP", &child.id().to_string()]).status().unwrap().success());
-    std::thread::sleep(Duration::from_millis(50));
-    drop(writer);
-    assert!(child.wait_with_output().unwrap().status.success());
+    let script = "trap '' HUP; exec env --default-signal=TERM \"$0\" preprocess \"$1\" -o \"$2\"";
+    for (signals, ended_by) in [(&["-HUP", "-TERM"][..], Some(15)), (&["-HUP"], None)] {
+        let child = Command::new("sh")
+            .args(["-c", script, text(crate::command::program()), text(&input), text(&out)])
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut writer = fs::File::options().write(true).open(&input).unwrap();
+        writer.write_all(b"G28\nG1 X10 F3000\n").unwrap();
+        wait_for_part(&directory, 1);
+        for signal in signals {
+            assert!(Command::new("kill").args([*signal, &child.id().to_string()]).status().unwrap().success());
+        }
+        if ended_by.is_none() {
+            drop(writer);
+        }
+        let status = child.wait_with_output().unwrap().status;
+        assert_eq!((status.signal(), status.success()), (ended_by, ended_by.is_none()));
+    }
     assert_eq!(names(&directory), ["job", "out.gpre"]);
 }
 
