@@ -1,8 +1,10 @@
 """Runs OctoPrint without a window, and does to its prints what a person does by its buttons (its REST interface).
 
     octoprint_host.py PORT FILE BAD_PORT PART FOLDER
+    octoprint_host.py PORT FILE FOLDER
 
-FOLDER holds its settings and its log. PART is printed at BAD_PORT, whose line is damaged. What was seen is printed as one JSON object.
+FOLDER holds its settings and its log. PART is printed at BAD_PORT, whose line is damaged. The second form prints FILE only. What was
+seen is printed as one JSON object.
 """
 
 import json
@@ -156,7 +158,25 @@ class OctoPrint:
         self.wait(lambda: self.state() == "Operational" and self.completion() >= 100, "the print does not end")
 
 
+def prints(port, file, folder):
+    octoprint = OctoPrint([port], folder)
+    try:
+        octoprint.connect(port)
+        octoprint.print(file)
+        octoprint.until_printed()
+        seen = {
+            "printed": octoprint.figures(),
+            "resends": len(octoprint.heard("Resend:")),
+            "errors": octoprint.heard("Error:"),
+        }
+    finally:
+        octoprint.end()
+    print(json.dumps(seen))
+
+
 def main():
+    if len(sys.argv) == 4:
+        return prints(*sys.argv[1:])
     port, file, bad_port, part, folder = sys.argv[1:6]
     octoprint = OctoPrint([port, bad_port], folder)
     seen = {}

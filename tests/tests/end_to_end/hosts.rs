@@ -302,7 +302,7 @@ fn a_hosts_ok_waits_with_seconds_of_motion_at_hand() {
         let machine = machine(&profile);
         let times = answered_at_s(&machine, &lines);
         // All its motion, or its certain part, the move whose end speed the next one may still change, and the braking.
-        let most = f64::max(1.5, 0.5 + seconds) + 0.2;
+        let most = f64::max(1.0, 0.5 + seconds) + 0.2;
         for (index, at_s) in times.iter().enumerate() {
             let held = (index + 1) as f64 * seconds - at_s;
             assert!(held <= most, "{}: {held} s of motion, more than {most}", lines[index]);

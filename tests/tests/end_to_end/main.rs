@@ -34,6 +34,7 @@ mod pauses;
 mod prepared;
 mod prints;
 mod programs;
+mod protocol;
 #[cfg(unix)]
 mod pty_board;
 mod refusals;
