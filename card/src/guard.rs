@@ -51,6 +51,8 @@ pub struct Guard<S> {
     /// A block after the end was asked for.
     passed_end: Cell<bool>,
     is_whole: Cell<bool>,
+    /// Why a block could not be read or written.
+    failed: Cell<Option<CardError>>,
 }
 
 impl<S: CardSlot> Guard<S> {
@@ -64,6 +66,7 @@ impl<S: CardSlot> Guard<S> {
             end: Cell::new(u32::MAX),
             passed_end: Cell::new(false),
             is_whole: Cell::new(false),
+            failed: Cell::new(None),
         }
     }
 
@@ -93,6 +96,16 @@ impl<S: CardSlot> Guard<S> {
     /// place at the end of the table of clusters for a cluster.
     pub fn take_passed_end(&self) -> bool {
         self.passed_end.take()
+    }
+
+    /// Why a block could not be read or written since this was last asked: embedded-sdmmc 0.10 takes a chain of clusters whose next
+    /// number cannot be read for one that ends there.
+    pub fn take_failed(&self) -> Option<CardError> {
+        self.failed.take()
+    }
+
+    fn noted(&self, outcome: Result<(), CardError>) -> Result<(), CardError> {
+        outcome.inspect_err(|&error| self.failed.set(Some(error)))
     }
 
     /// Begins a task that may read and write this many blocks.
@@ -174,7 +187,7 @@ impl<S: CardSlot> BlockDevice for Guard<S> {
                 made_up_partitions(block, self.slot.num_blocks()?.0);
                 continue;
             };
-            self.slot.read(core::slice::from_mut(block), place)?;
+            self.noted(self.slot.read(core::slice::from_mut(block), place))?;
             if self.purpose.get() != Purpose::Data && !self.is_in_tables(index) {
                 mend_folder(block, self.purpose.get() == Purpose::Names);
             }
@@ -189,7 +202,7 @@ impl<S: CardSlot> BlockDevice for Guard<S> {
                 return Err(CardError::Damaged);
             }
             match self.place(BlockIdx(index))? {
-                Some(place) => self.slot.write(core::slice::from_ref(block), place)?,
+                Some(place) => self.noted(self.slot.write(core::slice::from_ref(block), place))?,
                 None => return Err(CardError::Damaged),
             }
         }

@@ -50,11 +50,34 @@ impl<S: CardSlot> CardServer<S> {
     /// Does one task that the mailbox waits for; `false` if it waits for none.
     pub fn serve(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
         if let Some(request) = mailbox.with(Mailbox::take_request) {
+            // What was read ahead has told its failures itself.
+            self.manager.device(|guard| guard.take_failed());
             let answer = self.fulfil(request, mailbox);
+            let answer = self.checked(answer, mailbox);
             mailbox.with(|mailbox| mailbox.answer(answer));
             return true;
         }
         self.read_ahead(mailbox) || self.write_behind(mailbox, false).unwrap_or(true)
+    }
+
+    /// The answer, unless a block could not be read that it needed, and embedded-sdmmc went on without.
+    fn checked(
+        &mut self,
+        answer: Result<Answer, CardFailure>,
+        mailbox: &mut impl SharedMailbox,
+    ) -> Result<Answer, CardFailure> {
+        match (self.manager.device(|guard| guard.take_failed()), answer) {
+            (Some(error), Ok(_) | Err(CardFailure::NotFound)) => {
+                self.forget();
+                self.open = Open::Nothing;
+                mailbox.with(|mailbox| {
+                    mailbox.begin(Stream::Closed, 0);
+                    mailbox.set_opened(None);
+                });
+                Err(error.into())
+            }
+            (_, answer) => answer,
+        }
     }
 
     /// The volume, and a budget for a task with it.
@@ -227,6 +250,7 @@ impl<S: CardSlot> CardServer<S> {
         if let Open::Reading(file, _) = core::mem::replace(&mut self.open, Open::Nothing) {
             let _ = self.manager.close_file(file);
         }
+        self.manager.device(|guard| guard.take_failed());
         mailbox.with(|mailbox| {
             mailbox.begin(Stream::Closed, 0);
             mailbox.set_opened(None);

@@ -215,3 +215,32 @@ fn damaged_data_and_bad_blocks_end_a_task() {
         }
     }
 }
+
+/// A list is whole, or says that a block could not be read; and a file that is there is not taken for missing. embedded-sdmmc takes a
+/// chain of clusters whose next number cannot be read for one that ends there.
+#[test]
+fn a_block_that_cannot_be_read_shortens_no_list() {
+    // The volume's beginning, its table of clusters and its first folders.
+    for (name, blocks) in [("fat16", vec![0..300]), ("fat32", vec![2_048..2_100, 3_000..3_300])] {
+        let card = mounted(name);
+        let options = ListOptions { long: false, time: false };
+        let sound = common::list(&card, options).unwrap();
+        let mut failed = 0;
+        for block in blocks.into_iter().flatten() {
+            assert_eq!(ask(&card, Request::Mount), Ok(Answer::Done));
+            card.with_slot(|slot| slot.set_fault(Some(CardFault::Unreadable(block..block + 1))));
+            match common::list(&card, options) {
+                Ok(lines) => assert_eq!(lines, sound, "{name}, block {block}"),
+                Err(failure) => {
+                    assert_eq!(failure, CardFailure::Slot(CardError::Garbled), "{name}, block {block}");
+                    failed += 1;
+                }
+            }
+            let again = ask(&card, Request::Mount);
+            let opened = again.and_then(|_| ask(&card, Request::Open(path("MANY/GAPS.GCO"))));
+            assert!(!matches!(opened, Err(CardFailure::NotFound)), "{name}, block {block}");
+            card.with_slot(|slot| slot.set_fault(None));
+        }
+        assert!(failed >= 3, "{name}: {failed} blocks were needed");
+    }
+}
