@@ -221,7 +221,7 @@ fn damaged_data_and_bad_blocks_end_a_task() {
 #[test]
 fn a_block_that_cannot_be_read_shortens_no_list() {
     // The volume's beginning, its table of clusters and its first folders.
-    for (name, blocks) in [("fat16", vec![0..300]), ("fat32", vec![2_048..2_100, 3_000..3_300])] {
+    for (name, blocks) in [("fat16", [0..300, 0..0]), ("fat32", [2_048..2_100, 3_000..3_300])] {
         let card = mounted(name);
         let options = ListOptions { long: false, time: false };
         let sound = common::list(&card, options).unwrap();

@@ -154,9 +154,11 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("virtual mainboard: lints", || {
         system::run(cargo_there().args(["clippy", "--release", "--all-targets", "--", "-D", "warnings"]))
     })?;
+    let hosts = crate::hosts::install(run)?;
     run.step("virtual mainboard: tests", || {
         let mut tests = cargo_there();
         tests.args(["test", "--release", "--no-fail-fast"]).env(crate::image::IMAGES_VARIABLE, crate::image::images());
+        tests.env(crate::HOSTS_VARIABLE, &hosts);
         system::run_tests(&mut tests)
     })?;
     run.step("virtual mainboard: the images print", || {

@@ -25,6 +25,7 @@ mod noise;
 mod pins;
 mod port_log;
 mod prepared;
+mod real_hosts;
 mod rehearsal;
 mod same_steps;
 mod shipped;

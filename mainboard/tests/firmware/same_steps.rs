@@ -12,18 +12,19 @@ pub const LINES: usize = 320;
 
 /// The reply to M797.
 #[derive(Debug)]
-struct Motion {
-    order_digest: u64,
-    step_digest: u64,
-    underruns: u64,
-    starvation_flushes: u64,
-    idle_flushes: u64,
-    planning_slowdowns: u64,
+pub struct Motion {
+    pub order_digest: u64,
+    pub step_digest: u64,
+    pub underruns: u64,
+    pub starvation_flushes: u64,
+    pub idle_flushes: u64,
+    pub planning_slowdowns: u64,
     steps: [u64; 4],
 }
 
 impl Motion {
-    fn parse(line: &str) -> Self {
+    /// Reads M797's line.
+    pub fn parse(line: &str) -> Self {
         let word = |name: &str| {
             let rest = line.split_once(&format!(" {name}:")).unwrap_or_else(|| panic!("no {name} in {line:?}")).1;
             rest.split(' ').next().unwrap().to_owned()
