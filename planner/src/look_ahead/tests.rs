@@ -38,8 +38,10 @@ proptest! {
         moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..60),
         markers in any::<u64>(),
     ) {
-        // Whole units of 10 nm, as in a block.
-        let moves: Vec<_> = moves.into_iter().map(|(v, a, length, j)| (v, a, f64::floor(length * 1e5) / 1e5, j)).collect();
+        // Whole units of 10 nm and of 2^-8 mm/s^2, as in a block.
+        let whole = |value: f64, per_unit: f64| (value * per_unit).floor() / per_unit;
+        let moves: Vec<_> =
+            moves.into_iter().map(|(v, a, length, j)| (v, whole(a, 256.0), whole(length, 1e5), j)).collect();
         let mut ring = BlockQueue::<_>::new(vec![Slot::EMPTY; 128]);
         for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
             let block = block(nominal, acceleration, length);
