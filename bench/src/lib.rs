@@ -13,6 +13,7 @@ pub mod pieces;
 pub mod prepared;
 pub mod queue;
 pub mod report;
+pub mod shaped;
 pub mod span;
 pub mod step_events;
 pub mod whole_print;

@@ -130,6 +130,8 @@ pub enum Goal {
     OneBlock,
     /// All.
     AllBlocks,
+    /// As many as one call of the planner takes: none, or one.
+    OneCall,
 }
 
 /// Why [`advance`] has returned.
@@ -145,12 +147,15 @@ pub enum Outcome {
 
 /// Blocks to the step queue. One copy, as in the firmware.
 pub fn advance(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue, goal: Goal) -> Outcome {
-    while goal == Goal::AllBlocks || !planner.has_room() {
+    while goal != Goal::OneBlock || !planner.has_room() {
         if !queue.has_room() {
             return Outcome::QueueFull;
         }
         if planner.advance(queue) == Progress::Waiting {
             return Outcome::Waiting;
+        }
+        if goal == Goal::OneCall {
+            break;
         }
     }
     Outcome::Reached

@@ -5,6 +5,7 @@ use core::fmt;
 use crate::figures::{Mean, StepEvents};
 use crate::prepared::Prepared;
 use crate::queue::Tally;
+use crate::shaped::Shaped;
 
 /// What a line costs, from its end point to entries in the step queue. One build of this program tells the instructions,
 /// the other the rest.
@@ -122,6 +123,8 @@ pub struct Report<'a> {
     pub trapezoid: u32,
     /// The same along X, with filament.
     pub trapezoid_one_axis: u32,
+    /// Motion through filters.
+    pub shaped: Shaped,
     /// Lines of two axes.
     pub lines: &'a Lines,
     /// Moves as G-code and prepared.
@@ -150,6 +153,7 @@ impl fmt::Display for Report<'_> {
             write!(out, "{before}\"{name}_to_block\": {}, \"{name}_to_queue\": {}", ways.to_block, ways.to_queue)?;
         }
         out.write_str("}")?;
+        write!(out, ", \"shaped\": {}", self.shaped)?;
         for (kind, lines) in self.lines.wu_by_kind() {
             write!(out, ", \"{kind}\": {{")?;
             for (index, line) in lines.iter().enumerate() {

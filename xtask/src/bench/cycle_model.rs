@@ -10,6 +10,23 @@ const ENTRY_AND_EXIT_CYCLES: f64 = 12.0 + 10.0;
 /// Cycles an instruction. Klipper's step, 33 instructions, takes 46 cycles on an STM32F407 by its own benchmark.
 const CYCLES_PER_INSTRUCTION: f64 = 1.4;
 
+/// What a square root and a division take beyond two such instructions: 14 cycles each (the same manual, floating point).
+const ROOT_AND_DIVISION_MORE_CYCLES: f64 = 2.0 * (14.0 - CYCLES_PER_INSTRUCTION);
+
+/// Share of the processor, percent, that so many steps a second take, each of which is solved for by a root and a division and
+/// is an interrupt of its own.
+pub fn solved_steps_percent(per_s: f64, instructions: f64, interrupt_instructions: f64) -> f64 {
+    let cycles = ROOT_AND_DIVISION_MORE_CYCLES
+        + ENTRY_AND_EXIT_CYCLES
+        + CYCLES_PER_INSTRUCTION * (instructions + interrupt_instructions);
+    100.0 * per_s * cycles / CLOCK_HZ
+}
+
+/// Share of the processor, percent, that something takes which is done so often.
+pub fn percent(per_s: f64, instructions: f64) -> f64 {
+    100.0 * per_s * CYCLES_PER_INSTRUCTION * instructions / CLOCK_HZ
+}
+
 /// Maximum of events a second for a processor that only steps and enters its handler anew for each.
 pub fn events_per_s(instructions: f64) -> f64 {
     CLOCK_HZ / (ENTRY_AND_EXIT_CYCLES + CYCLES_PER_INSTRUCTION * instructions)
@@ -23,6 +40,13 @@ mod tests {
     fn the_cycles_an_instruction_are_those_of_klippers_benchmark() {
         // 33 instructions a step, 3652 k steps a second, without entering anew for each.
         assert!((CLOCK_HZ / (CYCLES_PER_INSTRUCTION * 33.0) / 3_652e3 - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn shares_of_the_processor_are_in_percent() {
+        // 22 to enter and leave, 25.2 for root and division, 1.4 for each of 120: 215.2 cycles, a 168,000th of a second's each.
+        assert!((solved_steps_percent(1_000.0, 86.0, 34.0) - 0.1 * 215.2 / 168.0).abs() < 1e-9);
+        assert!((percent(1_000.0, 120.0) - 0.1).abs() < 1e-9);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::chart::{self, Bar, Group};
 use super::cycle_model::events_per_s;
 use super::figures::{number, shown};
+use super::per_event::{FAST_STEPS_PER_S, MOST_BREAKPOINTS_PER_S};
 use super::{desk, lines};
 use crate::generated::Page;
 use crate::steps::Failure;
@@ -51,6 +52,7 @@ fn tables(figures: &Value) -> String {
     let _ = step_interrupt(&mut out, figures);
     let _ = steps_per_second(&mut out, figures);
     let _ = line_to_queue(&mut out, figures);
+    let _ = shaped(&mut out, figures);
     let _ = lines::tables(&mut out, figures);
     let _ = estimates(&mut out, figures);
     let _ = image(&mut out, figures);
@@ -167,6 +169,45 @@ fn line_to_queue(out: &mut String, figures: &Value) -> std::fmt::Result {
     )
 }
 
+/// Nothing where it is not counted.
+fn shaped(out: &mut String, figures: &Value) -> std::fmt::Result {
+    let count = |key: &str| number(figures, &format!("target.shaped.{key}"));
+    if count("per_step").is_none() {
+        return Ok(());
+    }
+    writeln!(out, "## Shaped motion\n")?;
+    writeln!(
+        out,
+        "A line of 20 mm at 300 mm/s and 10,000 mm/s² through [filters](input-shaping.md), MZV at 50 Hz in X and 40 Hz in Y: \
+         X, Y\nand filament, from the popped block to entries in the queue (`target.shaped`). Every motor steps at its own time.\n"
+    )?;
+    writeln!(out, "| part | key | instructions | goal |\n|---|---|---|---|")?;
+    let rows = [
+        ("a motor's step: its time, and merging it with the others'", "per_step", "120"),
+        (
+            "a breakpoint, where one of seven delays comes to another piece of the plan",
+            "per_breakpoint",
+            "616: 264 for three of them",
+        ),
+        ("a block to pieces of the plan", "begin_line", ""),
+        ("the line at 160 steps/mm, all of it", "line", ""),
+        ("the same on CoreXY", "line_core_xy", ""),
+    ];
+    for (what, key, goal) in rows {
+        writeln!(out, "| {what} | `{key}` | {} | {goal} |", shown(count(key)))?;
+    }
+    writeln!(
+        out,
+        "\nBy the model above, with 14 cycles for each square root and division, steps take {} % of 168 MHz at {} a second (goal: \
+         25 %), each\nan interrupt of its own (`percent_at_140k_steps`). The shortest moves that the plan lets through make {} \
+         breakpoints a second, which take\n{} % (`percent_of_most_breakpoints`).\n",
+        shown(count("percent_at_140k_steps")),
+        shown(Some(FAST_STEPS_PER_S)),
+        shown(Some((MOST_BREAKPOINTS_PER_S / 100.0).round() * 100.0)),
+        shown(count("percent_of_most_breakpoints")),
+    )
+}
+
 fn estimates(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(out, "## Estimates on the desk\n")?;
     writeln!(
@@ -231,6 +272,15 @@ mod tests {
         );
         let chart = std::fs::read_to_string(system::root().join(CHART)).unwrap();
         assert!(chart == step_chart(&figures), "`cargo xtask bench --save-baseline` writes {CHART}");
+    }
+
+    #[test]
+    fn shaped_motion_has_its_section_where_it_is_counted() {
+        assert!(!tables(&json!({})).contains("Shaped"));
+        let figures = json!({"target": {"shaped": {"per_step": 110.4, "percent_at_140k_steps": 24.1}}});
+        let tables = tables(&figures);
+        assert!(tables.contains("| `per_step` | 110.4 | 120 |"), "{tables}");
+        assert!(tables.contains("24.1 % of 168 MHz at 140 000 a second"), "{tables}");
     }
 
     #[test]

@@ -2,7 +2,15 @@
 
 use serde_json::{Value, json};
 
+use super::cycle_model::{percent, solved_steps_percent};
 use crate::steps::Failure;
+
+/// Steps a second of all motors of a fast machine: CoreXY with 160 steps/mm at 300 mm/s.
+pub const FAST_STEPS_PER_S: f64 = 140e3;
+
+/// Breakpoints a second of the bench's filters, MZV at 50 and 40 Hz, in the shortest moves that the plan lets through: 36 pieces of
+/// it within the 18.8 ms of the longer filter, seen at each of 7 delays.
+pub const MOST_BREAKPOINTS_PER_S: f64 = 36.0 * 7.0 / 18.8e-3;
 
 /// What is counted for each event: its place in the counts and the workload, and its key in the target's figures.
 const PER_EVENT: [(&str, &[&str]); 3] = [
@@ -32,7 +40,24 @@ pub fn target(counts: &Value, workload: &Value) -> Result<Value, Failure> {
         }
         *place = json!(each);
     }
+    add_shares(&mut target)?;
     Ok(target)
+}
+
+/// What shaped motion takes of the processor.
+fn add_shares(target: &mut Value) -> Result<(), Failure> {
+    let interrupt = number(target, &["step_event", "new_stair_1_axis"])?;
+    let step = number(target, &["shaped", "per_step"])?;
+    let breakpoint = number(target, &["shaped", "per_breakpoint"])?;
+    let shares = [
+        ("percent_at_140k_steps", solved_steps_percent(FAST_STEPS_PER_S, step, interrupt)),
+        ("percent_of_most_breakpoints", percent(MOST_BREAKPOINTS_PER_S, breakpoint)),
+    ];
+    let shaped = target.get_mut("shaped").and_then(Value::as_object_mut).ok_or("the bench shaped nothing")?;
+    for (key, share) in shares {
+        shaped.insert(key.to_owned(), json!((share * 10.0).round() / 10.0));
+    }
+    Ok(())
 }
 
 /// The number of events.
@@ -59,7 +84,8 @@ mod tests {
     use super::*;
 
     fn counts() -> Value {
-        json!({"target": {"parse_line": 7, "line_to_queue": {"plan": 8}}, "moves": 5,
+        json!({"target": {"parse_line": 7, "line_to_queue": {"plan": 8}, "step_event": {"new_stair_1_axis": 33},
+                "shaped": {"per_step": 120, "per_breakpoint": 600.0}}, "moves": 5,
             "interpolation": {"trapezoid": 1000, "trapezoid_one_axis": 500, "print": 100}})
     }
 
@@ -71,6 +97,9 @@ mod tests {
     fn instructions_are_divided_by_events() {
         let expected = json!({"parse_line": 7, "interpolate_per_step_trapezoid": 333.3,
             "interpolate_per_step_trapezoid_one_axis": 100.0,
+            "step_event": {"new_stair_1_axis": 33},
+            "shaped": {"per_step": 120, "per_breakpoint": 600.0, "percent_at_140k_steps": 21.8,
+                "percent_of_most_breakpoints": 6.7},
             "line_to_queue": {"plan": 8, "interpolate_per_event": 50.0}});
         assert_eq!(target(&counts(), &tallies(2)).unwrap(), expected);
     }
@@ -81,6 +110,10 @@ mod tests {
         assert!(target(&counts(), &tallies(0)).unwrap_err().contains("print"));
         let error = target(&counts(), &json!({})).unwrap_err();
         assert!(error.contains("trapezoid.events"), "{error}");
+        let mut unshaped = counts();
+        unshaped["target"]["shaped"] = json!({});
+        let error = target(&unshaped, &tallies(2)).unwrap_err();
+        assert!(error.contains("shaped.per_step"), "{error}");
     }
 
     #[test]

@@ -15,7 +15,7 @@ use ferrostep_bench::queue::{BenchQueue, LineQueues, PrintQueue, SHORT_QUEUE_SLO
 use ferrostep_bench::report::{Lines, Print, Report, Workload};
 use ferrostep_bench::span::Counter;
 use ferrostep_bench::step_events::{FOUR_AXES, STAIR_EVENTS};
-use ferrostep_bench::{PROFILE, pieces, prepared, step_events, whole_print, wu_lines};
+use ferrostep_bench::{PROFILE, pieces, prepared, shaped, step_events, whole_print, wu_lines};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_step_player::BothEdges;
 use ferrostep_stm32f4_board::motion_clock::MotionClock;
@@ -189,6 +189,7 @@ fn measure<'a>(
         block_full_look_ahead: pieces::moves_to_blocks(counter, &PROFILE, ring, queue)?,
         trapezoid: pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?,
         trapezoid_one_axis: pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?,
+        shaped: shaped::measure(counter, &PROFILE, ring, queue)?,
         lines,
         prepared: prepared::measure(counter, &PROFILE, ring, queue)?,
         print: Print::default(),
