@@ -3,6 +3,7 @@
 //! A shaper ([`AxisShaper`]) gives a [`Kernel`]: weights and delays. The shaped position of an axis is the weighted sum of its
 //! planned positions at those delays (Singer and Seering 1990).
 
+mod fixed;
 mod kernel;
 mod motor_steps;
 mod path_pieces;

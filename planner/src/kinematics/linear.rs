@@ -16,6 +16,13 @@ impl Length for Wrapping<i32> {
     }
 }
 
+/// Parts of steps, within 2^62.
+impl Length for Wrapping<i64> {
+    fn half(self) -> Self {
+        Wrapping(self.0 / 2)
+    }
+}
+
 impl Length for i64 {
     fn half(self) -> Self {
         self / 2

@@ -1,7 +1,10 @@
 //! When a motor steps while its position follows a polynomial.
 
+use super::fixed;
 use crate::cubic::cube_root_above;
+use crate::piece::above_zero;
 use crate::square_root::square_root_f32;
+use crate::u64_to_f32::of_i64;
 
 /// Newton's steps for a piece with jerk. From a guess that is not below the root, each squares the relative error.
 const NEWTON_STEPS: usize = 4;
@@ -9,8 +12,8 @@ const NEWTON_STEPS: usize = 4;
 /// A motor's motion over a window of time in which it does not turn and its speed only grows or only falls.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WindowMotion {
-    /// Position at the start and the end, steps.
-    pub ends: [f64; 2],
+    /// Position at the start and the end, 2^-32 step.
+    pub ends: [i64; 2],
     /// Acceleration (steps/tick^2) and jerk at the start. The speed follows from the ends: added up from axes' and impulses'
     /// speeds, that of a slow motor beside a fast one would be lost.
     pub acceleration: f32,
@@ -32,8 +35,7 @@ pub(super) struct MotorSteps {
     pub is_backwards: bool,
     /// When the next one is due, ticks from the window's start; without steps it has no meaning.
     due: u32,
-    /// The slow end: ticks from the window's start, the speed there, and acceleration and jerk away from it.
-    anchor: f32,
+    /// The slow end: the speed there, and acceleration and jerk away from it.
     speed: f32,
     acceleration: f32,
     jerk: f32,
@@ -55,7 +57,6 @@ impl MotorSteps {
             left: 0,
             is_backwards: false,
             due: 0,
-            anchor: 0.0,
             speed: 0.0,
             acceleration: 0.0,
             jerk: 0.0,
@@ -78,19 +79,20 @@ impl MotorSteps {
     pub fn begin(&mut self, motion: &WindowMotion) {
         let WindowMotion { ends: [start, end], acceleration, jerk, ticks } = *motion;
         // From where it stands.
-        let here = self.steps as f64;
-        let (start, end) = (start - here, end - here);
-        let backwards = end < 0.0;
-        // Middles up to the end; casts saturate.
-        let count = ((if backwards { -end } else { end }) + 0.5) as u32;
+        let here = fixed::of_steps(self.steps);
+        let (start, end) = (start.wrapping_sub(here), end.wrapping_sub(here));
+        let backwards = end < 0;
+        // The same motion, forwards.
+        let (start, end, sign) =
+            if backwards { (start.wrapping_neg(), end.wrapping_neg(), -1.0) } else { (start, end, 1.0) };
+        // Middles up to the end.
+        let count = (end.wrapping_add(fixed::HALF_STEP) >> fixed::STEP_BITS) as u32;
         self.left = count;
         if count == 0 {
             return;
         }
-        // The same motion, forwards.
-        let (start, end, sign) = if backwards { (-start, -end, -1.0) } else { (start, end, 1.0) };
         let (acceleration, jerk) = (acceleration * sign, jerk * sign);
-        let mean = (end - start) as f32 / ticks;
+        let mean = steps(end.wrapping_sub(start)) / ticks;
         let speed = mean - ticks * (0.5 * acceleration + ticks * jerk * (1.0 / 6.0));
         let end_speed = above_zero(speed + ticks * (acceleration + 0.5 * ticks * jerk));
         let speed = above_zero(speed);
@@ -100,16 +102,15 @@ impl MotorSteps {
         self.jerk = jerk;
         self.from_end = end_speed < speed;
         if self.from_end {
-            self.anchor = ticks;
             self.speed = end_speed;
             self.acceleration = -(acceleration + jerk * ticks);
-            self.nearest = above_zero((end - f64::from(last) - 0.5) as f32);
+            let nearest = fixed::of_steps(i64::from(last)).wrapping_add(fixed::HALF_STEP);
+            self.nearest = steps(end.wrapping_sub(nearest));
             self.index = last;
         } else {
-            self.anchor = 0.0;
             self.speed = speed;
             self.acceleration = acceleration;
-            self.nearest = (0.5 - start) as f32;
+            self.nearest = steps(fixed::HALF_STEP.wrapping_sub(start));
             self.index = 0;
         }
         self.due = 0;
@@ -132,8 +133,8 @@ impl MotorSteps {
     #[inline]
     fn solve(&mut self) {
         let distance = above_zero(self.nearest + self.index as f32);
-        let from_anchor = self.ticks_over(distance);
-        let ticks = if self.from_end { self.anchor - from_anchor } else { from_anchor };
+        let from_slow_end = self.ticks_over(distance);
+        let ticks = if self.from_end { self.ticks - from_slow_end } else { from_slow_end };
         let held = if ticks < self.ticks { ticks } else { self.ticks };
         // Casts saturate: what is before the window is due at its start.
         self.due = self.due.max((held + 0.5) as u32);
@@ -179,8 +180,9 @@ impl MotorSteps {
     }
 }
 
-/// The number itself, or zero where rounding left a tiny negative one.
+/// The nearest number of steps.
 #[inline]
-fn above_zero(x: f32) -> f32 {
-    if x > 0.0 { x } else { 0.0 }
+fn steps(position: i64) -> f32 {
+    const STEPS: f32 = 1.0 / (1_u64 << fixed::STEP_BITS) as f32;
+    of_i64(position) * STEPS
 }

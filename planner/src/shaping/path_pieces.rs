@@ -14,7 +14,7 @@ const MAX_PIECES: usize = 7;
 const UNITS_PER_TICK: f64 = (1u32 << FRACTION_BITS) as f64;
 
 /// Position over time, a polynomial of third degree at most: units of path (or steps) and ticks.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Polynomial {
     pub position: f64,
     pub speed: f64,
@@ -24,7 +24,7 @@ pub(super) struct Polynomial {
 
 impl Polynomial {
     /// Standstill.
-    pub const ZERO: Self = Self { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 };
+    const ZERO: Self = Self { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 };
 
     /// The position so many ticks later.
     #[inline]
@@ -70,7 +70,7 @@ impl Polynomial {
 }
 
 /// A piece of a block's law: path in units of 10 nm from the block's start.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct PathPiece {
     /// When it begins and ends, ticks from the block's start.
     pub start: f64,
@@ -108,10 +108,8 @@ impl PathPieces {
                 run.pieces().for_each(|piece| self.push(&piece, run.start as f64, length));
                 self.duration_ticks = run.duration_ticks();
             }
-            TimeLaw::Other(law) => {
-                law.pieces.for_each(|piece| self.push(&piece, 0.0, length));
-                self.end_at_a_tick();
-            }
+            // Filters are refused beside the laws of other methods.
+            TimeLaw::Other(_) => {}
         }
     }
 

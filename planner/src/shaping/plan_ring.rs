@@ -1,6 +1,6 @@
 //! What the plan was and is: the pieces that a filter still sees.
 
-use super::path_pieces::Polynomial;
+use super::fixed::{self, PartLaw};
 
 /// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more ([`MOST_IN_FILTER`]).
 const PIECES: u32 = 64;
@@ -8,8 +8,8 @@ const PIECES: u32 = 64;
 /// The most pieces that may begin within the length of a filter: the ring's, less those of a block that enters it.
 pub(crate) const MOST_IN_FILTER: u32 = PIECES - 28;
 
-/// What is added to the extruder's position away from zero, 1/256 steps: more than rounding leaves, less than a tick.
-const HALF_AWAY: f64 = 1.0 / (1u32 << 24) as f64;
+/// What is added to the extruder's position away from zero, 2^-32 step: more than rounding leaves, less than a tick.
+const HALF_AWAY: i64 = 4;
 
 /// A piece of the plan: all motors on a straight line, by one law.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +17,7 @@ pub(super) struct PlanPiece {
     /// Tick of the motion clock at which it begins.
     pub start: u64,
     /// Part of the line that is done.
-    pub part: Polynomial,
+    pub part: PartLaw,
     /// Where X, Y and Z (A, B, Z) are where the line begins.
     pub steps: [i32; 3],
     /// The extruder there, 1/256 steps, modulo 2^32: it is seen from places near it.
@@ -36,7 +36,7 @@ impl PlanPiece {
     /// Nothing.
     const NONE: Self = Self {
         start: 0,
-        part: Polynomial::ZERO,
+        part: PartLaw::NONE,
         steps: [0; 3],
         extruder_256ths: 0,
         is_extruder_below_zero: false,
@@ -57,24 +57,22 @@ impl PlanPiece {
     }
 
     /// The same with motion along a line.
-    pub const fn along(self, line: [i32; 4], part: Polynomial) -> Self {
+    pub const fn along(self, line: [i32; 4], part: PartLaw) -> Self {
         Self { line, part, ..self }
     }
 
-    /// Where all motors are, steps, where this part of the line is done; the extruder from this place, 1/256 steps. It may
-    /// have gone so far that its whole position is not exact enough.
+    /// Where all motors are, 2^-32 step, where this part of the line is done; the extruder from this place, 1/256 steps. It may
+    /// have gone so far that its whole position is out of range.
     #[inline]
-    pub fn motors_at(&self, part: f64, extruder_zero_256ths: i64) -> [f64; 4] {
+    pub fn motors_at(&self, part: i64, extruder_zero_256ths: i64) -> [i64; 4] {
         let ([x, y, z], [dx, dy, dz, de]) = (self.steps, self.line);
-        let along = |start: i32, line: i32| {
-            if line == 0 { f64::from(start) } else { f64::from(start) + f64::from(line) * part }
-        };
-        let extruder = if de == 0 { 0.0 } else { f64::from(de) * part };
+        let done = |line: i32| if line == 0 { 0 } else { fixed::along(line, part) };
+        let along = |start: i32, line: i32| fixed::of_steps(i64::from(start)).wrapping_add(done(line));
         // Halves are rounded away from zero, and must be however a sum of them comes out.
         let away = if self.is_extruder_below_zero { -HALF_AWAY } else { HALF_AWAY };
         let from_zero = self.extruder_256ths.wrapping_sub(extruder_zero_256ths as i32);
-        let extruder = f64::from(from_zero) + extruder + away;
-        [along(x, dx), along(y, dy), along(z, dz), extruder * (1.0 / 256.0)]
+        let extruder = fixed::of_256ths(from_zero).wrapping_add(done(de) >> 8).wrapping_add(away);
+        [along(x, dx), along(y, dy), along(z, dz), extruder]
     }
 }
 

@@ -5,6 +5,7 @@
 //! that are nearer than the least interval to an event join it.
 
 use super::Shaping;
+use super::fixed::{self, PartLaw};
 use super::motor_steps::{MotorSteps, WindowMotion};
 use super::path_pieces::PathPieces;
 use super::plan_ring::{PlanPiece, PlanRing};
@@ -57,8 +58,8 @@ pub(crate) struct ShapedStepper {
     plan_extruder_256ths: i64,
     /// The present window, ticks.
     window: [u64; 2],
-    /// Positions at the end of the window.
-    positions: [f64; 4],
+    /// Positions at the end of the window, 2^-32 step.
+    positions: [i64; 4],
     /// The extruder's counts from [`Self::extruder_zero`].
     motors: [MotorSteps; 4],
     /// Where the extruder stood when the window began, steps.
@@ -84,7 +85,7 @@ impl ShapedStepper {
             plan_steps: [0; 3],
             plan_extruder_256ths: 0,
             window: [0; 2],
-            positions: [0.0; 4],
+            positions: [0; 4],
             motors: [MotorSteps::standing(0); 4],
             extruder_zero: 0,
             ending: 0,
@@ -146,8 +147,8 @@ impl ShapedStepper {
         self.motors = [x, y, z, 0].map(MotorSteps::standing);
         self.extruder_zero = rounded_steps(extruder_256ths);
         let rest_256ths = extruder_256ths.wrapping_sub(self.extruder_zero.wrapping_mul(256));
-        let [x, y, z] = steps.map(f64::from);
-        self.positions = [x, y, z, (rest_256ths as f64) * (1.0 / 256.0)];
+        let [x, y, z] = [x, y, z].map(fixed::of_steps);
+        self.positions = [x, y, z, fixed::of_256ths(rest_256ths as i32)];
         self.entries.clear();
         self.last = last_event;
         self.directions = directions;
@@ -198,7 +199,7 @@ impl ShapedStepper {
                 }
                 self.push(last.take());
                 let part = piece.path.after(start as f64 - piece.start).scaled(zero, per_length);
-                last = Some(self.plan_rests(begins + start).along(line, part));
+                last = Some(self.plan_rests(begins + start).along(line, PartLaw::new(&part, end - start)));
             }
             // A stretch without a tick of its own is passed at once.
             let mut last = last.unwrap_or(self.plan_rests(begins + before));
@@ -369,20 +370,21 @@ impl ShapedStepper {
         let most = self.plan_end.min(start.saturating_add(LONGEST_WINDOW_TICKS));
         let end = self.taps.next_change(start, &self.ring, most);
         let states = self.taps.states(start, &self.ring);
-        let ticks = end.wrapping_sub(start) as f32;
+        // At most the longest window.
+        let ticks = end.wrapping_sub(start) as u32 as f32;
         let until = states.first_turn(ticks);
-        let end = if until < ticks { start.wrapping_add((until + 0.5) as u64) } else { end };
-        let ticks = end.wrapping_sub(start) as f32;
+        let end = if until < ticks { start.wrapping_add(u64::from((until + 0.5) as u32)) } else { end };
+        let ticks = end.wrapping_sub(start) as u32 as f32;
         let [.., extruder] = &mut self.motors;
         let moved = core::mem::take(&mut extruder.steps);
         self.extruder_zero = self.extruder_zero.wrapping_add(moved);
         let [.., extruder] = &mut self.positions;
-        *extruder -= moved as f64;
+        *extruder = extruder.wrapping_sub(fixed::of_steps(moved));
         let positions = self.taps.positions(end, &self.ring, self.extruder_zero);
         let before = core::mem::replace(&mut self.positions, positions);
         for (index, motor) in self.motors.iter_mut().enumerate() {
             let value = |values: &[f32; 4]| values.get(index).copied().unwrap_or_default();
-            let place = |values: &[f64; 4]| values.get(index).copied().unwrap_or_default();
+            let place = |values: &[i64; 4]| values.get(index).copied().unwrap_or_default();
             motor.begin(&WindowMotion {
                 ends: [place(&before), place(&positions)],
                 acceleration: value(&states.acceleration),

@@ -1,25 +1,31 @@
 //! The filters of all axes as one list of delays.
 
+use core::num::Wrapping;
+
 use super::Shaping;
-use super::kernel::MAX_IMPULSES;
+use super::fixed::{PartRates, WEIGHT_BITS, WeightedSum};
+use super::kernel::{Impulse, Kernel, MAX_IMPULSES};
 use super::plan_ring::{PlanPiece, PlanRing};
 use crate::kinematics::Kinematics;
 
 /// The most delays: those of X, of Y, and that of Z.
 const MAX_TAPS: usize = 2 * MAX_IMPULSES + 1;
 
+/// Half of a whole weight: the extruder has half of X's filter and half of Y's.
+const HALF: u32 = 1 << (WEIGHT_BITS - 1);
+
 /// A delay, and what each axis takes of the plan as it was then.
 #[derive(Clone, Copy, Debug)]
 struct Tap {
     delay_ticks: u32,
-    /// Weights of X, Y, Z and the extruder.
-    weights: [f64; 4],
+    /// Weights of X, Y, Z and the extruder, 2^-30: those of each sum to one.
+    weights: [u32; 4],
     /// Number of the piece that it sees.
     piece: u32,
 }
 
 impl Tap {
-    const NONE: Self = Self { delay_ticks: 0, weights: [0.0; 4], piece: 0 };
+    const NONE: Self = Self { delay_ticks: 0, weights: [0; 4], piece: 0 };
 }
 
 /// Where all motors are, and how fast they go, steps and ticks.
@@ -51,26 +57,26 @@ impl Taps {
         let (late_x, late_y) = (x.centroid_ticks(), y.centroid_ticks());
         let late = if late_x > late_y { late_x } else { late_y };
         let whole = |ticks: f64| (ticks + 0.5) as u32;
-        for one in x.delayed(whole(late - late_x)).impulses() {
-            taps.add(one.delay_ticks, [one.weight, 0.0, 0.0, 0.5 * one.weight]);
+        for (delay_ticks, weight) in halves(&x.delayed(whole(late - late_x))) {
+            taps.add(delay_ticks, [2 * weight, 0, 0, weight]);
         }
-        for one in y.delayed(whole(late - late_y)).impulses() {
-            taps.add(one.delay_ticks, [0.0, one.weight, 0.0, 0.5 * one.weight]);
+        for (delay_ticks, weight) in halves(&y.delayed(whole(late - late_y))) {
+            taps.add(delay_ticks, [0, 2 * weight, 0, weight]);
         }
-        taps.add(whole(late), [0.0, 0.0, 1.0, 0.0]);
+        taps.add(whole(late), [0, 0, 2 * HALF, 0]);
         taps
     }
 
     /// Adds weights at a delay.
     #[cold]
     #[inline(never)]
-    fn add(&mut self, delay_ticks: u32, weights: [f64; 4]) {
+    fn add(&mut self, delay_ticks: u32, weights: [u32; 4]) {
         let known = self.taps.iter().take(self.count).position(|tap| tap.delay_ticks == delay_ticks);
         let index = known.unwrap_or(self.count);
         let Some(tap) = self.taps.get_mut(index) else { return };
         tap.delay_ticks = delay_ticks;
         for (sum, weight) in tap.weights.iter_mut().zip(weights) {
-            *sum += weight;
+            *sum = sum.wrapping_add(weight);
         }
         self.count = self.count.max(index + 1);
     }
@@ -114,44 +120,41 @@ impl Taps {
         })
     }
 
-    /// Where all motors are at a tick, steps; the extruder from this place.
+    /// Where all motors are at a tick, 2^-32 step; the extruder from this place, steps.
     #[inline(never)]
-    pub fn positions(&self, tick: u64, ring: &PlanRing, extruder_zero: i64) -> [f64; 4] {
-        let mut axes = [0.0; 4];
+    pub fn positions(&self, tick: u64, ring: &PlanRing, extruder_zero: i64) -> [i64; 4] {
+        let mut axes = [WeightedSum::default(); 4];
         for tap in self.taps() {
             let Some(piece) = ring.get(tap.piece) else { continue };
-            let ticks = tap.ticks_into(piece, tick);
             // Before the first piece it stands.
-            let part = piece.part.position_after(if ticks > 0.0 { ticks } else { 0.0 });
+            let part = piece.part.at(tap.ticks_into(piece, tick).unwrap_or(0));
             let [x, y, z, extruder] = piece.motors_at(part, extruder_zero.wrapping_mul(256));
-            let [x, y, z] = self.kinematics.position([x, y, z]);
-            for ((axis, weight), position) in axes.iter_mut().zip(tap.weights).zip([x, y, z, extruder]) {
-                *axis += weight * position;
+            let [x, y, z] = self.kinematics.position([x, y, z].map(Wrapping));
+            for ((axis, weight), position) in axes.iter_mut().zip(tap.weights).zip([x.0, y.0, z.0, extruder]) {
+                axis.add(position, weight);
             }
         }
-        let [x, y, z, extruder] = axes;
-        let [first, second, third] = self.kinematics.motors([x, y, z]);
-        [first, second, third, extruder]
+        let [x, y, z, extruder] = axes.map(WeightedSum::position);
+        let [first, second, third] = self.kinematics.motors([x, y, z].map(Wrapping));
+        [first.0, second.0, third.0, extruder]
     }
 
     /// How all motors move from a tick on.
     #[inline(never)]
     pub fn states(&self, tick: u64, ring: &PlanRing) -> MotorStates {
+        const PER_WEIGHT: f32 = 1.0 / (1_u32 << WEIGHT_BITS) as f32;
         let mut states = MotorStates::default();
         for tap in self.taps() {
             let Some(piece) = ring.get(tap.piece) else { continue };
-            let ticks = tap.ticks_into(piece, tick);
-            if ticks < 0.0 {
+            if piece.line == [0; 4] {
                 continue;
             }
-            let motion = piece.part.after(ticks);
+            let Some(ticks) = tap.ticks_into(piece, tick) else { continue };
+            let PartRates { speed, acceleration, jerk } = piece.part.rates_at(ticks);
             let [dx, dy, dz, de] = piece.line.map(|line| line as f32);
             let [dx, dy, dz] = self.kinematics.position([dx, dy, dz]);
-            let weights = tap.weights.map(|weight| weight as f32);
-            let [speed, acceleration, jerk] =
-                [motion.speed, motion.acceleration, motion.jerk].map(|value| value as f32);
-            for (index, (weight, line)) in weights.into_iter().zip([dx, dy, dz, de * (1.0 / 256.0)]).enumerate() {
-                let share = weight * line;
+            for (index, (weight, line)) in tap.weights.into_iter().zip([dx, dy, dz, de * (1.0 / 256.0)]).enumerate() {
+                let share = weight as f32 * PER_WEIGHT * line;
                 states.add(index, share * speed, share * acceleration, share * jerk);
             }
         }
@@ -159,12 +162,20 @@ impl Taps {
     }
 }
 
+/// A filter's delays, ticks, and half of its weights, which sum to [`HALF`].
+fn halves(kernel: &Kernel) -> impl Iterator<Item = (u32, u32)> {
+    let rounded = |one: &Impulse| (one.weight * f64::from(HALF) + 0.5) as u32;
+    let impulses = kernel.impulses();
+    let sum = impulses.iter().fold(0_u32, |sum, one| sum.wrapping_add(rounded(one)));
+    let mut missing = HALF.wrapping_sub(sum);
+    impulses.iter().map(move |one| (one.delay_ticks, rounded(one).wrapping_add(core::mem::take(&mut missing))))
+}
+
 impl Tap {
-    /// Ticks since the piece began, as this tap sees it; not above zero where it stands before the first.
+    /// Ticks since the piece began, as this tap sees it; `None` where it stands before the first.
     #[inline]
-    fn ticks_into(&self, piece: &PlanPiece, tick: u64) -> f64 {
-        let ticks = tick.wrapping_sub(piece.start.wrapping_add(u64::from(self.delay_ticks))).cast_signed();
-        ticks as f64
+    fn ticks_into(&self, piece: &PlanPiece, tick: u64) -> Option<u64> {
+        tick.checked_sub(piece.start.wrapping_add(u64::from(self.delay_ticks)))
     }
 }
 

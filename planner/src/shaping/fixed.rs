@@ -1,0 +1,202 @@
+//! Positions in whole numbers: what is worked out at every breakpoint, on a processor without double precision.
+//!
+//! A position is in units of 2^-32 step. Products are of 32 by 32 bits, which the processor has an instruction for.
+
+use super::path_pieces::Polynomial;
+
+/// Positions' units in a step, as a shift.
+pub(super) const STEP_BITS: u32 = 32;
+
+/// Half a step.
+pub(super) const HALF_STEP: i64 = 1 << (STEP_BITS - 1);
+
+/// The same of parts of a line.
+const PART_BITS: u32 = 56;
+
+/// Weights' units in a whole, as a shift: the weights of an axis sum to exactly that many.
+pub(super) const WEIGHT_BITS: u32 = 30;
+
+/// Bits of the largest coefficient, but for its sign: the sum of three fits in 64.
+const COEFFICIENT_BITS: i32 = 61;
+
+/// The most by which coefficients are enlarged, a shift.
+const MOST_ENLARGED: i32 = 63;
+
+/// A number of steps as a position.
+#[inline]
+pub(super) const fn of_steps(steps: i64) -> i64 {
+    steps.wrapping_shl(STEP_BITS)
+}
+
+/// A number of 1/256 steps as a position.
+#[inline]
+pub(super) const fn of_256ths(steps_256ths: i32) -> i64 {
+    (steps_256ths as i64) << (STEP_BITS - 8)
+}
+
+/// The part of its line that is done over a piece of the plan: a polynomial of third degree in the share of a span of time, a
+/// power of two of ticks that is longer than the piece.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PartLaw {
+    /// The part at the piece's start, 2^-56.
+    start: i64,
+    /// What the speed there makes of the line in the span, 2^-56 over 2^[`Self::enlarged`].
+    speed: i64,
+    /// The same of half the acceleration, and of a sixth of the jerk, without the lower 32 bits.
+    acceleration: i32,
+    jerk: i32,
+    /// By how much these are larger, a shift.
+    enlarged: u8,
+    /// Ticks of the span: 2 to the power of this, at least 1.
+    span_bits: u8,
+}
+
+/// How fast a part is done at a moment: of a line, and ticks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PartRates {
+    pub speed: f32,
+    pub acceleration: f32,
+    pub jerk: f32,
+}
+
+impl PartLaw {
+    /// Nothing is done.
+    pub const NONE: Self = Self { start: 0, speed: 0, acceleration: 0, jerk: 0, enlarged: 0, span_bits: 1 };
+
+    /// That of a piece which lasts so many ticks. Once a piece, and in f64; at its end it is where the polynomial is, however the
+    /// coefficients are rounded.
+    #[inline(never)]
+    pub fn new(part: &Polynomial, ticks: u64) -> Self {
+        let duration = ticks as f64;
+        // A block under an S-curve may last a tick longer than its pieces.
+        let span_bits = 64_u32.wrapping_sub(ticks.saturating_add(2).leading_zeros()).clamp(1, 63);
+        let span = power_of_two(span_bits.cast_signed());
+        let of_acceleration = 0.5 * part.acceleration * span * span;
+        let of_jerk = part.jerk * span * span * span * (1.0 / 6.0);
+        let done = part.position_after(duration) - part.position;
+        let largest = magnitude(part.speed * span).max(magnitude(of_acceleration)).max(magnitude(of_jerk));
+        let enlarged = (COEFFICIENT_BITS - PART_BITS.cast_signed() - largest).clamp(0, MOST_ENLARGED);
+        let unit = power_of_two(PART_BITS.cast_signed() + enlarged);
+        let upper = power_of_two(PART_BITS.cast_signed() + enlarged - 32);
+        let (acceleration, jerk) = ((of_acceleration * upper) as i32, (of_jerk * upper) as i32);
+        let share = duration / span;
+        let lower = power_of_two(32);
+        let bent = share * (f64::from(acceleration) + share * f64::from(jerk)) * lower;
+        Self {
+            start: (part.position * power_of_two(PART_BITS.cast_signed())) as i64,
+            speed: (done * unit / share - bent) as i64,
+            acceleration,
+            jerk,
+            enlarged: enlarged as u8,
+            span_bits: span_bits as u8,
+        }
+    }
+    /// The part after so many ticks, 2^-56.
+    #[inline]
+    pub fn at(&self, ticks: u64) -> i64 {
+        let share = self.share(ticks);
+        let (upper, lower) = ((share >> 32) as u32, share as u32);
+        let mut slope = self.speed;
+        if self.is_bent() {
+            let bend = (i64::from(self.acceleration) << 32).wrapping_add(i64::from(self.jerk) * i64::from(upper));
+            slope = slope.wrapping_add(times(bend, upper));
+        }
+        // Of a span longer than 2^32 ticks the lower half counts, too.
+        let below = (i64::from((slope >> 32) as i32) * i64::from(lower)) >> 32;
+        let done = times(slope, upper).wrapping_add(below);
+        self.start.wrapping_add(done >> (self.enlarged & 63))
+    }
+
+    /// How fast it is done after so many ticks.
+    #[inline]
+    pub fn rates_at(&self, ticks: u64) -> PartRates {
+        let unit = single_power_of_two(32 - PART_BITS.cast_signed() - i32::from(self.enlarged));
+        let per_tick = single_power_of_two(-i32::from(self.span_bits));
+        let speed_unit = unit * per_tick;
+        let speed = (self.speed >> 32) as i32 as f32;
+        if !self.is_bent() {
+            return PartRates { speed: speed * speed_unit, acceleration: 0.0, jerk: 0.0 };
+        }
+        let share = (self.share(ticks) >> 32) as u32 as f32 * single_power_of_two(-32);
+        let (half_acceleration, sixth_jerk) = (self.acceleration as f32, self.jerk as f32);
+        let rise = 3.0 * share * sixth_jerk;
+        let acceleration_unit = speed_unit * per_tick;
+        PartRates {
+            speed: (speed + share * (2.0 * half_acceleration + rise)) * speed_unit,
+            acceleration: 2.0 * (half_acceleration + rise) * acceleration_unit,
+            jerk: 6.0 * sixth_jerk * acceleration_unit * per_tick,
+        }
+    }
+
+    /// Ticks as a share of the span, 2^-64.
+    #[inline]
+    fn share(&self, ticks: u64) -> u64 {
+        ticks.wrapping_shl(64_u32.wrapping_sub(u32::from(self.span_bits)))
+    }
+
+    /// Whether the speed changes.
+    #[inline]
+    fn is_bent(&self) -> bool {
+        self.acceleration | self.jerk != 0
+    }
+}
+
+/// What a part of a line (2^-56) makes of so many steps.
+#[inline]
+pub(super) fn along(steps: i32, part: i64) -> i64 {
+    let steps = i64::from(steps);
+    let upper = steps * i64::from((part >> 32) as i32);
+    let lower = steps * i64::from(part as u32);
+    (upper << (64 - PART_BITS)).wrapping_add(lower >> (PART_BITS - STEP_BITS))
+}
+
+/// A sum of positions with weights.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct WeightedSum {
+    /// Of whole steps, 2^-30.
+    steps: i64,
+    /// Of the rest, 2^-62. It cannot wrap, as the weights sum to one.
+    fractions: u64,
+}
+
+impl WeightedSum {
+    /// Adds a position with a weight, 2^-30.
+    #[inline]
+    pub fn add(&mut self, position: i64, weight: u32) {
+        let steps = i64::from((position >> 32) as i32) * i64::from(weight.cast_signed());
+        self.steps = self.steps.wrapping_add(steps);
+        self.fractions = self.fractions.wrapping_add(u64::from(position as u32) * u64::from(weight));
+    }
+
+    /// The nearest position.
+    #[inline]
+    pub fn position(self) -> i64 {
+        const HALF: u64 = 1 << (WEIGHT_BITS - 1);
+        let fraction = self.fractions.wrapping_add(HALF) >> WEIGHT_BITS;
+        (self.steps << (STEP_BITS - WEIGHT_BITS)).wrapping_add(fraction.cast_signed())
+    }
+}
+
+/// A number times a share (2^-32), rounded down by less than two.
+#[inline]
+fn times(number: i64, share: u32) -> i64 {
+    let upper = i64::from((number >> 32) as i32) * i64::from(share);
+    let lower = (u64::from(number as u32) * u64::from(share)) >> 32;
+    upper.wrapping_add(lower.cast_signed())
+}
+
+/// The least power of two above a number's magnitude; of zero a very small one.
+fn magnitude(x: f64) -> i32 {
+    ((x.to_bits() >> 52) as i32 & 0x7ff) - 1022
+}
+
+/// 2^exponent, within what f64 has.
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(u64::from((exponent + 1023).cast_unsigned()) << 52)
+}
+
+/// 2^exponent, within what f32 has.
+#[inline]
+fn single_power_of_two(exponent: i32) -> f32 {
+    f32::from_bits((exponent + 127).cast_unsigned() << 23)
+}
