@@ -11,7 +11,7 @@ pub(super) const STEP_BITS: u32 = 32;
 pub(super) const HALF_STEP: i64 = 1 << (STEP_BITS - 1);
 
 /// The same of parts of a line.
-const PART_BITS: u32 = 56;
+const PART_BITS: i32 = 56;
 
 /// Weights' units in a whole, as a shift: the weights of an axis sum to exactly that many.
 pub(super) const WEIGHT_BITS: u32 = 30;
@@ -51,12 +51,25 @@ pub(super) struct PartLaw {
     span_bits: u8,
 }
 
-/// How fast a part is done at a moment: of a line, and ticks.
+/// How fast something goes at a moment: parts of a line, or steps, and ticks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PartRates {
     pub speed: f32,
     pub acceleration: f32,
     pub jerk: f32,
+}
+
+impl PartRates {
+    /// It stands.
+    pub const NONE: Self = Self { speed: 0.0, acceleration: 0.0, jerk: 0.0 };
+
+    /// Adds so many times those.
+    #[inline]
+    pub fn add(&mut self, rates: &Self, factor: f32) {
+        self.speed += factor * rates.speed;
+        self.acceleration += factor * rates.acceleration;
+        self.jerk += factor * rates.jerk;
+    }
 }
 
 impl PartLaw {
@@ -69,28 +82,32 @@ impl PartLaw {
     pub fn new(part: &Polynomial, ticks: u64) -> Self {
         let duration = ticks as f64;
         // A block under an S-curve may last a tick longer than its pieces.
-        let span_bits = 64_u32.wrapping_sub(ticks.saturating_add(2).leading_zeros()).clamp(1, 63);
-        let span = power_of_two(span_bits.cast_signed());
-        let of_acceleration = 0.5 * part.acceleration * span * span;
-        let of_jerk = part.jerk * span * span * span * (1.0 / 6.0);
+        let span_bits = 64_u32.wrapping_sub(ticks.saturating_add(2).leading_zeros()).clamp(1, 63).cast_signed();
+        let speed = scaled(part.speed, span_bits);
+        let of_acceleration = scaled(part.acceleration, 2 * span_bits - 1);
+        let of_jerk = if part.jerk == 0.0 { 0.0 } else { scaled(part.jerk * (1.0 / 6.0), 3 * span_bits) };
+        let largest = magnitude(speed).max(magnitude(of_acceleration)).max(magnitude(of_jerk));
+        let enlarged = (COEFFICIENT_BITS - PART_BITS - largest).clamp(0, MOST_ENLARGED);
+        let bits = PART_BITS + enlarged;
+        let (acceleration, jerk) = (upper_half(of_acceleration, bits), upper_half(of_jerk, bits));
+        // What rounding takes from these, the speed gets.
+        let share = scaled(duration, -span_bits);
+        let bent = if acceleration | jerk == 0 {
+            0.0
+        } else {
+            share * scaled(f64::from(acceleration) + share * f64::from(jerk), 32)
+        };
         let done = part.position_after(duration) - part.position;
-        let largest = magnitude(part.speed * span).max(magnitude(of_acceleration)).max(magnitude(of_jerk));
-        let enlarged = (COEFFICIENT_BITS - PART_BITS.cast_signed() - largest).clamp(0, MOST_ENLARGED);
-        let unit = power_of_two(PART_BITS.cast_signed() + enlarged);
-        let upper = power_of_two(PART_BITS.cast_signed() + enlarged - 32);
-        let (acceleration, jerk) = ((of_acceleration * upper) as i32, (of_jerk * upper) as i32);
-        let share = duration / span;
-        let lower = power_of_two(32);
-        let bent = share * (f64::from(acceleration) + share * f64::from(jerk)) * lower;
         Self {
-            start: (part.position * power_of_two(PART_BITS.cast_signed())) as i64,
-            speed: (done * unit / share - bent) as i64,
+            start: scaled(part.position, PART_BITS) as i64,
+            speed: (scaled(done, bits) / share - bent) as i64,
             acceleration,
             jerk,
             enlarged: enlarged as u8,
             span_bits: span_bits as u8,
         }
     }
+
     /// The part after so many ticks, 2^-56.
     #[inline]
     pub fn at(&self, ticks: u64) -> i64 {
@@ -110,7 +127,7 @@ impl PartLaw {
     /// How fast it is done after so many ticks.
     #[inline]
     pub fn rates_at(&self, ticks: u64) -> PartRates {
-        let unit = single_power_of_two(32 - PART_BITS.cast_signed() - i32::from(self.enlarged));
+        let unit = single_power_of_two(32 - PART_BITS - i32::from(self.enlarged));
         let per_tick = single_power_of_two(-i32::from(self.span_bits));
         let speed_unit = unit * per_tick;
         let speed = (self.speed >> 32) as i32 as f32;
@@ -126,6 +143,12 @@ impl PartLaw {
             acceleration: 2.0 * (half_acceleration + rise) * acceleration_unit,
             jerk: 6.0 * sixth_jerk * acceleration_unit * per_tick,
         }
+    }
+
+    /// Whether it has no motion at all.
+    #[inline]
+    pub fn is_at_rest(&self) -> bool {
+        self.speed == 0 && !self.is_bent()
     }
 
     /// Ticks as a share of the span, 2^-64.
@@ -147,7 +170,7 @@ pub(super) fn along(steps: i32, part: i64) -> i64 {
     let steps = i64::from(steps);
     let upper = steps * i64::from((part >> 32) as i32);
     let lower = steps * i64::from(part as u32);
-    (upper << (64 - PART_BITS)).wrapping_add(lower >> (PART_BITS - STEP_BITS))
+    (upper << (64 - PART_BITS)).wrapping_add(lower >> (PART_BITS - STEP_BITS.cast_signed()))
 }
 
 /// A sum of positions with weights.
@@ -190,9 +213,20 @@ fn magnitude(x: f64) -> i32 {
     ((x.to_bits() >> 52) as i32 & 0x7ff) - 1022
 }
 
-/// 2^exponent, within what f64 has.
-fn power_of_two(exponent: i32) -> f64 {
-    f64::from_bits(u64::from((exponent + 1023).cast_unsigned()) << 52)
+/// The upper 32 of 64 bits of a number times 2^bits, cut.
+fn upper_half(x: f64, bits: i32) -> i32 {
+    if x == 0.0 { 0 } else { scaled(x, bits - 32) as i32 }
+}
+
+/// A number times a power of two, exactly; what gets too small is zero. In hardware it would be a product.
+fn scaled(x: f64, exponent: i32) -> f64 {
+    let bits = x.to_bits();
+    let now = (bits >> 52) as i32 & 0x7ff;
+    let then = now.wrapping_add(exponent);
+    if now == 0 || then <= 0 || then >= 0x7ff {
+        return 0.0;
+    }
+    f64::from_bits(bits.wrapping_add_signed(i64::from(exponent) << 52))
 }
 
 /// 2^exponent, within what f32 has.

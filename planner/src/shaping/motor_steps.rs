@@ -9,6 +9,9 @@ use crate::u64_to_f32::of_i64;
 /// Newton's steps for a piece with jerk. From a guess that is not below the root, each squares the relative error.
 const NEWTON_STEPS: usize = 4;
 
+/// Later than any window ends.
+pub(super) const NEVER: u32 = u32::MAX;
+
 /// A motor's motion over a window of time in which it does not turn and its speed only grows or only falls.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WindowMotion {
@@ -28,13 +31,13 @@ pub(super) struct WindowMotion {
 /// slower one: there 20 ticks are the least part of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MotorSteps {
-    /// Where it stands after its steps so far.
+    /// Where it stands after all steps of the window.
     pub steps: i64,
     /// Steps left in the window, and whether they go backwards.
     left: u32,
     pub is_backwards: bool,
-    /// When the next one is due, ticks from the window's start; without steps it has no meaning.
-    due: u32,
+    /// When the next one is due, ticks from the window's start; [`NEVER`] without one.
+    pub due: u32,
     /// The slow end: the speed there, and acceleration and jerk away from it.
     speed: f32,
     acceleration: f32,
@@ -56,7 +59,7 @@ impl MotorSteps {
             steps,
             left: 0,
             is_backwards: false,
-            due: 0,
+            due: NEVER,
             speed: 0.0,
             acceleration: 0.0,
             jerk: 0.0,
@@ -65,12 +68,6 @@ impl MotorSteps {
             index: 0,
             ticks: 0.0,
         }
-    }
-
-    /// When the next step is due, ticks from the window's start.
-    #[inline]
-    pub fn next(&self) -> Option<u32> {
-        if self.left > 0 { Some(self.due) } else { None }
     }
 
     /// Begins a window.
@@ -89,8 +86,11 @@ impl MotorSteps {
         let count = (end.wrapping_add(fixed::HALF_STEP) >> fixed::STEP_BITS) as u32;
         self.left = count;
         if count == 0 {
+            self.due = NEVER;
             return;
         }
+        let made = i64::from(count);
+        self.steps = self.steps.wrapping_add(if backwards { made.wrapping_neg() } else { made });
         let (acceleration, jerk) = (acceleration * sign, jerk * sign);
         let mean = steps(end.wrapping_sub(start)) / ticks;
         let speed = mean - ticks * (0.5 * acceleration + ticks * jerk * (1.0 / 6.0));
@@ -120,9 +120,9 @@ impl MotorSteps {
     /// Takes the next step.
     #[inline]
     pub fn take(&mut self) {
-        self.steps = self.steps.wrapping_add(if self.is_backwards { -1 } else { 1 });
         self.left = self.left.wrapping_sub(1);
         if self.left == 0 {
+            self.due = NEVER;
             return;
         }
         self.index = if self.from_end { self.index.wrapping_sub(1) } else { self.index.wrapping_add(1) };

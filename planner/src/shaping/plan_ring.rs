@@ -61,18 +61,19 @@ impl PlanPiece {
         Self { line, part, ..self }
     }
 
-    /// Where all motors are, 2^-32 step, where this part of the line is done; the extruder from this place, 1/256 steps. It may
-    /// have gone so far that its whole position is out of range.
+    /// Where the motors of this mask are, 2^-32 step, where this part of the line is done (others anywhere); the extruder from this
+    /// place, 1/256 steps. It may have gone so far that its whole position is out of range.
     #[inline]
-    pub fn motors_at(&self, part: i64, extruder_zero_256ths: i64) -> [i64; 4] {
+    pub fn motors_at(&self, part: i64, mask: u8, extruder_zero_256ths: i64) -> [i64; 4] {
         let ([x, y, z], [dx, dy, dz, de]) = (self.steps, self.line);
-        let done = |line: i32| if line == 0 { 0 } else { fixed::along(line, part) };
-        let along = |start: i32, line: i32| fixed::of_steps(i64::from(start)).wrapping_add(done(line));
+        let done = |motor: u8, line: i32| if line == 0 || mask & motor == 0 { 0 } else { fixed::along(line, part) };
+        let along =
+            |motor: u8, start: i32, line: i32| fixed::of_steps(i64::from(start)).wrapping_add(done(motor, line));
         // Halves are rounded away from zero, and must be however a sum of them comes out.
         let away = if self.is_extruder_below_zero { -HALF_AWAY } else { HALF_AWAY };
         let from_zero = self.extruder_256ths.wrapping_sub(extruder_zero_256ths as i32);
-        let extruder = fixed::of_256ths(from_zero).wrapping_add(done(de) >> 8).wrapping_add(away);
-        [along(x, dx), along(y, dy), along(z, dz), extruder]
+        let extruder = fixed::of_256ths(from_zero).wrapping_add(done(8, de) >> 8).wrapping_add(away);
+        [along(1, x, dx), along(2, y, dy), along(4, z, dz), extruder]
     }
 }
 

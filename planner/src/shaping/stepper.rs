@@ -6,7 +6,7 @@
 
 use super::Shaping;
 use super::fixed::{self, PartLaw};
-use super::motor_steps::{MotorSteps, WindowMotion};
+use super::motor_steps::{MotorSteps, NEVER, WindowMotion};
 use super::path_pieces::PathPieces;
 use super::plan_ring::{PlanPiece, PlanRing};
 use super::taps::{MotorStates, Taps};
@@ -266,7 +266,8 @@ impl ShapedStepper {
         let mut room = EVENTS_AT_ONCE;
         // An event may need a change of directions before it.
         while room > 1 {
-            let Some((motor, due)) = self.earliest() else {
+            let (motor, due) = self.earliest();
+            if due == NEVER {
                 if let Some(notice) = self.next_notice() {
                     return Work::MoveEnded(notice);
                 }
@@ -276,7 +277,7 @@ impl ShapedStepper {
                 }
                 self.begin_window();
                 continue;
-            };
+            }
             let [start, _] = self.window;
             let tick = start.wrapping_add(u64::from(due));
             let after_last = tick.wrapping_sub(self.last).cast_signed();
@@ -285,23 +286,17 @@ impl ShapedStepper {
                 self.last = self.last.wrapping_add(u64::from(u32::MAX));
                 return Work::Waited;
             }
-            room -= self.add_event(motor, due, after_last);
+            room = room.saturating_sub(self.add_event(motor, due, after_last));
         }
         Work::Events
     }
 
     /// The motor that steps next, and when, ticks from the window's start.
     #[inline]
-    fn earliest(&self) -> Option<(usize, u32)> {
-        let mut earliest = None;
-        for (index, motor) in self.motors.iter().enumerate() {
-            if let Some(due) = motor.next()
-                && earliest.is_none_or(|(_, before)| due < before)
-            {
-                earliest = Some((index, due));
-            }
-        }
-        earliest
+    fn earliest(&self) -> (usize, u32) {
+        let earlier = |one: (usize, u32), other: (usize, u32)| if other.1 < one.1 { other } else { one };
+        let [x, y, z, extruder] = &self.motors;
+        earlier(earlier((0, x.due), (1, y.due)), earlier((2, z.due), (3, extruder.due)))
     }
 
     /// Adds the step of a motor, and those that join it; returns for how many entries.
@@ -311,16 +306,20 @@ impl ShapedStepper {
         let mut directions = self.directions;
         let least = i64::from(self.minimum_interval);
         let is_near = after_last < least;
-        for (index, stream) in self.motors.iter_mut().enumerate() {
-            let Some(next) = stream.next() else { continue };
-            // Those that are as good as due; beside an event that is near, only the one that is.
-            let joins = next.wrapping_sub(due) < self.minimum_interval && !is_near;
-            if index == motor || joins {
-                let bit = 1 << index;
+        // Those that are as good as due join it; beside an event that is near, only the one that is.
+        let (streams, mut bit) = if is_near {
+            let one = self.motors.get_mut(motor..).and_then(|streams| streams.get_mut(..1));
+            (one.unwrap_or_default(), 1_u8.wrapping_shl(motor as u32))
+        } else {
+            (self.motors.as_mut_slice(), 1)
+        };
+        for stream in streams {
+            if stream.due.wrapping_sub(due) < self.minimum_interval {
                 axes |= bit;
                 directions = if stream.is_backwards { directions | bit } else { directions & !bit };
                 stream.take();
             }
+            bit = bit.wrapping_shl(1);
         }
         let turns = directions != self.directions;
         if is_near

@@ -11,6 +11,9 @@ use crate::kinematics::Kinematics;
 /// The most delays: those of X, of Y, and that of Z.
 const MAX_TAPS: usize = 2 * MAX_IMPULSES + 1;
 
+/// Index of the extruder.
+const EXTRUDER: usize = 3;
+
 /// Half of a whole weight: the extruder has half of X's filter and half of Y's.
 const HALF: u32 = 1 << (WEIGHT_BITS - 1);
 
@@ -20,16 +23,18 @@ struct Tap {
     delay_ticks: u32,
     /// Weights of X, Y, Z and the extruder, 2^-30: those of each sum to one.
     weights: [u32; 4],
+    /// Mask of the motors that move an axis with a weight.
+    motors: u8,
     /// Number of the piece that it sees.
     piece: u32,
 }
 
 impl Tap {
-    const NONE: Self = Self { delay_ticks: 0, weights: [0; 4], piece: 0 };
+    const NONE: Self = Self { delay_ticks: 0, weights: [0; 4], motors: 0, piece: 0 };
 }
 
-/// Where all motors are, and how fast they go, steps and ticks.
-#[derive(Clone, Copy, Debug, Default)]
+/// How all motors move, steps and ticks.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct MotorStates {
     pub speed: [f32; 4],
     pub acceleration: [f32; 4],
@@ -77,6 +82,9 @@ impl Taps {
         tap.delay_ticks = delay_ticks;
         for (sum, weight) in tap.weights.iter_mut().zip(weights) {
             *sum = sum.wrapping_add(weight);
+        }
+        for (axis, _) in tap.weights.iter().enumerate().filter(|(_, weight)| **weight != 0) {
+            tap.motors |= if axis == EXTRUDER { 1 << EXTRUDER } else { self.kinematics.motors_of_axis(axis) };
         }
         self.count = self.count.max(index + 1);
     }
@@ -128,10 +136,12 @@ impl Taps {
             let Some(piece) = ring.get(tap.piece) else { continue };
             // Before the first piece it stands.
             let part = piece.part.at(tap.ticks_into(piece, tick).unwrap_or(0));
-            let [x, y, z, extruder] = piece.motors_at(part, extruder_zero.wrapping_mul(256));
+            let [x, y, z, extruder] = piece.motors_at(part, tap.motors, extruder_zero.wrapping_mul(256));
             let [x, y, z] = self.kinematics.position([x, y, z].map(Wrapping));
             for ((axis, weight), position) in axes.iter_mut().zip(tap.weights).zip([x.0, y.0, z.0, extruder]) {
-                axis.add(position, weight);
+                if weight != 0 {
+                    axis.add(position, weight);
+                }
             }
         }
         let [x, y, z, extruder] = axes.map(WeightedSum::position);
@@ -143,22 +153,33 @@ impl Taps {
     #[inline(never)]
     pub fn states(&self, tick: u64, ring: &PlanRing) -> MotorStates {
         const PER_WEIGHT: f32 = 1.0 / (1_u32 << WEIGHT_BITS) as f32;
-        let mut states = MotorStates::default();
+        let mut axes = [PartRates::NONE; 4];
         for tap in self.taps() {
             let Some(piece) = ring.get(tap.piece) else { continue };
-            if piece.line == [0; 4] {
+            if piece.part.is_at_rest() {
                 continue;
             }
             let Some(ticks) = tap.ticks_into(piece, tick) else { continue };
-            let PartRates { speed, acceleration, jerk } = piece.part.rates_at(ticks);
-            let [dx, dy, dz, de] = piece.line.map(|line| line as f32);
-            let [dx, dy, dz] = self.kinematics.position([dx, dy, dz]);
-            for (index, (weight, line)) in tap.weights.into_iter().zip([dx, dy, dz, de * (1.0 / 256.0)]).enumerate() {
-                let share = weight as f32 * PER_WEIGHT * line;
-                states.add(index, share * speed, share * acceleration, share * jerk);
+            let rates = piece.part.rates_at(ticks);
+            let [dx, dy, dz, de] = piece.line;
+            let [dx, dy, dz] = self.kinematics.position([dx as f32, dy as f32, dz as f32]);
+            let line = [dx, dy, dz, de as f32 * (1.0 / 256.0)];
+            for ((axis, weight), line) in axes.iter_mut().zip(tap.weights).zip(line) {
+                if weight != 0 {
+                    axis.add(&rates, weight as f32 * PER_WEIGHT * line);
+                }
             }
         }
-        states.of_motors(self.kinematics)
+        let motors = |rate: fn(&PartRates) -> f32| {
+            let [x, y, z, extruder] = axes.each_ref().map(rate);
+            let [first, second, third] = self.kinematics.motors([x, y, z]);
+            [first, second, third, extruder]
+        };
+        MotorStates {
+            speed: motors(|axis| axis.speed),
+            acceleration: motors(|axis| axis.acceleration),
+            jerk: motors(|axis| axis.jerk),
+        }
     }
 }
 
@@ -176,27 +197,5 @@ impl Tap {
     #[inline]
     fn ticks_into(&self, piece: &PlanPiece, tick: u64) -> Option<u64> {
         tick.checked_sub(piece.start.wrapping_add(u64::from(self.delay_ticks)))
-    }
-}
-
-impl MotorStates {
-    #[inline]
-    fn add(&mut self, index: usize, speed: f32, acceleration: f32, jerk: f32) {
-        for (values, value) in
-            [(&mut self.speed, speed), (&mut self.acceleration, acceleration), (&mut self.jerk, jerk)]
-        {
-            if let Some(sum) = values.get_mut(index) {
-                *sum += value;
-            }
-        }
-    }
-
-    /// From axes to motors.
-    fn of_motors(self, kinematics: Kinematics) -> Self {
-        let motors = |[x, y, z, extruder]: [f32; 4]| {
-            let [first, second, third] = kinematics.motors([x, y, z]);
-            [first, second, third, extruder]
-        };
-        Self { speed: motors(self.speed), acceleration: motors(self.acceleration), jerk: motors(self.jerk) }
     }
 }
