@@ -40,12 +40,17 @@ pub(super) const fn of_256ths(steps_256ths: i32) -> i64 {
 pub(super) struct PartLaw {
     /// The part at the piece's start, 2^-56.
     start: i64,
-    /// What the speed there makes of the line in the span, 2^-56 over 2^[`Self::enlarged`].
+    /// What the speed there makes of the line in the span, 2^-56 over 2^[`PartScale::enlarged`].
     speed: i64,
     /// The same of half the acceleration, and of a sixth of the jerk, without the lower 32 bits.
     acceleration: i32,
     jerk: i32,
-    /// By how much these are larger, a shift.
+}
+
+/// The units of a [`PartLaw`]; apart from it, so that a piece of the plan has no gaps in memory.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PartScale {
+    /// By how much the coefficients are larger, a shift.
     enlarged: u8,
     /// Ticks of the span: 2 to the power of this, at least 1.
     span_bits: u8,
@@ -72,14 +77,25 @@ impl PartRates {
     }
 }
 
+impl PartScale {
+    /// Any, for what stands.
+    pub const NONE: Self = Self { enlarged: 0, span_bits: 1 };
+
+    /// Ticks as a share of the span, 2^-64.
+    #[inline]
+    fn share(&self, ticks: u64) -> u64 {
+        ticks.wrapping_shl(64_u32.wrapping_sub(u32::from(self.span_bits)))
+    }
+}
+
 impl PartLaw {
     /// Nothing is done.
-    pub const NONE: Self = Self { start: 0, speed: 0, acceleration: 0, jerk: 0, enlarged: 0, span_bits: 1 };
+    pub const NONE: Self = Self { start: 0, speed: 0, acceleration: 0, jerk: 0 };
 
     /// That of a piece which lasts so many ticks. Once a piece, and in f64; at its end it is where the polynomial is, however the
     /// coefficients are rounded.
     #[inline(never)]
-    pub fn new(part: &Polynomial, ticks: u64) -> Self {
+    pub fn new(part: &Polynomial, ticks: u64) -> (Self, PartScale) {
         let duration = ticks as f64;
         // A block under an S-curve may last a tick longer than its pieces.
         let span_bits = 64_u32.wrapping_sub(ticks.saturating_add(2).leading_zeros()).clamp(1, 63).cast_signed();
@@ -98,43 +114,38 @@ impl PartLaw {
             share * scaled(f64::from(acceleration) + share * f64::from(jerk), 32)
         };
         let done = part.position_after(duration) - part.position;
-        Self {
-            start: scaled(part.position, PART_BITS) as i64,
-            speed: (scaled(done, bits) / share - bent) as i64,
-            acceleration,
-            jerk,
-            enlarged: enlarged as u8,
-            span_bits: span_bits as u8,
-        }
+        let start = scaled(part.position, PART_BITS) as i64;
+        let speed = (scaled(done, bits) / share - bent) as i64;
+        let scale = PartScale { enlarged: enlarged as u8, span_bits: span_bits as u8 };
+        (Self { start, speed, acceleration, jerk }, scale)
     }
 
     /// The part after so many ticks, 2^-56.
     #[inline]
-    pub fn at(&self, ticks: u64) -> i64 {
-        let share = self.share(ticks);
-        let (upper, lower) = ((share >> 32) as u32, share as u32);
+    pub fn at(&self, scale: PartScale, ticks: u64) -> i64 {
+        let share = scale.share(ticks);
         let mut slope = self.speed;
         if self.is_bent() {
-            let bend = (i64::from(self.acceleration) << 32).wrapping_add(i64::from(self.jerk) * i64::from(upper));
-            slope = slope.wrapping_add(times(bend, upper));
+            let mut bend = i64::from(self.acceleration) << 32;
+            if self.jerk != 0 {
+                bend = bend.wrapping_add(times(i64::from(self.jerk) << 32, share));
+            }
+            slope = slope.wrapping_add(times(bend, share));
         }
-        // Of a span longer than 2^32 ticks the lower half counts, too.
-        let below = (i64::from((slope >> 32) as i32) * i64::from(lower)) >> 32;
-        let done = times(slope, upper).wrapping_add(below);
-        self.start.wrapping_add(done >> (self.enlarged & 63))
+        self.start.wrapping_add(times(slope, share) >> (scale.enlarged & 63))
     }
 
     /// How fast it is done after so many ticks.
     #[inline]
-    pub fn rates_at(&self, ticks: u64) -> PartRates {
-        let unit = single_power_of_two(32 - PART_BITS - i32::from(self.enlarged));
-        let per_tick = single_power_of_two(-i32::from(self.span_bits));
+    pub fn rates_at(&self, scale: PartScale, ticks: u64) -> PartRates {
+        let unit = single_power_of_two(32 - PART_BITS - i32::from(scale.enlarged));
+        let per_tick = single_power_of_two(-i32::from(scale.span_bits));
         let speed_unit = unit * per_tick;
         let speed = (self.speed >> 32) as i32 as f32;
         if !self.is_bent() {
             return PartRates { speed: speed * speed_unit, acceleration: 0.0, jerk: 0.0 };
         }
-        let share = (self.share(ticks) >> 32) as u32 as f32 * single_power_of_two(-32);
+        let share = (scale.share(ticks) >> 32) as u32 as f32 * single_power_of_two(-32);
         let (half_acceleration, sixth_jerk) = (self.acceleration as f32, self.jerk as f32);
         let rise = 3.0 * share * sixth_jerk;
         let acceleration_unit = speed_unit * per_tick;
@@ -149,12 +160,6 @@ impl PartLaw {
     #[inline]
     pub fn is_at_rest(&self) -> bool {
         self.speed == 0 && !self.is_bent()
-    }
-
-    /// Ticks as a share of the span, 2^-64.
-    #[inline]
-    fn share(&self, ticks: u64) -> u64 {
-        ticks.wrapping_shl(64_u32.wrapping_sub(u32::from(self.span_bits)))
     }
 
     /// Whether the speed changes.
@@ -200,12 +205,15 @@ impl WeightedSum {
     }
 }
 
-/// A number times a share (2^-32), rounded down by less than two.
+/// A number times a share (2^-64), rounded down by less than three.
 #[inline]
-fn times(number: i64, share: u32) -> i64 {
-    let upper = i64::from((number >> 32) as i32) * i64::from(share);
-    let lower = (u64::from(number as u32) * u64::from(share)) >> 32;
-    upper.wrapping_add(lower.cast_signed())
+fn times(number: i64, share: u64) -> i64 {
+    let (whole, part) = ((number >> 32) as i32, number as u32);
+    let (upper, lower) = ((share >> 32) as u32, share as u32);
+    let below = (u64::from(part) * u64::from(upper)) >> 32;
+    // Of a span longer than 2^32 ticks only.
+    let far_below = (i64::from(whole) * i64::from(lower)) >> 32;
+    (i64::from(whole) * i64::from(upper)).wrapping_add(below.cast_signed()).wrapping_add(far_below)
 }
 
 /// The least power of two above a number's magnitude; of zero a very small one.
@@ -233,4 +241,89 @@ fn scaled(x: f64, exponent: i32) -> f64 {
 #[inline]
 fn single_power_of_two(exponent: i32) -> f32 {
     f32::from_bits((exponent + 127).cast_unsigned() << 23)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A motion from 0 to the whole line, or a part of it, in a piece of so many ticks; `shape` are the shares that speed,
+    /// acceleration and jerk have in it.
+    fn part(ticks: f64, done: f64, start: f64, shape: [f64; 3]) -> Polynomial {
+        let sum: f64 = shape.iter().sum();
+        let [speed, acceleration, jerk] = shape.map(|share| share / sum * done);
+        Polynomial {
+            position: start,
+            speed: speed / ticks,
+            acceleration: 2.0 * acceleration / ticks / ticks,
+            jerk: 6.0 * jerk / ticks / ticks / ticks,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_part_is_where_the_polynomial_is(
+            ticks in prop_oneof![1u64..1000, 1000u64..1 << 26, 1u64 << 30..1 << 38],
+            at in 0.0f64..=1.0,
+            exponent in -20.0f64..0.0,
+            start in 0.0f64..0.5,
+            shape in (0.0f64..1.0, -0.45f64..1.0, prop_oneof![Just(0.0), 0.0f64..1.0]),
+        ) {
+            let shape: [f64; 3] = shape.into();
+            prop_assume!(shape.iter().sum::<f64>() > 0.3);
+            let done = 0.5 * exponent.exp2();
+            let path = part(ticks as f64, done, start, shape);
+            let (law, scale) = PartLaw::new(&path, ticks);
+            let near = |after: u64, most: f64| {
+                let found = law.at(scale, after) as f64 / f64::from(PART_BITS).exp2();
+                (found - path.position_after(after as f64)).abs() <= most
+            };
+            // Between the ends within what 28 bits of acceleration and jerk leave; at the ends within those of f64.
+            prop_assert!(near((at * ticks as f64) as u64, done * 4e-9 + 1e-15));
+            prop_assert!(near(0, 1e-15) && near(ticks, 1e-15));
+            let rates = law.rates_at(scale, (at * ticks as f64) as u64);
+            let expected = path.after(((at * ticks as f64) as u64) as f64);
+            let largest = done / ticks as f64;
+            prop_assert!((f64::from(rates.speed) - expected.speed).abs() <= 1e-5 * largest);
+            prop_assert!((f64::from(rates.acceleration) - expected.acceleration).abs() <= 1e-4 * largest / ticks as f64);
+        }
+
+        #[test]
+        fn a_weighted_sum_is_the_nearest_position(
+            positions in proptest::collection::vec(-(1i64 << 58)..1 << 58, 5),
+            cuts in proptest::collection::vec(0u32..1 << 28, 4),
+        ) {
+            let mut weights = cuts.clone();
+            weights.push((1 << WEIGHT_BITS) - cuts.iter().sum::<u32>());
+            let mut sum = WeightedSum::default();
+            let mut exact = 0i128;
+            for (position, weight) in positions.iter().zip(&weights) {
+                sum.add(*position, *weight);
+                exact += i128::from(*position) * i128::from(*weight);
+            }
+            prop_assert_eq!(i128::from(sum.position()), (exact + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS);
+            // At rest it is exact.
+            let mut sum = WeightedSum::default();
+            weights.iter().for_each(|weight| sum.add(of_steps(-77_123), *weight));
+            prop_assert_eq!(sum.position(), of_steps(-77_123));
+        }
+
+        #[test]
+        fn steps_along_a_line_are_the_part_of_all(steps: i32, part in 0i64..=1 << PART_BITS) {
+            let exact = (i128::from(steps) * i128::from(part)) >> (PART_BITS - 32);
+            prop_assert!((i128::from(along(steps, part)) - exact).abs() <= 1);
+        }
+
+        #[test]
+        fn powers_of_two_scale_exactly(x in -1e12f64..1e12, exponent in -200i32..200) {
+            prop_assert_eq!(scaled(x, exponent), x * f64::from(exponent).exp2());
+        }
+    }
+
+    #[test]
+    fn what_is_too_small_to_scale_is_zero() {
+        assert_eq!(scaled(0.0, 60), 0.0);
+        assert_eq!(scaled(1e-300, -100), 0.0);
+    }
 }

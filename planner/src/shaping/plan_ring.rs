@@ -1,6 +1,6 @@
 //! What the plan was and is: the pieces that a filter still sees.
 
-use super::fixed::{self, PartLaw};
+use super::fixed::{self, PartLaw, PartRates, PartScale};
 
 /// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more ([`MOST_IN_FILTER`]).
 const PIECES: u32 = 64;
@@ -22,6 +22,8 @@ pub(super) struct PlanPiece {
     pub steps: [i32; 3],
     /// The extruder there, 1/256 steps, modulo 2^32: it is seen from places near it.
     pub extruder_256ths: i32,
+    /// The units of [`Self::part`].
+    pub scale: PartScale,
     /// Whether the extruder's whole position is below zero.
     pub is_extruder_below_zero: bool,
     /// Whether the move of [`Self::source_line`] ends with the piece.
@@ -37,6 +39,7 @@ impl PlanPiece {
     const NONE: Self = Self {
         start: 0,
         part: PartLaw::NONE,
+        scale: PartScale::NONE,
         steps: [0; 3],
         extruder_256ths: 0,
         is_extruder_below_zero: false,
@@ -57,8 +60,20 @@ impl PlanPiece {
     }
 
     /// The same with motion along a line.
-    pub const fn along(self, line: [i32; 4], part: PartLaw) -> Self {
-        Self { line, part, ..self }
+    pub const fn along(self, line: [i32; 4], (part, scale): (PartLaw, PartScale)) -> Self {
+        Self { line, part, scale, ..self }
+    }
+
+    /// Which part of the line is done so many ticks after the start, 2^-56.
+    #[inline]
+    pub fn part_after(&self, ticks: u64) -> i64 {
+        self.part.at(self.scale, ticks)
+    }
+
+    /// How fast it is done then.
+    #[inline]
+    pub fn rates_after(&self, ticks: u64) -> PartRates {
+        self.part.rates_at(self.scale, ticks)
     }
 
     /// Where the motors of this mask are, 2^-32 step, where this part of the line is done (others anywhere); the extruder from this
@@ -107,5 +122,16 @@ impl PlanRing {
     /// Forgets all pieces.
     pub fn clear(&mut self) {
         self.end = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_piece_is_as_small_as_its_fields() {
+        // The boards' memory has little room: what is larger is to be known.
+        assert_eq!(size_of::<PlanPiece>(), 72);
     }
 }

@@ -135,7 +135,7 @@ impl Taps {
         for tap in self.taps() {
             let Some(piece) = ring.get(tap.piece) else { continue };
             // Before the first piece it stands.
-            let part = piece.part.at(tap.ticks_into(piece, tick).unwrap_or(0));
+            let part = piece.part_after(tap.ticks_into(piece, tick).unwrap_or(0));
             let [x, y, z, extruder] = piece.motors_at(part, tap.motors, extruder_zero.wrapping_mul(256));
             let [x, y, z] = self.kinematics.position([x, y, z].map(Wrapping));
             for ((axis, weight), position) in axes.iter_mut().zip(tap.weights).zip([x.0, y.0, z.0, extruder]) {
@@ -160,7 +160,7 @@ impl Taps {
                 continue;
             }
             let Some(ticks) = tap.ticks_into(piece, tick) else { continue };
-            let rates = piece.part.rates_at(ticks);
+            let rates = piece.rates_after(ticks);
             let [dx, dy, dz, de] = piece.line;
             let [dx, dy, dz] = self.kinematics.position([dx as f32, dy as f32, dz as f32]);
             let line = [dx, dy, dz, de as f32 * (1.0 / 256.0)];
@@ -197,5 +197,29 @@ impl Tap {
     #[inline]
     fn ticks_into(&self, piece: &PlanPiece, tick: u64) -> Option<u64> {
         tick.checked_sub(piece.start.wrapping_add(u64::from(self.delay_ticks)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::shaping::{AxisShaper, ShaperKind};
+
+    #[test]
+    fn weights_sum_to_a_whole_exactly() {
+        for (kind, frequency_hz) in ShaperKind::ALL.into_iter().flat_map(|kind| [(kind, 31.0), (kind, 57.3)]) {
+            let of = |frequency_hz| AxisShaper { kind, frequency_hz, damping: 0.07 };
+            let shaping = Shaping::new(&[of(frequency_hz), of(43.9)]).unwrap();
+            let taps = Taps::new(&shaping, Kinematics::CoreXy);
+            for axis in 0..4 {
+                let sum: u32 = taps.taps().map(|tap| tap.weights[axis]).sum();
+                assert_eq!(sum, 1 << WEIGHT_BITS, "{kind:?} {axis}");
+            }
+            for tap in taps.taps() {
+                // X and Y are both made by A and B.
+                assert_eq!(tap.motors & 0b11 == 0b11, tap.weights[0] != 0 || tap.weights[1] != 0);
+            }
+        }
     }
 }
