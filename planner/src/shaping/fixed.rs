@@ -52,7 +52,7 @@ pub(super) struct PartLaw {
 pub(super) struct PartScale {
     /// By how much the coefficients are larger, a shift.
     enlarged: u8,
-    /// Ticks of the span: 2 to the power of this, at least 1.
+    /// Ticks of the span: 2 to the power of this.
     span_bits: u8,
 }
 
@@ -78,8 +78,8 @@ impl PartRates {
 }
 
 impl PartScale {
-    /// Any, for what stands.
-    pub const NONE: Self = Self { enlarged: 0, span_bits: 1 };
+    /// Any, for what stands. All zeros: images hold no copy of an empty ring then.
+    pub const NONE: Self = Self { enlarged: 0, span_bits: 0 };
 
     /// Ticks as a share of the span, 2^-64.
     #[inline]
@@ -105,7 +105,7 @@ impl PartLaw {
         let largest = magnitude(speed).max(magnitude(of_acceleration)).max(magnitude(of_jerk));
         let enlarged = (COEFFICIENT_BITS - PART_BITS - largest).clamp(0, MOST_ENLARGED);
         let bits = PART_BITS + enlarged;
-        let (acceleration, jerk) = (upper_half(of_acceleration, bits), upper_half(of_jerk, bits));
+        let (acceleration, jerk) = ((whole(of_acceleration, bits) >> 32) as i32, (whole(of_jerk, bits) >> 32) as i32);
         // What rounding takes from these, the speed gets.
         let share = scaled(duration, -span_bits);
         let bent = if acceleration | jerk == 0 {
@@ -114,8 +114,8 @@ impl PartLaw {
             share * scaled(f64::from(acceleration) + share * f64::from(jerk), 32)
         };
         let done = part.position_after(duration) - part.position;
-        let start = scaled(part.position, PART_BITS) as i64;
-        let speed = (scaled(done, bits) / share - bent) as i64;
+        let start = whole(part.position, PART_BITS);
+        let speed = whole(scaled(done, bits) / share - bent, 0);
         let scale = PartScale { enlarged: enlarged as u8, span_bits: span_bits as u8 };
         (Self { start, speed, acceleration, jerk }, scale)
     }
@@ -221,12 +221,14 @@ fn magnitude(x: f64) -> i32 {
     ((x.to_bits() >> 52) as i32 & 0x7ff) - 1022
 }
 
-/// The upper 32 of 64 bits of a number times 2^bits, cut.
-fn upper_half(x: f64, bits: i32) -> i32 {
-    if x == 0.0 { 0 } else { scaled(x, bits - 32) as i32 }
+/// A number times 2^bits, cut to a whole one. Once in the image: the processor has no instruction for it.
+#[inline(never)]
+fn whole(x: f64, bits: i32) -> i64 {
+    scaled(x, bits) as i64
 }
 
 /// A number times a power of two, exactly; what gets too small is zero. In hardware it would be a product.
+#[inline(never)]
 fn scaled(x: f64, exponent: i32) -> f64 {
     let bits = x.to_bits();
     let now = (bits >> 52) as i32 & 0x7ff;

@@ -27,7 +27,7 @@ impl Polynomial {
     const ZERO: Self = Self { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 };
 
     /// The position so many ticks later.
-    #[inline]
+    #[inline(never)]
     pub fn position_after(&self, ticks: f64) -> f64 {
         let Self { position, speed, acceleration, jerk } = *self;
         let bend = if jerk == 0.0 { acceleration } else { acceleration + ticks * jerk * (1.0 / 3.0) };

@@ -4,7 +4,7 @@ use core::num::Wrapping;
 
 use super::Shaping;
 use super::fixed::{PartRates, WEIGHT_BITS, WeightedSum};
-use super::kernel::{Impulse, Kernel, MAX_IMPULSES};
+use super::kernel::MAX_IMPULSES;
 use super::plan_ring::{PlanPiece, PlanRing};
 use crate::kinematics::Kinematics;
 
@@ -62,11 +62,17 @@ impl Taps {
         let (late_x, late_y) = (x.centroid_ticks(), y.centroid_ticks());
         let late = if late_x > late_y { late_x } else { late_y };
         let whole = |ticks: f64| (ticks + 0.5) as u32;
-        for (delay_ticks, weight) in halves(&x.delayed(whole(late - late_x))) {
-            taps.add(delay_ticks, [2 * weight, 0, 0, weight]);
-        }
-        for (delay_ticks, weight) in halves(&y.delayed(whole(late - late_y))) {
-            taps.add(delay_ticks, [0, 2 * weight, 0, weight]);
+        for (axis, kernel, own) in [(0, x, late_x), (1, y, late_y)] {
+            let kernel = kernel.delayed(whole(late - own));
+            // Differences of rounded sums: together they are a whole.
+            let (mut sum, mut before) = (0.0, 0);
+            for one in kernel.impulses() {
+                sum += one.weight;
+                let until = whole(sum * f64::from(HALF));
+                let half = until.wrapping_sub(before);
+                before = until;
+                taps.add(one.delay_ticks, if axis == 0 { [half << 1, 0, 0, half] } else { [0, half << 1, 0, half] });
+            }
         }
         taps.add(whole(late), [0, 0, 2 * HALF, 0]);
         taps
@@ -181,15 +187,6 @@ impl Taps {
             jerk: motors(|axis| axis.jerk),
         }
     }
-}
-
-/// A filter's delays, ticks, and half of its weights, which sum to [`HALF`].
-fn halves(kernel: &Kernel) -> impl Iterator<Item = (u32, u32)> {
-    let rounded = |one: &Impulse| (one.weight * f64::from(HALF) + 0.5) as u32;
-    let impulses = kernel.impulses();
-    let sum = impulses.iter().fold(0_u32, |sum, one| sum.wrapping_add(rounded(one)));
-    let mut missing = HALF.wrapping_sub(sum);
-    impulses.iter().map(move |one| (one.delay_ticks, rounded(one).wrapping_add(core::mem::take(&mut missing))))
 }
 
 impl Tap {
