@@ -11,7 +11,7 @@ use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Planner, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Planner, PressureAdvance, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, Printer, Replies};
 
@@ -35,6 +35,10 @@ impl Motion for Machine<'_, '_> {
 
     fn try_add(&mut self, request: &impl Request) -> Option<Result<Moved, MotionError>> {
         Some(self.planner.borrow_mut().add(request).map_err(MotionError::Move))
+    }
+
+    async fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MotionError> {
+        self.planner.borrow_mut().set_pressure_advance(advance).map_err(MotionError::Move)
     }
 
     async fn set_fan_power(&mut self, _power: u8) -> Result<(), MotionError> {

@@ -16,6 +16,8 @@ impl MotionMethods for Papers {
     type Rule = PaperRule;
     type Pattern = PaperPattern;
 
+    // Large: inlined, it is once on the stack.
+    #[inline(always)]
     fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<PaperPattern>, ChoiceError> {
         let is_standard = choice.interpolation == Interpolation::StepBresenham;
         Ok((!is_standard).then(|| PaperPattern::new(choice, kinematics)))

@@ -17,6 +17,8 @@ pub(crate) struct Budget {
     piece_ticks: f32,
     /// Pieces that a block has besides those of its moves: its ramps.
     ramp_pieces: u32,
+    /// The same for each of its moves.
+    move_pieces: u32,
 }
 
 impl Budget {
@@ -27,13 +29,17 @@ impl Budget {
             move_ticks: geometry.move_cost_ticks as f32,
             piece_ticks: 0.0,
             ramp_pieces: 0,
+            move_pieces: 1,
         }
     }
 
     /// Filters of this length, ticks, see no more pieces of the plan than their ring holds.
-    pub fn hold_pieces(&mut self, length_ticks: u32, is_s_curve: bool) {
-        // Under an S-curve a block may have all ramps of a run.
-        self.ramp_pieces = if is_s_curve { 6 } else { 2 };
+    /// `has_knee`: where the filament passes a speed, the extruder's advance has another slope, and the plan another piece.
+    pub fn hold_pieces(&mut self, length_ticks: u32, is_s_curve: bool, has_knee: bool) {
+        // Under an S-curve a block may have all ramps of a run. A knee may be passed once in each move, and in the one with the
+        // highest speed twice.
+        self.ramp_pieces = if is_s_curve { 6 } else { 2 } + u32::from(has_knee);
+        self.move_pieces = 1 + u32::from(has_knee);
         self.piece_ticks = length_ticks as f32 / MOST_IN_FILTER as f32;
     }
 
@@ -45,7 +51,8 @@ impl Budget {
         // Units of 10 nm in a tick at one unit of speed.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
         let ticks = events * self.event_ticks + moves as f32 * self.move_ticks;
-        let for_pieces = moves.saturating_add(self.ramp_pieces) as f32 * self.piece_ticks;
+        let for_pieces =
+            moves.saturating_mul(self.move_pieces).saturating_add(self.ramp_pieces) as f32 * self.piece_ticks;
         let ticks = if for_pieces > ticks { for_pieces } else { ticks };
         Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }
     }
@@ -99,7 +106,8 @@ mod tests {
             mm_per_s in 0.1f64..500.0, moves in 1u32..9,
         ) {
             // 400,000 events and 8,000 moves a second.
-            let budget = Budget { event_ticks: 210.0, move_ticks: 10_500.0, piece_ticks: 0.0, ramp_pieces: 0 };
+            let budget =
+                Budget { event_ticks: 210.0, move_ticks: 10_500.0, piece_ticks: 0.0, ramp_pieces: 0, move_pieces: 1 };
             let block = block(length, steps, mm_per_s);
             let events = block.master_steps() as f32 + extruder;
             let slower = budget.cost(&block, events, moves).slower_nominal(block.nominal);
@@ -120,7 +128,7 @@ mod tests {
 
     #[test]
     fn without_costs_nothing_is_slowed() {
-        let budget = Budget { event_ticks: 0.0, move_ticks: 0.0, piece_ticks: 0.0, ramp_pieces: 0 };
+        let budget = Budget { event_ticks: 0.0, move_ticks: 0.0, piece_ticks: 0.0, ramp_pieces: 0, move_pieces: 1 };
         let block = block(1, 1_000, 500.0);
         assert_eq!(budget.cost(&block, 1_000.0, 1).slower_nominal(block.nominal), None);
     }

@@ -1,23 +1,23 @@
-//! What the interpolator has made and not handed out yet.
+//! What has been made of motion and not handed out yet.
 
 use crate::step_queue::StepEntry;
 
 /// Events or stairs worked out in one call of [`crate::interpolator::Interpolator::advance`].
-pub(crate) const EVENTS_AT_ONCE: usize = 64;
+pub(crate) const EVENTS_AT_ONCE: usize = 48;
 
 /// The most entries that a single call of the interpolator hands to its sink.
 pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
-/// Entries in their order, handed out together (R9).
+/// At most so many entries in their order, handed out together (R9).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct EventBuffer {
-    entries: [StepEntry; MAX_ENTRIES],
+pub(crate) struct EventBuffer<const MOST: usize> {
+    entries: [StepEntry; MOST],
     count: usize,
 }
 
-impl EventBuffer {
+impl<const MOST: usize> EventBuffer<MOST> {
     /// Empty.
-    pub(crate) const NONE: Self = Self { entries: [StepEntry::wait(0); MAX_ENTRIES], count: 0 };
+    pub(crate) const NONE: Self = Self { entries: [StepEntry::wait(0); MOST], count: 0 };
 
     /// Adds an entry; there is room.
     #[inline(always)]

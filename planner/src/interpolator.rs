@@ -62,7 +62,7 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     /// When the move before ended, a whole tick: an extruder step due at the very start of a move stays after it.
     move_start: u64,
     /// Entries on their way out. The last of them is held back while a later event may still join it.
-    entries: EventBuffer,
+    entries: EventBuffer<MAX_ENTRIES>,
     /// The direction signals as they stand.
     directions: u8,
     /// Extruder position at the end of the present stretch (or the last one).
@@ -144,8 +144,36 @@ impl<M: MotionMethods> Interpolator<M> {
     /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the motion clock, the
     /// extruder here and the direction signals so.
     pub fn reset_to(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
-        let Self { minimum_interval, pattern, .. } = *self;
-        *self = Self { pattern, clock, extruder_256ths, directions, ..Self::new(minimum_interval) };
+        // In its place: a new one would be on the stack.
+        let Self {
+            minimum_interval: _,
+            near: _,
+            clock: own_clock,
+            last,
+            move_start,
+            entries,
+            directions: own_directions,
+            extruder_256ths: own_extruder_256ths,
+            is_busy,
+            duration_ticks,
+            line,
+            rest,
+            master,
+            master_bit,
+            followers,
+            masters_events,
+            extruder,
+            joining,
+            pattern: _,
+            follows_pattern,
+        } = self;
+        (*own_clock, *own_extruder_256ths, *own_directions) = (clock, extruder_256ths, directions);
+        (*last, *move_start, *duration_ticks) = (0, 0, 0);
+        entries.clear();
+        (*is_busy, *follows_pattern, *line, *rest) = (false, false, None, None);
+        (*master, *extruder) = (StepTimes::NONE, StepTimes::NONE);
+        (*master_bit, *joining) = (0, 0);
+        (*followers, *masters_events) = ([Follower::NONE; 2], [StepEntry::wait(0); 2]);
     }
 
     /// Goes on from standstill where another stepper has brought the motors.

@@ -45,6 +45,7 @@ mod pace;
 mod path;
 mod pieces;
 mod planner;
+mod pressure_advance;
 #[cfg(test)]
 mod random;
 mod ring;
@@ -71,6 +72,7 @@ pub use planner::prepared::{Prepared, PreparedMove, Retuned};
 pub use planner::recorder::{Recorded, Recorder};
 pub use planner::request::{Move, Request};
 pub use planner::{Planner, Progress, filament_100pm};
+pub use pressure_advance::{PressureAdvance, PressureAdvanceError, SecondSlope};
 pub use shaping::{AxisShaper, ShaperError, ShaperKind};
 pub use spacing::MotorSteps;
 pub use step_ledger::{StepLedger, StepObserver};

@@ -27,12 +27,37 @@ pub struct Limits {
     pub instantaneous_corner_velocity_mm_per_s: [f64; AXES],
 }
 
+/// What the extruder's advance takes of its speed and acceleration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ExtruderAdvance {
+    /// The largest K, s; 0: it has none.
+    pub seconds: f32,
+    /// Over how long it is averaged, s.
+    pub smooth_time_s: f32,
+}
+
+impl ExtruderAdvance {
+    /// None.
+    pub const NONE: Self = Self { seconds: 0.0, smooth_time_s: 1.0 };
+
+    /// What an advance leaves of the filament's speed and acceleration to the flow.
+    pub fn left_to_flow(&self, feed_mm_per_s: f32, acceleration_mm_per_s2: f32) -> FeedAndAcceleration {
+        let averages = self.seconds / self.smooth_time_s;
+        let by_feed = 0.25 * feed_mm_per_s / self.seconds;
+        (0.5 * feed_mm_per_s, smaller(by_feed, acceleration_mm_per_s2 / (1.0 + 2.0 * averages)))
+    }
+}
+
 /// The limits as the planning of a block uses them: in single precision, for which the Cortex-M4F has
 /// instructions; double precision is software there, some hundred instructions an operation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathLimits {
+    /// The filament's is that in a line, where the extruder's advance takes a part of what it may.
     max_feed_mm_per_s: [f32; AXES],
     max_acceleration_mm_per_s2: [f32; AXES],
+    /// Of the filament alone.
+    filament_feed_mm_per_s: f32,
+    filament_acceleration_mm_per_s2: f32,
     print_acceleration_mm_per_s2: f32,
     travel_acceleration_mm_per_s2: f32,
     retract_acceleration_mm_per_s2: f32,
@@ -50,16 +75,34 @@ pub(crate) struct PathLimits {
 pub(crate) type FeedAndAcceleration = (f32, f32);
 
 impl PathLimits {
-    /// These limits.
-    pub fn new(limits: &Limits) -> Self {
-        let [feed_x, feed_y, ..] = limits.max_feed_mm_per_s;
-        let [acceleration_x, acceleration_y, ..] = limits.max_acceleration_mm_per_s2;
-        let per_corner_velocity = limits.instantaneous_corner_velocity_mm_per_s.map(|limit| 1.0 / limit as f32);
+    /// These limits, less what the extruder needs for its advance: largest K, s, and the time over which it is averaged, s.
+    ///
+    /// The extruder goes at e' + (K / B) times the difference of e' over B. Half of its speed is left to the flow, a quarter to
+    /// the advance where the flow accelerates, K e'', and a quarter where it changes at a corner, (K / B) times the change. Its
+    /// acceleration is e'' + (K / B) times a difference of e'', at most 1 + 2 K / B times the flow's.
+    pub fn new(limits: &Limits, advance: &ExtruderAdvance) -> Self {
+        let [feed_x, feed_y, .., filament_feed] = limits.max_feed_mm_per_s.map(|limit| limit as f32);
+        let [acceleration_x, acceleration_y, .., filament_acceleration] =
+            limits.max_acceleration_mm_per_s2.map(|limit| limit as f32);
+        let mut max_feed_mm_per_s = limits.max_feed_mm_per_s.map(|limit| limit as f32);
+        let mut max_acceleration_mm_per_s2 = limits.max_acceleration_mm_per_s2.map(|limit| limit as f32);
+        let mut per_corner_velocity = limits.instantaneous_corner_velocity_mm_per_s.map(|limit| 1.0 / limit as f32);
+        let ExtruderAdvance { seconds, smooth_time_s } = *advance;
+        if seconds > 0.0 {
+            let averages = seconds / smooth_time_s;
+            let [.., feed] = &mut max_feed_mm_per_s;
+            let [.., acceleration] = &mut max_acceleration_mm_per_s2;
+            (*feed, *acceleration) = advance.left_to_flow(filament_feed, filament_acceleration);
+            let [.., per_velocity] = &mut per_corner_velocity;
+            *per_velocity = larger((1.0 + averages) * *per_velocity, averages / (0.25 * filament_feed));
+        }
         Self {
-            plane_feed_mm_per_s: smaller(feed_x as f32, feed_y as f32),
-            plane_acceleration_mm_per_s2: smaller(acceleration_x as f32, acceleration_y as f32),
-            max_feed_mm_per_s: limits.max_feed_mm_per_s.map(|limit| limit as f32),
-            max_acceleration_mm_per_s2: limits.max_acceleration_mm_per_s2.map(|limit| limit as f32),
+            plane_feed_mm_per_s: smaller(feed_x, feed_y),
+            plane_acceleration_mm_per_s2: smaller(acceleration_x, acceleration_y),
+            max_feed_mm_per_s,
+            max_acceleration_mm_per_s2,
+            filament_feed_mm_per_s: filament_feed,
+            filament_acceleration_mm_per_s2: filament_acceleration,
             print_acceleration_mm_per_s2: limits.print_acceleration_mm_per_s2 as f32,
             travel_acceleration_mm_per_s2: limits.travel_acceleration_mm_per_s2 as f32,
             retract_acceleration_mm_per_s2: limits.retract_acceleration_mm_per_s2 as f32,
@@ -77,9 +120,8 @@ impl PathLimits {
 
     /// Limits a feed where only the filament moves.
     pub fn of_filament(&self, feed_mm_per_s: f32) -> FeedAndAcceleration {
-        let [.., max_feed] = self.max_feed_mm_per_s;
-        let [.., max_acceleration] = self.max_acceleration_mm_per_s2;
-        (smaller(feed_mm_per_s, max_feed), smaller(self.retract_acceleration_mm_per_s2, max_acceleration))
+        let acceleration = smaller(self.retract_acceleration_mm_per_s2, self.filament_acceleration_mm_per_s2);
+        (smaller(feed_mm_per_s, self.filament_feed_mm_per_s), acceleration)
     }
 
     /// Limits a feed along a path of this length and these travels of X, Y, Z and the filament, all in units of
@@ -158,7 +200,7 @@ mod tests {
                 retract_acceleration_mm_per_s2: 1500.0,
                 junction_deviation_mm: 0.05,
                 instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
-            });
+            }, &ExtruderAdvance::NONE);
             let path = Path::along([x, y, z]);
             let [x, y, z] = path.vector.map(f32::abs);
             let travels = [x, y, z, filament as f32];

@@ -10,6 +10,7 @@ use core::fmt::Debug;
 use crate::block::{Block, PlannedBlock, Speed};
 use crate::kinematics::Kinematics;
 use crate::motion_choice::{AccelerationProfile, Interpolation, MotionChoice};
+use crate::pressure_advance::PressureAdvanceError;
 use crate::shaping::ShaperError;
 use crate::step_times::StepTimes;
 use crate::stretches::Stretch;
@@ -28,6 +29,8 @@ pub enum ChoiceError {
     Parameter,
     /// A shaper cannot be made, or not for this machine.
     Shaper(ShaperError),
+    /// A number of the extruder's advance is out of range.
+    PressureAdvance(PressureAdvanceError),
 }
 
 /// A step event of X, Y and Z's motors, and when it is due.

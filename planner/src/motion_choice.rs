@@ -1,7 +1,9 @@
 //! The names of the methods that a profile or M796 chooses, and their parameters: data, on which nothing branches but the
 //! methods themselves ([`crate::methods`]).
 
-use crate::shaping::AxisShaper;
+use crate::limits::Limits;
+use crate::pressure_advance::PressureAdvance;
+use crate::shaping::{AxisShaper, Shaping};
 
 /// How the motors' steps follow a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,6 +106,8 @@ pub struct MotionChoice {
     pub s_curve_table: SCurveTableSettings,
     /// Shapers of X and Y.
     pub shapers: [AxisShaper; 2],
+    /// How far the extruder runs ahead of the flow.
+    pub pressure_advance: PressureAdvance,
 }
 
 impl MotionChoice {
@@ -111,6 +115,17 @@ impl MotionChoice {
     pub const fn is_standard(&self) -> bool {
         matches!(self.interpolation, Interpolation::StepBresenham)
             && matches!(self.acceleration, AccelerationProfile::Trapezoid | AccelerationProfile::SCurve)
+    }
+
+    /// The acceleration of the filament that the extruder can follow with its advance, mm/s^2; `None` without one, and where the
+    /// filters cannot be made.
+    pub fn followed_filament_acceleration_mm_per_s2(&self, limits: &Limits) -> Option<f64> {
+        let shaping = Shaping::new(&self.shapers, &self.pressure_advance).ok()?;
+        let advance = shaping.extruder_advance(&self.pressure_advance)?;
+        let [.., feed] = limits.max_feed_mm_per_s;
+        let [.., acceleration] = limits.max_acceleration_mm_per_s2;
+        let (_, acceleration) = advance.left_to_flow(feed as f32, acceleration as f32);
+        Some(f64::from(acceleration))
     }
 
     /// Step Bresenham and trapezoids; the other parameters as profiles have them that do not say otherwise.
@@ -124,5 +139,6 @@ impl MotionChoice {
         // Li 2017, experiment.
         s_curve_table: SCurveTableSettings { start_hz: 1_000, top_hz: 10_000, jerk_hz_per_s2: 100_000 },
         shapers: [AxisShaper::NONE; 2],
+        pressure_advance: PressureAdvance::NONE,
     };
 }

@@ -13,13 +13,14 @@ use crate::block_queue::BlockQueue;
 use crate::extruder::FILAMENT_UNITS_PER_MM;
 use crate::interpolator::Interpolator;
 use crate::junction::CornerAcceleration;
-use crate::kinematics::{Geometry, UNITS_PER_MM};
-use crate::limits::Limits;
+use crate::kinematics::{Geometry, Kinematics, UNITS_PER_MM};
+use crate::limits::{ExtruderAdvance, Limits};
 use crate::look_ahead::SpeedLaw;
 use crate::methods::{ChoiceError, MotionMethods, SpeedRule, Standard};
 use crate::motion_choice::{AccelerationProfile, MotionChoice};
 use crate::open_block::OpenBlock;
 use crate::pace::Pace;
+use crate::pressure_advance::{AdvanceLaw, PressureAdvance};
 use crate::ring::{Marker, RingMemory};
 use crate::s_curve::law::Curve;
 use crate::s_curve::{Jerk, Jerks};
@@ -132,18 +133,36 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// # Errors
     /// [`ChoiceError`]; nothing has changed then.
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
-        let law = speed_law::<M>(choice)?;
-        let pattern = M::pattern(choice, self.rules.geometry.kinematics)?;
+        check_methods::<M>(choice, self.rules.geometry.kinematics)?;
+        choice.pressure_advance.check().map_err(ChoiceError::PressureAdvance)?;
         let shaping = self.shaping_of(choice).map_err(ChoiceError::Shaper)?;
         if !self.is_idle() {
             return Err(ChoiceError::InMotion);
         }
         self.choice = *choice;
-        self.rules.pattern = pattern;
-        self.shaping = shaping;
-        self.shaped.set_shaping(&shaping, self.rules.geometry.kinematics);
-        self.rules.set_shaped_for(self.shaped.length_ticks(), choice.acceleration == AccelerationProfile::SCurve);
-        self.interpolator.set_pattern(pattern);
+        self.set_shaping(&shaping);
+        self.set_methods()
+    }
+
+    /// The filters, as chosen.
+    // Not beside the methods: each takes much of the stack.
+    #[inline(never)]
+    fn set_shaping(&mut self, shaping: &Shaping) {
+        let Self { choice, .. } = *self;
+        self.shaping = *shaping;
+        self.shaped.set_shaping(shaping, self.rules.geometry.kinematics);
+        let is_s_curve = choice.acceleration == AccelerationProfile::SCurve;
+        self.rules.set_shaped_for(self.shaped.length_ticks(), is_s_curve, choice.pressure_advance.above.is_some());
+        self.advance_moves_to_come();
+        self.shaped.set_advance(self.advance_law());
+    }
+
+    /// The step pattern and the law of speeds, as chosen.
+    #[inline(never)]
+    fn set_methods(&mut self) -> Result<(), ChoiceError> {
+        self.rules.pattern = M::pattern(&self.choice, self.rules.geometry.kinematics)?;
+        self.interpolator.set_pattern(self.rules.pattern);
+        let law = speed_law::<M>(&self.choice)?;
         self.rule = match law {
             SpeedLaw::Other(rule) => Some(rule),
             SpeedLaw::Trapezoid | SpeedLaw::SCurve(_) | SpeedLaw::SCurveBlockByBlock(_) => None,
@@ -154,7 +173,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
 
     /// The filters of a choice, if this machine can have them.
     fn shaping_of(&self, choice: &MotionChoice) -> Result<Shaping, ShaperError> {
-        let shaping = Shaping::new(&choice.shapers)?;
+        let shaping = Shaping::new(&choice.shapers, &choice.pressure_advance)?;
         if !shaping.is_active() {
             return Ok(shaping);
         }
@@ -169,6 +188,41 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             steps_per_mm.all(|(_, other)| first.is_none_or(|(_, first)| first == other))
         };
         if !(are_equal(0) && are_equal(1)) { Err(ShaperError::UnequalMotors) } else { Ok(shaping) }
+    }
+
+    /// Sets how far the extruder runs ahead from the moves taken so far on, without a stop. `false`, and nothing has changed:
+    /// it needs other filters or more room in them, and so a standstill and [`Self::set_motion_choice`]. Of an advance that has been set the average
+    /// stays, whatever it is changed to, none included.
+    ///
+    /// # Errors
+    /// [`MoveError::NoRoom`]; nothing has changed then.
+    pub fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MoveError> {
+        let present = self.choice.pressure_advance;
+        let keeps_filters = self.shaping.advance_ticks > 0 && advance.smooth_time_s == present.smooth_time_s;
+        let adds_knee = advance.above.is_some() && present.above.is_none();
+        if !keeps_filters || adds_knee || advance.check().is_err() {
+            return Ok(false);
+        }
+        if *advance != present {
+            if !(self.close_open_block() && self.queue.push_marker(Marker::PressureAdvance(*advance))) {
+                return Err(MoveError::NoRoom);
+            }
+            self.choice.pressure_advance = *advance;
+            self.advance_moves_to_come();
+        }
+        Ok(true)
+    }
+
+    /// The moves to come leave to the extruder what its advance needs.
+    fn advance_moves_to_come(&mut self) {
+        let advance = self.shaping.extruder_advance(&self.choice.pressure_advance);
+        self.rules.set_advance(advance.unwrap_or(ExtruderAdvance::NONE));
+    }
+
+    /// The present advance, for the extruder of this machine.
+    fn advance_law(&self) -> AdvanceLaw {
+        let [.., steps_per_mm] = self.rules.geometry.steps_per_mm;
+        AdvanceLaw::new(&self.choice.pressure_advance, steps_per_mm.to_f64())
     }
 
     /// Lets the moves to come follow the plan itself, or the filters again: a move that a sensor ends is to stop where it is.
@@ -378,15 +432,28 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
                 self.begin(&planned, &law, sink);
             }
             Some(Released::Marker(marker)) => {
-                let is_shaped = !self.shaped.is_at_rest();
-                let tick = if is_shaped { self.shaped.notice_tick() } else { self.interpolator.notice_tick() };
-                let Marker::FanPower { power } = marker;
-                sink.notice(Notice::FanPower { tick, power });
+                self.pass_marker(&marker, sink);
             }
             None if self.must_rest() => self.tallies.motion_ticks += self.shaped.begin_rest(),
             None => return Progress::Waiting,
         }
         Progress::Worked
+    }
+
+    /// What stands between the blocks takes effect.
+    #[cold]
+    fn pass_marker(&mut self, marker: &Marker, sink: &mut impl StepSink) {
+        match *marker {
+            Marker::FanPower { power } => {
+                let is_shaped = !self.shaped.is_at_rest();
+                let tick = if is_shaped { self.shaped.notice_tick() } else { self.interpolator.notice_tick() };
+                sink.notice(Notice::FanPower { tick, power });
+            }
+            Marker::PressureAdvance(advance) => {
+                let [.., steps_per_mm] = self.rules.geometry.steps_per_mm;
+                self.shaped.set_advance(AdvanceLaw::new(&advance, steps_per_mm.to_f64()));
+            }
+        }
     }
 
     /// The plan has come to standstill, and the motors have not: what the filters hold is to be executed.
@@ -556,6 +623,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         shaped.clear();
         *owes_rest = false;
         *exit = Speed::ZERO;
+        // A change that waited among the moves is dropped with them, and holds for those to come.
+        self.shaped.set_advance(self.advance_law());
         dropped_100pm
     }
 
@@ -566,6 +635,14 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.previous = Previous::NONE;
         self.position.motor_steps
     }
+}
+
+/// Whether there are such methods.
+#[inline(never)]
+fn check_methods<M: MotionMethods>(choice: &MotionChoice, kinematics: Kinematics) -> Result<(), ChoiceError> {
+    speed_law::<M>(choice)?;
+    M::pattern(choice, kinematics)?;
+    Ok(())
 }
 
 /// How speeds change under a choice.

@@ -1,6 +1,7 @@
 //! The ring in which blocks wait for their speeds.
 
 use crate::block::{Block, Speed, SquaredSpeed};
+use crate::pressure_advance::PressureAdvance;
 
 /// A block in the ring with what its [`crate::speed_plan::SpeedPlan`] keeps of it.
 #[derive(Clone, Copy, Debug)]
@@ -37,13 +38,15 @@ impl Waiting {
 }
 
 /// Something that keeps its place among the blocks and takes no time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Marker {
     /// The fan changes here.
     FanPower {
         /// Power, 0 to 255.
         power: u8,
     },
+    /// The extruder runs ahead by another measure from here on.
+    PressureAdvance(PressureAdvance),
 }
 
 /// A place in the ring. Callers only provide the memory.

@@ -2,6 +2,8 @@
 //!
 //! A shaper ([`AxisShaper`]) gives a [`Kernel`]: weights and delays. The shaped position of an axis is the weighted sum of its
 //! planned positions at those delays (Singer and Seering 1990).
+//!
+//! The extruder goes through the filters of X and Y, and its advance ([`PressureAdvance`]) is two more delays.
 
 mod fixed;
 mod kernel;
@@ -18,10 +20,20 @@ pub use shapers::{AxisShaper, ShaperError, ShaperKind};
 pub(crate) use plan_ring::MOST_IN_FILTER;
 pub(crate) use stepper::{ShapedStepper, Standing};
 
+use crate::limits::ExtruderAdvance;
+use crate::pressure_advance::PressureAdvance;
+use crate::square_root::square_root_f32;
 use crate::time_units::TICKS_PER_SECOND;
 
 /// The longest filter, ticks: 100 ms. What the machine executes is later than planned by no more than this.
 pub const MAX_LENGTH_TICKS: u32 = TICKS_PER_SECOND / 10;
+
+/// The least time over which an advance is averaged unless another is given, s: at a common K the extruder can follow it.
+const LEAST_SMOOTH_TIME_S: f64 = 0.008;
+
+/// An average has the spread of a filter, Var = B^2 / 12, at this B. The least filament is misplaced at corners where it is somewhat
+/// shorter.
+const PART_OF_SPREAD: f64 = 0.9;
 
 /// The filters of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,19 +42,44 @@ pub struct Shaping {
     pub x: Kernel,
     /// That of Y.
     pub y: Kernel,
+    /// Over how many ticks the extruder's advance is averaged; 0: it has none.
+    pub advance_ticks: u32,
 }
 
 impl Shaping {
     /// No filters: every motor follows the plan itself.
-    pub const NONE: Self = Self { x: Kernel::IDENTITY, y: Kernel::IDENTITY };
+    pub const NONE: Self = Self { x: Kernel::IDENTITY, y: Kernel::IDENTITY, advance_ticks: 0 };
 
-    /// The filters of these shapers of X and Y.
+    /// The filters of these shapers of X and Y, and of this advance.
     ///
     /// # Errors
     /// The first shaper that cannot be made.
-    pub fn new(shapers: &[AxisShaper; 2]) -> Result<Self, ShaperError> {
+    pub fn new(shapers: &[AxisShaper; 2], advance: &PressureAdvance) -> Result<Self, ShaperError> {
         let [x, y] = shapers;
-        Ok(Self { x: x.kernel()?, y: y.kernel()? })
+        let filters = Self { x: x.kernel()?, y: y.kernel()?, advance_ticks: 0 };
+        let advance_ticks = if advance.is_some() { filters.average_ticks(advance.smooth_time_s) } else { 0 };
+        Ok(Self { advance_ticks, ..filters })
+    }
+
+    /// Over how many ticks an advance is averaged.
+    #[cold]
+    fn average_ticks(&self, smooth_time_s: Option<f64>) -> u32 {
+        let ticks_per_second = f64::from(TICKS_PER_SECOND);
+        let ticks = smooth_time_s.map(|time_s| time_s * ticks_per_second).unwrap_or_else(|| {
+            let variance = 0.5 * (self.x.variance() + self.y.variance());
+            let spread = PART_OF_SPREAD * f64::from(square_root_f32((12.0 * variance) as f32));
+            let least = LEAST_SMOOTH_TIME_S * ticks_per_second;
+            if spread > least { spread } else { least }
+        });
+        // Even, so that both halves are whole ticks.
+        2 * (0.5 * ticks + 0.5) as u32
+    }
+
+    /// What an advance takes of the extruder; `None`: nothing.
+    pub(crate) fn extruder_advance(&self, advance: &PressureAdvance) -> Option<ExtruderAdvance> {
+        let seconds = advance.largest_seconds() as f32;
+        let smooth_time_s = self.advance_ticks as f32 / TICKS_PER_SECOND as f32;
+        (seconds > 0.0 && smooth_time_s > 0.0).then_some(ExtruderAdvance { seconds, smooth_time_s })
     }
 
     /// Whether anything is filtered.

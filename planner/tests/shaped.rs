@@ -7,7 +7,8 @@
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
     AXES, AccelerationProfile, AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, Notice, PlannedBlock,
-    Planner, Progress, ShaperKind, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
+    Planner, PressureAdvance, Progress, SecondSlope, ShaperKind, StepEntry, StepKind, StepSink, StepsPerMm,
+    TICKS_PER_SECOND,
 };
 use ferrostep_simulator::law::{Law, Piece, ShapedLaw};
 use ferrostep_simulator::motion::Motion;
@@ -27,8 +28,9 @@ const PLANS: u64 = 300;
 /// What every step keeps to, ticks.
 const MOST_TICKS: f64 = 20.0;
 
-/// ... or part of a step: where a motor hardly moves, rounding takes time.
-const MOST_STEPS: f64 = 1e-9;
+/// ... or part of a step. Where a motor turns, or hardly moves, the least part of a step takes many ticks: its acceleration is a
+/// sum in single precision, and 6e-8 of a hundred steps are passed in 20 ticks above 30 steps/s only.
+const MOST_STEPS: f64 = 1e-5;
 
 /// All step events in order: tick, axes, directions; and where motion ends.
 #[derive(Default)]
@@ -93,6 +95,7 @@ struct Case {
     geometry: Geometry,
     limits: Limits,
     shapers: [AxisShaper; 2],
+    pressure_advance: PressureAdvance,
     /// Under an S-curve of this jerk, mm/s^3; there is one move then, as long as its speed needs.
     jerk_mm_per_s3: Option<f64>,
     moves: Vec<Move>,
@@ -101,7 +104,8 @@ struct Case {
 impl Case {
     fn planner(&self) -> Planner<Vec<Slot>> {
         let mut planner = Planner::new(self.geometry, self.limits, vec![Slot::EMPTY; 64]);
-        let mut choice = MotionChoice { shapers: self.shapers, ..MotionChoice::DEFAULT };
+        let mut choice =
+            MotionChoice { shapers: self.shapers, pressure_advance: self.pressure_advance, ..MotionChoice::DEFAULT };
         if let Some(jerk_mm_per_s3) = self.jerk_mm_per_s3 {
             choice = MotionChoice { acceleration: AccelerationProfile::SCurve, jerk_mm_per_s3, ..choice };
         }
@@ -195,9 +199,47 @@ fn s_curve(planned: &PlannedBlock, jerk_mm_per_s3: f64) -> Vec<[f64; 3]> {
     parts
 }
 
-/// The laws of X, Y, Z (of CoreXY half the sum and difference of A and B) and the extruder, in steps and ticks.
-fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 4], u64)> {
-    let mut pieces: [Vec<Piece>; 4] = Default::default();
+/// The advance while the filament moves at a constant acceleration from this speed on, summed over time from `sum` on: steps times
+/// ticks. Two pieces where the filament passes the speed at which the slope changes.
+fn advance_pieces(
+    advance: &PressureAdvance,
+    start: f64,
+    lasts: f64,
+    speed: f64,
+    acceleration: f64,
+    sum: &mut f64,
+) -> Vec<Piece> {
+    let second = f64::from(TICKS_PER_SECOND);
+    let knee = advance.above.map_or(f64::INFINITY, |above| above.filament_mm_per_s * 140.0 / second);
+    let slow = (advance.seconds * second).round();
+    let fast = advance.above.map_or(slow, |above| (above.seconds * second).round());
+    let crossing = (knee - speed) / acceleration;
+    let turns = if crossing > 0.0 && crossing < lasts { crossing } else { lasts };
+    let mut pieces = Vec::new();
+    for (from, to) in [(0.0, turns), (turns, lasts)] {
+        if to <= from {
+            continue;
+        }
+        let speed_at = |time: f64| speed + acceleration * time;
+        let is_fast = speed_at(0.5 * (from + to)) > knee;
+        let (slope, constant) = if is_fast { (fast, (slow - fast) * knee) } else { (slow, 0.0) };
+        let motion = Motion {
+            position_mm: *sum,
+            speed_mm_per_s: slope * speed_at(from) + constant,
+            acceleration_mm_per_s2: slope * acceleration,
+        };
+        let piece = Piece { start_s: start + from, duration_s: to - from, motion };
+        *sum = piece.at(piece.end_s()).position_mm;
+        pieces.push(piece);
+    }
+    pieces
+}
+
+/// The laws of X, Y, Z (of CoreXY half the sum and difference of A and B), the extruder, and its advance summed over time, in
+/// steps and ticks.
+fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 5], u64)> {
+    let mut pieces: [Vec<Piece>; 5] = Default::default();
+    let mut advance_sum = 0.0;
     let mut places = [0.0f64; 4];
     let mut clock = 0u64;
     for planned in blocks {
@@ -243,6 +285,15 @@ fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 4], u64)> {
                     (2.0 * wanted / (here + root), wanted, false)
                 };
                 let per = steps.map(|steps| steps / length);
+                // Filament that a line of plastic does not take has no advance.
+                let is_line = per[3] * 1e5 / 140.0 <= 0.5;
+                if lasts > 0.0 {
+                    let share = if per[3] > 0.0 && is_line { per[3] } else { 0.0 };
+                    let (start, speed) = (clock as f64 + time, share * here);
+                    let advance = &case.pressure_advance;
+                    let new = advance_pieces(advance, start, lasts, speed, share * acceleration, &mut advance_sum);
+                    pieces[4].extend(new);
+                }
                 for axis in 0..4 {
                     let [a, b] = [per[0], per[1]];
                     let (share, place) = match (case.geometry.kinematics, axis) {
@@ -280,12 +331,13 @@ fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 4], u64)> {
         }
         list.retain(|piece| piece.duration_s > 0.0);
     }
-    let [x, y, z, e] = pieces;
-    Some(([Law::new(x).ok()?, Law::new(y).ok()?, Law::new(z).ok()?, Law::new(e).ok()?], clock))
+    let [x, y, z, e, a] = pieces;
+    let laws = [Law::new(x).ok()?, Law::new(y).ok()?, Law::new(z).ok()?, Law::new(e).ok()?, Law::new(a).ok()?];
+    Some((laws, clock))
 }
 
-/// Impulses in ticks, as late as the later of two shapers.
-fn impulses(case: &Case) -> [Vec<Impulse>; 4] {
+/// Impulses in ticks, as late as the later of two shapers, and those of the advance's sum.
+fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
     let shaper = |axis: usize| {
         let AxisShaper { kind, frequency_hz, damping } = case.shapers[axis];
         match kind {
@@ -299,13 +351,28 @@ fn impulses(case: &Case) -> [Vec<Impulse>; 4] {
     };
     let centroid = |impulses: &[Impulse]| impulses.iter().map(|one| one.weight * one.delay_s).sum::<f64>();
     let [x, y] = [in_ticks(shaper(0)), in_ticks(shaper(1))];
-    let late = centroid(&x).max(centroid(&y));
+    let variance = |impulses: &[Impulse]| {
+        let centroid = centroid(impulses);
+        impulses.iter().map(|one| one.weight * (one.delay_s - centroid).powi(2)).sum::<f64>()
+    };
+    let PressureAdvance { smooth_time_s, .. } = case.pressure_advance;
+    let spread = 0.9 * f64::from(((6.0 * (variance(&x) + variance(&y))) as f32).sqrt());
+    let average = smooth_time_s.map_or(spread.max(0.008 * second), |time_s| time_s * second);
+    let half = if case.pressure_advance.is_some() { (0.5 * average).round() } else { 0.0 };
+    let late = centroid(&x).max(centroid(&y)).max(half);
     let moved = |impulses: &[Impulse], share: f64| -> Vec<Impulse> {
         let by = (late - centroid(impulses)).round();
         impulses.iter().map(|one| Impulse { weight: share * one.weight, delay_s: one.delay_s + by }).collect()
     };
     let z = vec![Impulse { weight: 1.0, delay_s: late.round() }];
-    [moved(&x, 1.0), moved(&y, 1.0), z, [moved(&x, 0.5), moved(&y, 0.5)].concat()]
+    let weight = 0.5 / half;
+    let advance = if half == 0.0 {
+        Vec::new()
+    } else {
+        let [sooner, later] = [late.round() - half, late.round() + half];
+        vec![Impulse { weight, delay_s: sooner }, Impulse { weight: -weight, delay_s: later }]
+    };
+    [moved(&x, 1.0), moved(&y, 1.0), z, [moved(&x, 0.5), moved(&y, 0.5)].concat(), advance]
 }
 
 /// How far a step is from where the law has it, ticks; found by halving around it.
@@ -341,6 +408,7 @@ fn worst(case: &Case) -> (f64, usize) {
         match (case.geometry.kinematics, motor) {
             (Kinematics::CoreXy, 0) => at(0) + at(1),
             (Kinematics::CoreXy, 1) => at(0) - at(1),
+            (_, 3) => at(3) + at(4),
             _ => at(motor),
         }
     };
@@ -376,6 +444,20 @@ fn worst(case: &Case) -> (f64, usize) {
     let late = ended as f64 - end as f64 - length;
     assert!(late.abs() <= 2.0 + 1e-6 * end as f64, "{ended} {end} {length}");
     (worst, events.events.len())
+}
+
+/// None for every other plan, and then of all kinds.
+fn advance(random: &mut Random) -> PressureAdvance {
+    if random.next().is_multiple_of(2) {
+        return PressureAdvance::NONE;
+    }
+    let seconds = random.magnitude(0.005, 0.5);
+    let above = SecondSlope { filament_mm_per_s: random.magnitude(0.2, 6.0), seconds: seconds * random.share() };
+    PressureAdvance {
+        seconds,
+        above: random.next().is_multiple_of(2).then_some(above),
+        smooth_time_s: random.next().is_multiple_of(2).then_some(random.magnitude(0.002, 0.06)),
+    }
 }
 
 fn case(random: &mut Random) -> Case {
@@ -423,6 +505,7 @@ fn case(random: &mut Random) -> Case {
         geometry: geometry(kinematics, 1),
         limits: limits(random.magnitude(300.0, 20_000.0)),
         shapers,
+        pressure_advance: advance(random),
         jerk_mm_per_s3: None,
         moves,
     }
@@ -439,6 +522,70 @@ fn every_step_is_where_the_filtered_law_has_it() {
         steps += count;
     }
     println!("{plans} plans, {steps} events, the worst step {most:.2} ticks off");
+}
+
+/// The largest speed, mm/s, and acceleration, mm/s^2, of a case's extruder, and by how much its speed jumps at most.
+fn extruder_extremes(case: &Case) -> [f64; 3] {
+    let Some((laws, _)) = laws(case, &case.blocks()) else { return [0.0; 3] };
+    let impulses = impulses(case);
+    let [e, advance] = [3, 4].map(|index| ShapedLaw { law: &laws[index], impulses: &impulses[index] });
+    let mut times = [e.breakpoints_s(), advance.breakpoints_s()].concat();
+    times.sort_by(f64::total_cmp);
+    let at = |tick: f64| e.at(tick).plus(1.0, advance.at(tick));
+    let (second, mut extremes) = (f64::from(TICKS_PER_SECOND), [0.0f64; 3]);
+    for pair in times.windows(2) {
+        // Between two breakpoints the acceleration is constant.
+        let [start, end] = [pair[0], pair[1]];
+        if end - start < 0.01 {
+            continue;
+        }
+        let [first, last] = [start + 1e-3, end - 1e-3].map(at);
+        let jump = at(start + 1e-3).speed_mm_per_s - at(start - 1e-3).speed_mm_per_s;
+        let speed = first.speed_mm_per_s.abs().max(last.speed_mm_per_s.abs()) * second / 140.0;
+        let acceleration = first.acceleration_mm_per_s2.abs() * second * second / 140.0;
+        for (extreme, value) in extremes.iter_mut().zip([speed, acceleration, jump.abs() * second / 140.0]) {
+            *extreme = extreme.max(value);
+        }
+    }
+    extremes
+}
+
+/// Lines of one width, travels between them, and filament alone: the extruder keeps to its speed and acceleration, whatever K.
+#[test]
+fn the_advance_keeps_to_what_the_extruder_may() {
+    let mut reached = [0.0f64; 3];
+    for plan in 1..=1_000u64 {
+        let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let mut case = case(&mut random);
+        case.pressure_advance.seconds = random.magnitude(0.02, 1.0);
+        case.pressure_advance.above = None;
+        let per_path = random.magnitude(0.01, 0.08);
+        let mut place = [0i64; 3];
+        for one in &mut case.moves {
+            let length =
+                (0..3).map(|axis| ((one.target_10nm[axis] - place[axis]) as f64 * 1e-5).powi(2)).sum::<f64>().sqrt();
+            let prints = one.filament_100pm != 0 && length > 0.02;
+            one.filament_100pm = if prints { (per_path * length * 1e7) as i64 } else { 0 };
+            place = one.target_10nm;
+        }
+        case.limits.max_feed_mm_per_s[3] = random.magnitude(15.0, 100.0);
+        case.limits.max_acceleration_mm_per_s2[3] = random.magnitude(500.0, 10_000.0);
+        case.limits.instantaneous_corner_velocity_mm_per_s[3] = random.magnitude(0.5, 10.0);
+        let limits = case.limits;
+        let most = [
+            limits.max_feed_mm_per_s[3],
+            limits.max_acceleration_mm_per_s2[3],
+            limits.instantaneous_corner_velocity_mm_per_s[3],
+        ];
+        let extremes = extruder_extremes(&case);
+        for ((extreme, most), reached) in extremes.iter().zip(most).zip(&mut reached) {
+            // Blocks last whole ticks, and short ones are by so much faster or slower.
+            assert!(*extreme <= most * 1.02 + 1e-3, "{extremes:?} of {most:?}: {case:?}");
+            *reached = reached.max(extreme / most);
+        }
+    }
+    println!("at most {reached:.2?} of what the extruder may");
+    assert!(reached.iter().all(|part| *part > 0.5), "the limits never mattered: {reached:?}");
 }
 
 #[test]

@@ -8,9 +8,10 @@ use crate::budget::Budget;
 use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
 use crate::junction::{CornerAcceleration, radius_10nm, speed_of_jumps};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
-use crate::limits::{Limits, PathLimits, larger};
+use crate::limits::{ExtruderAdvance, Limits, PathLimits, larger};
 use crate::methods::{MotionMethods, StepPattern};
 use crate::path::Path;
+use crate::pressure_advance::MOST_FILAMENT_IN_LINE;
 use crate::time_units::TICKS_PER_SECOND;
 use crate::u64_to_f32;
 
@@ -88,6 +89,7 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     pub pattern: Option<M::Pattern>,
     /// Every motor steps in its own time.
     is_shaped: bool,
+    advance: ExtruderAdvance,
     pub budget: Budget,
 }
 
@@ -97,23 +99,30 @@ impl<M: MotionMethods> BlockRules<M> {
         Self {
             geometry,
             limits,
-            path_limits: PathLimits::new(&limits),
+            path_limits: PathLimits::new(&limits, &ExtruderAdvance::NONE),
             extruder_step_mm: 1.0 / extruder.to_f64() as f32,
             pattern: None,
             is_shaped: false,
+            advance: ExtruderAdvance::NONE,
             budget: Budget::new(&geometry),
         }
     }
 
     /// The axes are shaped by filters of at most this length, ticks; 0: they are not.
-    pub fn set_shaped_for(&mut self, length_ticks: u32, is_s_curve: bool) {
+    pub fn set_shaped_for(&mut self, length_ticks: u32, is_s_curve: bool, has_knee: bool) {
         self.is_shaped = length_ticks > 0;
-        self.budget.hold_pieces(length_ticks, is_s_curve);
+        self.budget.hold_pieces(length_ticks, is_s_curve, has_knee);
     }
 
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
-        self.path_limits = PathLimits::new(&limits);
+        self.path_limits = PathLimits::new(&limits, &self.advance);
+    }
+
+    /// What the extruder's advance takes in the moves to come.
+    pub fn set_advance(&mut self, advance: ExtruderAdvance) {
+        self.advance = advance;
+        self.path_limits = PathLimits::new(&self.limits, &advance);
     }
 
     /// Where a move takes the machine; `None` if it displaces nothing.
@@ -223,6 +232,10 @@ impl<M: MotionMethods> BlockRules<M> {
     #[inline(never)]
     fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, line: u32) -> Speed {
         let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
+        let is_line = |path: &Path| path.filament <= MOST_FILAMENT_IN_LINE * path.length;
+        if self.advance.seconds > 0.0 && is_line(&before.path) != is_line(path) {
+            return Speed::ZERO;
+        }
         let speed = acceleration.min(before.acceleration).speed_along(radius);
         if !self.path_limits.has_corner_velocities() || before.unended_line == Some(line) {
             return speed;

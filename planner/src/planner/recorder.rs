@@ -35,17 +35,19 @@ pub struct Recorder {
 impl Recorder {
     /// Takes what may leave look-ahead next, without making its steps.
     pub fn next<S: RingMemory, M: MotionMethods>(&mut self, planner: &mut Planner<S, M>) -> Option<Recorded> {
-        let notes = planner.queue.oldest_bound_and_next_entry();
-        Some(match planner.release_next()? {
-            Released::Marker(Marker::FanPower { power }) => Recorded::FanPower { power },
-            released => {
-                let planned = planner.pass_over(&released)?;
-                let (entry, bound) = match (released, notes) {
-                    (Released::Block(_), Some((bound, next))) => (core::mem::replace(&mut self.entry, next), bound),
-                    _ => (planned.entry.into(), planned.entry.into()),
-                };
-                Recorded::Block { planned, entry, bound }
+        loop {
+            let notes = planner.queue.oldest_bound_and_next_entry();
+            let released = planner.release_next()?;
+            if let Released::Marker(Marker::FanPower { power }) = released {
+                return Some(Recorded::FanPower { power });
             }
-        })
+            // Who plays the job advances by what its commands say.
+            let Some(planned) = planner.pass_over(&released) else { continue };
+            let (entry, bound) = match (released, notes) {
+                (Released::Block(_), Some((bound, next))) => (core::mem::replace(&mut self.entry, next), bound),
+                _ => (planned.entry.into(), planned.entry.into()),
+            };
+            return Some(Recorded::Block { planned, entry, bound });
+        }
     }
 }

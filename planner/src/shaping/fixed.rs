@@ -178,6 +178,55 @@ pub(super) fn along(steps: i32, part: i64) -> i64 {
     (upper << (64 - PART_BITS)).wrapping_add(lower >> (PART_BITS - STEP_BITS.cast_signed()))
 }
 
+/// What a distance (2^-32 of 1/256 steps) is over so many ticks: 2^-16 steps times ticks, modulo 2^64.
+#[inline]
+pub(super) fn summed_over_time(distance: i64, ticks: u32) -> i64 {
+    let upper = i64::from((distance >> 32) as i32).wrapping_mul(i64::from(ticks));
+    let lower = u64::from(distance as u32).wrapping_mul(u64::from(ticks));
+    (upper << 8).wrapping_add((lower >> 24).cast_signed())
+}
+
+/// What a constant distance (2^-20 steps) is over so many ticks: 2^-16 steps times ticks, modulo 2^64.
+#[inline]
+pub(super) fn constant_over_time(distance: i32, ticks: u64) -> i64 {
+    let distance = i64::from(distance);
+    let (upper, lower) = (i64::from((ticks >> 32) as i32), i64::from(ticks as u32));
+    (distance.wrapping_mul(upper) << 28).wrapping_add(distance.wrapping_mul(lower) >> 4)
+}
+
+/// The mean over a number of ticks: a division by them as a product.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mean {
+    /// 2^(32 + `bits`) over the ticks.
+    reciprocal: u32,
+    bits: u8,
+}
+
+impl Mean {
+    /// Of nothing.
+    pub const NONE: Self = Self { reciprocal: 0, bits: 0 };
+
+    /// Over so many ticks, at least 2 and at most 2^30.
+    #[cold]
+    pub fn over(ticks: u32) -> Self {
+        let bits = (31_u32.wrapping_sub(ticks.leading_zeros())).min(30);
+        let reciprocal = (1_u64 << (32 + bits)).wrapping_add(u64::from(ticks >> 1)).checked_div(u64::from(ticks));
+        // A power of two itself is one too many.
+        let reciprocal = reciprocal.unwrap_or(0).min(u64::from(u32::MAX));
+        Self { reciprocal: reciprocal as u32, bits: bits as u8 }
+    }
+
+    /// The position (2^-32 step) of which this is the sum over time, 2^-16 steps times ticks.
+    #[inline]
+    pub fn of(self, sum: i64) -> i64 {
+        let upper = i64::from((sum >> 32) as i32).wrapping_mul(i64::from(self.reciprocal));
+        let lower = u64::from(sum as u32).wrapping_mul(u64::from(self.reciprocal)) >> 32;
+        // 2^16 of the sum's units and 2^-bits of the reciprocal's.
+        let (product, bits) = (upper.wrapping_add(lower.cast_signed()), u32::from(self.bits));
+        if bits < 16 { product << (16_u32.wrapping_sub(bits)) } else { product >> (bits.wrapping_sub(16) & 31) }
+    }
+}
+
 /// A sum of positions with weights.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct WeightedSum {
@@ -315,6 +364,21 @@ mod tests {
         fn steps_along_a_line_are_the_part_of_all(steps: i32, part in 0i64..=1 << PART_BITS) {
             let exact = (i128::from(steps) * i128::from(part)) >> (PART_BITS - 32);
             prop_assert!((i128::from(along(steps, part)) - exact).abs() <= 1);
+        }
+
+        #[test]
+        fn what_is_summed_over_time_has_its_mean(
+            distance in -(1i64 << 62)..1 << 62, constant: i32, ticks in 1u32..1 << 28, long in 0u64..1 << 40,
+            sum in -(1i64 << 57)..1 << 57, over in 84_000u32..9_000_000,
+        ) {
+            let exact = (i128::from(distance) * i128::from(ticks)) >> 24;
+            prop_assert!((exact as i64).wrapping_sub(summed_over_time(distance, ticks)).abs() <= 1);
+            let exact = (i128::from(constant) * i128::from(long)) >> 4;
+            prop_assert!((exact as i64).wrapping_sub(constant_over_time(constant, long)).abs() <= 1);
+            let exact = (i128::from(sum) << 16) as f64 / f64::from(over);
+            let mean = Mean::over(over).of(sum) as f64;
+            prop_assert!((mean - exact).abs() <= 2.0 + exact.abs() * 2.4e-10, "{mean} {exact}");
+            prop_assert_eq!(Mean::over(over).of(0), 0);
         }
 
         #[test]

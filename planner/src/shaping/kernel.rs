@@ -61,6 +61,13 @@ impl Kernel {
         self.impulses().iter().map(|one| one.weight * f64::from(one.delay_ticks)).sum()
     }
 
+    /// Variance of the delays, squared ticks: by how much the kernel spreads what goes through it.
+    pub fn variance(&self) -> f64 {
+        let centroid = self.centroid_ticks();
+        let from_centroid = |one: &Impulse| f64::from(one.delay_ticks) - centroid;
+        self.impulses().iter().map(|one| one.weight * from_centroid(one) * from_centroid(one)).sum()
+    }
+
     /// The same, so many ticks later.
     pub fn delayed(mut self, ticks: u32) -> Self {
         for one in &mut self.impulses {

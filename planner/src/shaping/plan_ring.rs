@@ -1,6 +1,7 @@
 //! What the plan was and is: the pieces that a filter still sees.
 
 use super::fixed::{self, PartLaw, PartRates, PartScale};
+use crate::pressure_advance::AdvanceSlope;
 
 /// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more ([`MOST_IN_FILTER`]).
 const PIECES: u32 = 64;
@@ -28,6 +29,9 @@ pub(super) struct PlanPiece {
     pub is_extruder_below_zero: bool,
     /// Whether the move of [`Self::source_line`] ends with the piece.
     pub ends_move: bool,
+    /// How far the extruder runs ahead, and that summed over time where the line begins, 2^-16 steps times ticks and modulo 2^64.
+    pub advance: AdvanceSlope,
+    pub advance_sum: i64,
     /// The line, in steps, that of the extruder in 1/256 steps.
     pub line: [i32; 4],
     /// The move's source line.
@@ -44,17 +48,20 @@ impl PlanPiece {
         extruder_256ths: 0,
         is_extruder_below_zero: false,
         ends_move: false,
+        advance: AdvanceSlope::NONE,
+        advance_sum: 0,
         line: [0; 4],
         source_line: 0,
     };
 
     /// All motors stand there from a tick on.
-    pub const fn resting(start: u64, steps: [i32; 3], extruder_256ths: i64) -> Self {
+    pub const fn resting(start: u64, steps: [i32; 3], extruder_256ths: i64, advance_sum: i64) -> Self {
         Self {
             start,
             steps,
             extruder_256ths: extruder_256ths as i32,
             is_extruder_below_zero: extruder_256ths < 0,
+            advance_sum,
             ..Self::NONE
         }
     }
@@ -74,6 +81,21 @@ impl PlanPiece {
     #[inline]
     pub fn rates_after(&self, ticks: u64) -> PartRates {
         self.part.rates_at(self.scale, ticks)
+    }
+
+    /// The advance summed over time so many ticks after the start, where this part of the line is done (2^-56).
+    #[inline]
+    pub fn advance_sum_after(&self, part: i64, ticks: u64) -> i64 {
+        let AdvanceSlope { ticks: slope, constant } = self.advance;
+        let [.., line] = self.line;
+        let mut sum = self.advance_sum;
+        if slope != 0 {
+            sum = sum.wrapping_add(fixed::summed_over_time(fixed::along(line, part), slope));
+        }
+        if constant != 0 {
+            sum = sum.wrapping_add(fixed::constant_over_time(constant, ticks));
+        }
+        sum
     }
 
     /// Where the motors of this mask are, 2^-32 step, where this part of the line is done (others anywhere); the extruder from this
@@ -112,6 +134,14 @@ impl PlanRing {
         self.end = self.end.wrapping_add(1);
     }
 
+    /// The newest piece ends a stretch of this source line, and its move or not.
+    pub fn end_move(&mut self, source_line: u32, ends_move: bool) {
+        let newest = self.end.wrapping_sub(1);
+        if let Some(piece) = self.pieces.get_mut((newest % PIECES) as usize) {
+            (piece.source_line, piece.ends_move) = (source_line, ends_move);
+        }
+    }
+
     /// The piece of this number, if it has come and is still there.
     #[inline]
     pub fn get(&self, number: u32) -> Option<&PlanPiece> {
@@ -132,6 +162,6 @@ mod tests {
     #[test]
     fn a_piece_is_as_small_as_its_fields() {
         // The boards' memory has little room: what is larger is to be known.
-        assert_eq!(size_of::<PlanPiece>(), 72);
+        assert_eq!(size_of::<PlanPiece>(), 88);
     }
 }

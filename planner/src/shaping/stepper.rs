@@ -7,17 +7,22 @@
 use super::Shaping;
 use super::fixed::{self, PartLaw};
 use super::motor_steps::{MotorSteps, NEVER, WindowMotion};
-use super::path_pieces::PathPieces;
+use super::path_pieces::{PathPieces, Polynomial};
 use super::plan_ring::{PlanPiece, PlanRing};
 use super::taps::{MotorStates, Taps};
 use crate::block::PlannedBlock;
-use crate::event_buffer::{EVENTS_AT_ONCE, EventBuffer};
+use crate::event_buffer::EventBuffer;
 use crate::extruder::rounded_steps;
 use crate::kinematics::Kinematics;
 use crate::pieces::Pieces;
+use crate::pressure_advance::AdvanceLaw;
+use crate::square_root::square_root_f32;
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::stretches::Stretches;
 use crate::time_law::TimeLaw;
+
+/// Events worked out in one call of [`ShapedStepper::advance`]. Few, since they take memory.
+const EVENTS_AT_ONCE: usize = 16;
 
 /// The longest window, ticks: single precision holds its times to a quarter of a tick.
 const LONGEST_WINDOW_TICKS: u64 = 1 << 22;
@@ -56,6 +61,10 @@ pub(crate) struct ShapedStepper {
     /// Where the motors are there.
     plan_steps: [i32; 3],
     plan_extruder_256ths: i64,
+    /// The extruder's advance there, summed over time: 2^-16 steps times ticks, modulo 2^64.
+    plan_advance_sum: i64,
+    /// How the blocks to come advance.
+    advance: AdvanceLaw,
     /// The present window, ticks.
     window: [u64; 2],
     /// Positions at the end of the window, 2^-32 step.
@@ -66,7 +75,7 @@ pub(crate) struct ShapedStepper {
     extruder_zero: i64,
     /// Number of the first piece that has not ended.
     ending: u32,
-    entries: EventBuffer,
+    entries: EventBuffer<{ EVENTS_AT_ONCE + 1 }>,
     /// Tick of the last event handed out or held.
     last: u64,
     directions: u8,
@@ -84,6 +93,8 @@ impl ShapedStepper {
             plan_end: 0,
             plan_steps: [0; 3],
             plan_extruder_256ths: 0,
+            plan_advance_sum: 0,
+            advance: AdvanceLaw::NONE,
             window: [0; 2],
             positions: [0; 4],
             motors: [MotorSteps::standing(0); 4],
@@ -98,6 +109,11 @@ impl ShapedStepper {
     /// Sets the filters, at standstill.
     pub fn set_shaping(&mut self, shaping: &Shaping, kinematics: Kinematics) {
         self.taps = Taps::new(shaping, kinematics);
+    }
+
+    /// Sets how the extruder advances in the blocks to come.
+    pub fn set_advance(&mut self, advance: AdvanceLaw) {
+        self.advance = advance;
     }
 
     /// The longest delay, ticks: so long after the end of the plan the motors rest.
@@ -188,23 +204,30 @@ impl ShapedStepper {
             };
             let [dx, dy, dz] = stretch.steps;
             let line = [dx, dy, dz, stretch.extruder_256ths];
+            let advances = self.advance.advances(stretch.extruder_256ths, stretch.length_10nm);
             let per_length = 1.0 / f64::from(stretch.length_10nm);
             let zero = f64::from(stretch.before_10nm);
-            let mut last = None;
+            let mut is_planned = false;
             for piece in pieces.iter() {
                 let start = ((piece.start + 0.5) as u64).max(before);
                 let end = ((piece.end + 0.5) as u64).min(after);
                 if start >= end {
                     continue;
                 }
-                self.push(last.take());
                 let part = piece.path.after(start as f64 - piece.start).scaled(zero, per_length);
-                last = Some(self.plan_rests(begins + start).along(line, PartLaw::new(&part, end - start)));
+                let turns = if advances { self.advance_turns(&line, &part, end - start) } else { 0 };
+                if turns > 0 {
+                    self.plan_part(begins + start, turns, &line, &part, advances);
+                }
+                let rest = if turns > 0 { part.after(turns as f64) } else { part };
+                self.plan_part(begins + start + turns, end - start - turns, &line, &rest, advances);
+                is_planned = true;
             }
-            // A stretch without a tick of its own is passed at once.
-            let mut last = last.unwrap_or(self.plan_rests(begins + before));
-            (last.source_line, last.ends_move) = (stretch.line, stretch.ends_move);
-            self.push(Some(last));
+            if !is_planned {
+                // A stretch without a tick of its own is passed at once.
+                self.plan_rest(begins + before);
+            }
+            self.ring.end_move(stretch.line, stretch.ends_move);
             let [x, y, z] = self.plan_steps;
             self.plan_steps = [x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz)];
             self.plan_extruder_256ths = self.plan_extruder_256ths.wrapping_add(i64::from(stretch.extruder_256ths));
@@ -218,7 +241,7 @@ impl ShapedStepper {
     /// The plan has ended: goes on until the motors rest. Returns how many ticks that takes.
     pub fn begin_rest(&mut self) -> u64 {
         let length = u64::from(self.taps.length_ticks());
-        self.push(Some(self.plan_rests(self.plan_end)));
+        self.plan_rest(self.plan_end);
         self.plan_end += length;
         self.is_busy = true;
         self.is_in_motion = false;
@@ -227,13 +250,55 @@ impl ShapedStepper {
 
     /// The motors stand at the end of the plan so far from a tick on.
     fn plan_rests(&self, start: u64) -> PlanPiece {
-        PlanPiece::resting(start, self.plan_steps, self.plan_extruder_256ths)
+        PlanPiece::resting(start, self.plan_steps, self.plan_extruder_256ths, self.plan_advance_sum)
     }
 
-    fn push(&mut self, piece: Option<PlanPiece>) {
-        if let Some(piece) = piece {
-            self.ring.push(piece);
+    /// Adds a piece in which nothing moves.
+    fn plan_rest(&mut self, start: u64) {
+        self.ring.push(self.plan_rests(start));
+    }
+
+    /// Adds a piece of so many ticks, in which this part of the line is done.
+    #[inline(never)]
+    fn plan_part(&mut self, start: u64, ticks: u64, line: &[i32; 4], part: &Polynomial, advances: bool) {
+        let mut piece = self.plan_rests(start).along(*line, PartLaw::new(part, ticks));
+        if advances {
+            self.plan_advance(&mut piece, part, ticks);
         }
+        self.ring.push(piece);
+    }
+
+    /// The extruder runs ahead in a piece of so many ticks, in which this part of its line is done.
+    #[inline(never)]
+    fn plan_advance(&mut self, piece: &mut PlanPiece, part: &Polynomial, ticks: u64) {
+        let [.., extruder] = piece.line;
+        piece.advance = self.advance.slope_at(f64::from(extruder) * part.after(0.5 * ticks as f64).speed);
+        // The sum goes on from the piece before, and is counted from where nothing of the line is done.
+        let begun = piece.advance_sum_after(piece.part_after(0), 0).wrapping_sub(piece.advance_sum);
+        piece.advance_sum = piece.advance_sum.wrapping_sub(begun);
+        self.plan_advance_sum = piece.advance_sum_after(piece.part_after(ticks), ticks);
+    }
+
+    /// After how many ticks of a piece the filament passes the speed at which the advance has another slope: the piece is to end
+    /// there. 0 if it does not.
+    #[inline(never)]
+    fn advance_turns(&self, line: &[i32; 4], part: &Polynomial, ticks: u64) -> u64 {
+        let [.., extruder] = line.map(f64::from);
+        let knee = self.advance.knee() / extruder;
+        if knee.is_infinite() {
+            return 0;
+        }
+        let Polynomial { speed, acceleration, jerk, .. } = *part;
+        let (faster, length) = (part.after(ticks as f64).speed > knee, ticks as f64);
+        if faster == (speed > knee) {
+            return 0;
+        }
+        // In single precision: a tick more or less changes nothing, since the advance is continuous there.
+        let [missing, acceleration, jerk] = [knee - speed, acceleration, jerk].map(|value| value as f32);
+        let root = square_root_f32(acceleration * acceleration + 2.0 * jerk * missing);
+        let after = 2.0 * missing / (acceleration + if acceleration < 0.0 { -root } else { root });
+        let after = f64::from(after);
+        if after > 0.0 && after < length { after as u64 } else { 0 }
     }
 
     /// Works out the next events, or ends the block.

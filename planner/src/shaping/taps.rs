@@ -3,13 +3,14 @@
 use core::num::Wrapping;
 
 use super::Shaping;
-use super::fixed::{PartRates, WEIGHT_BITS, WeightedSum};
+use super::fixed::{Mean, PartRates, WEIGHT_BITS, WeightedSum};
 use super::kernel::MAX_IMPULSES;
 use super::plan_ring::{PlanPiece, PlanRing};
 use crate::kinematics::Kinematics;
+use crate::pressure_advance::AdvanceSlope;
 
-/// The most delays: those of X, of Y, and that of Z.
-const MAX_TAPS: usize = 2 * MAX_IMPULSES + 1;
+/// The most delays: those of X, of Y, that of Z, and two of the advance.
+const MAX_TAPS: usize = 2 * MAX_IMPULSES + 3;
 
 /// Index of the extruder.
 const EXTRUDER: usize = 3;
@@ -23,6 +24,8 @@ struct Tap {
     delay_ticks: u32,
     /// Weights of X, Y, Z and the extruder, 2^-30: those of each sum to one.
     weights: [u32; 4],
+    /// The extruder's advance is the mean between two delays: 1 for the first, -1 for the second.
+    advance: i8,
     /// Mask of the motors that move an axis with a weight.
     motors: u8,
     /// Number of the piece that it sees.
@@ -30,7 +33,7 @@ struct Tap {
 }
 
 impl Tap {
-    const NONE: Self = Self { delay_ticks: 0, weights: [0; 4], motors: 0, piece: 0 };
+    const NONE: Self = Self { delay_ticks: 0, weights: [0; 4], advance: 0, motors: 0, piece: 0 };
 }
 
 /// How all motors move, steps and ticks.
@@ -44,12 +47,17 @@ pub(super) struct MotorStates {
 /// The delays of all axes' filters, each with its place in the plan.
 ///
 /// The filters are moved in time so that at constant speed all axes are equally late. The extruder goes with X and Y: where
-/// their filters differ, with the mean of both. Z and the extruder without them are as late as X and Y.
+/// their filters differ, with the mean of both. Z and the extruder without them are as late as X and Y. The advance is averaged
+/// around the same time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taps {
     taps: [Tap; MAX_TAPS],
     count: usize,
     kinematics: Kinematics,
+    /// The mean of the advance.
+    advance: Mean,
+    /// The weight of each of its two delays, 1/ticks.
+    advance_per_tick: f32,
 }
 
 impl Taps {
@@ -57,10 +65,13 @@ impl Taps {
     #[cold]
     #[inline(never)]
     pub fn new(shaping: &Shaping, kinematics: Kinematics) -> Self {
-        let Shaping { x, y } = shaping;
-        let mut taps = Self { taps: [Tap::NONE; MAX_TAPS], count: 0, kinematics };
+        let Shaping { x, y, advance_ticks } = shaping;
+        let mut taps =
+            Self { taps: [Tap::NONE; MAX_TAPS], count: 0, kinematics, advance: Mean::NONE, advance_per_tick: 0.0 };
         let (late_x, late_y) = (x.centroid_ticks(), y.centroid_ticks());
+        let half_advance = advance_ticks / 2;
         let late = if late_x > late_y { late_x } else { late_y };
+        let late = if late > f64::from(half_advance) { late } else { f64::from(half_advance) };
         let whole = |ticks: f64| (ticks + 0.5) as u32;
         for (axis, kernel, own) in [(0, x, late_x), (1, y, late_y)] {
             let kernel = kernel.delayed(whole(late - own));
@@ -71,21 +82,29 @@ impl Taps {
                 let until = whole(sum * f64::from(HALF));
                 let half = until.wrapping_sub(before);
                 before = until;
-                taps.add(one.delay_ticks, if axis == 0 { [half << 1, 0, 0, half] } else { [0, half << 1, 0, half] });
+                taps.add(one.delay_ticks, if axis == 0 { [half << 1, 0, 0, half] } else { [0, half << 1, 0, half] }, 0);
             }
         }
-        taps.add(whole(late), [0, 0, 2 * HALF, 0]);
+        let late = whole(late);
+        taps.add(late, [0, 0, 2 * HALF, 0], 0);
+        if half_advance > 0 {
+            taps.advance = Mean::over(half_advance.wrapping_mul(2));
+            taps.advance_per_tick = 0.5 / half_advance as f32;
+            taps.add(late.saturating_sub(half_advance), [0; 4], 1);
+            taps.add(late.saturating_add(half_advance), [0; 4], -1);
+        }
         taps
     }
 
     /// Adds weights at a delay.
     #[cold]
     #[inline(never)]
-    fn add(&mut self, delay_ticks: u32, weights: [u32; 4]) {
+    fn add(&mut self, delay_ticks: u32, weights: [u32; 4], advance: i8) {
         let known = self.taps.iter().take(self.count).position(|tap| tap.delay_ticks == delay_ticks);
         let index = known.unwrap_or(self.count);
         let Some(tap) = self.taps.get_mut(index) else { return };
         tap.delay_ticks = delay_ticks;
+        tap.advance = tap.advance.wrapping_add(advance);
         for (sum, weight) in tap.weights.iter_mut().zip(weights) {
             *sum = sum.wrapping_add(weight);
         }
@@ -137,11 +156,17 @@ impl Taps {
     /// Where all motors are at a tick, 2^-32 step; the extruder from this place, steps.
     #[inline(never)]
     pub fn positions(&self, tick: u64, ring: &PlanRing, extruder_zero: i64) -> [i64; 4] {
-        let mut axes = [WeightedSum::default(); 4];
+        let (mut axes, mut advance_sum) = ([WeightedSum::default(); 4], 0_i64);
         for tap in self.taps() {
             let Some(piece) = ring.get(tap.piece) else { continue };
             // Before the first piece it stands.
-            let part = piece.part_after(tap.ticks_into(piece, tick).unwrap_or(0));
+            let ticks = tap.ticks_into(piece, tick).unwrap_or(0);
+            let part = piece.part_after(ticks);
+            if tap.advance != 0 {
+                let sum = piece.advance_sum_after(part, ticks);
+                advance_sum =
+                    if tap.advance > 0 { advance_sum.wrapping_add(sum) } else { advance_sum.wrapping_sub(sum) };
+            }
             let [x, y, z, extruder] = piece.motors_at(part, tap.motors, extruder_zero.wrapping_mul(256));
             let [x, y, z] = self.kinematics.position([x, y, z].map(Wrapping));
             for ((axis, weight), position) in axes.iter_mut().zip(tap.weights).zip([x.0, y.0, z.0, extruder]) {
@@ -152,14 +177,15 @@ impl Taps {
         }
         let [x, y, z, extruder] = axes.map(WeightedSum::position);
         let [first, second, third] = self.kinematics.motors([x, y, z].map(Wrapping));
-        [first.0, second.0, third.0, extruder]
+        [first.0, second.0, third.0, extruder.wrapping_add(self.advance.of(advance_sum))]
     }
 
     /// How all motors move from a tick on.
     #[inline(never)]
     pub fn states(&self, tick: u64, ring: &PlanRing) -> MotorStates {
         const PER_WEIGHT: f32 = 1.0 / (1_u32 << WEIGHT_BITS) as f32;
-        let mut axes = [PartRates::NONE; 4];
+        const CONSTANT_UNIT: f32 = 1.0 / (1_u32 << 20) as f32;
+        let (mut axes, mut advance) = ([PartRates::NONE; 4], PartRates::NONE);
         for tap in self.taps() {
             let Some(piece) = ring.get(tap.piece) else { continue };
             if piece.part.is_at_rest() {
@@ -175,7 +201,16 @@ impl Taps {
                     axis.add(&rates, weight as f32 * PER_WEIGHT * line);
                 }
             }
+            if tap.advance != 0 {
+                let AdvanceSlope { ticks: slope, constant } = piece.advance;
+                let [.., extruder] = line;
+                let weight = f32::from(tap.advance) * self.advance_per_tick;
+                advance.add(&rates, weight * slope as f32 * extruder);
+                advance.speed += weight * constant as f32 * CONSTANT_UNIT;
+            }
         }
+        let [.., extruder] = &mut axes;
+        extruder.add(&advance, 1.0);
         let motors = |rate: fn(&PartRates) -> f32| {
             let [x, y, z, extruder] = axes.each_ref().map(rate);
             let [first, second, third] = self.kinematics.motors([x, y, z]);
@@ -201,13 +236,14 @@ impl Tap {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::pressure_advance::PressureAdvance;
     use crate::shaping::{AxisShaper, ShaperKind};
 
     #[test]
     fn weights_sum_to_a_whole_exactly() {
         for (kind, frequency_hz) in ShaperKind::ALL.into_iter().flat_map(|kind| [(kind, 31.0), (kind, 57.3)]) {
             let of = |frequency_hz| AxisShaper { kind, frequency_hz, damping: 0.07 };
-            let shaping = Shaping::new(&[of(frequency_hz), of(43.9)]).unwrap();
+            let shaping = Shaping::new(&[of(frequency_hz), of(43.9)], &PressureAdvance::NONE).unwrap();
             let taps = Taps::new(&shaping, Kinematics::CoreXy);
             for axis in 0..4 {
                 let sum: u32 = taps.taps().map(|tap| tap.weights[axis]).sum();

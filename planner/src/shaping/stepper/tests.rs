@@ -6,7 +6,7 @@ use crate::look_ahead::Slot;
 use crate::s_curve::law::Curve;
 use crate::s_curve::{Jerk, Run};
 use crate::step_queue::StepKind;
-use crate::{AXES, Acceleration, AxisShaper, Move, Planner, ShaperKind, Speed, StepsPerMm};
+use crate::{AXES, Acceleration, AxisShaper, Move, Planner, PressureAdvance, ShaperKind, Speed, StepsPerMm};
 use proptest::prelude::*;
 
 /// Most ticks by which a step may move when the plan is cut. Both solutions keep within 20 ticks of the filtered law
@@ -58,9 +58,9 @@ impl ShapedStepper {
         let block = &planned.block;
         let [dx, dy, dz] = block.steps;
         let line = [dx, dy, dz, block.extruder_256ths];
+        let advances = self.advance.advances(block.extruder_256ths, block.length_10nm);
         let mut pieces = PathPieces::NONE;
         pieces.add(planned, law);
-        let mut parts = Vec::new();
         for piece in pieces.iter() {
             let [start, end] = [piece.start, piece.end].map(|ticks| (ticks + 0.5) as u64);
             let mut cuts: Vec<u64> =
@@ -71,12 +71,10 @@ impl ShapedStepper {
             for (index, &cut) in cuts.iter().enumerate() {
                 let lasts = cuts.get(index + 1).unwrap_or(&end) - cut;
                 let part = piece.path.after(cut as f64 - piece.start).scaled(0.0, 1.0 / f64::from(block.length_10nm));
-                parts.push(self.plan_rests(self.plan_end + cut).along(line, PartLaw::new(&part, lasts)));
+                self.plan_part(self.plan_end + cut, lasts, &line, &part, advances);
             }
         }
-        let last = parts.last_mut().unwrap();
-        (last.source_line, last.ends_move) = (block.line, block.ends_move);
-        parts.into_iter().for_each(|part| self.push(Some(part)));
+        self.ring.end_move(block.line, block.ends_move);
         let [x, y, z] = self.plan_steps;
         self.plan_steps = [x + dx, y + dy, z + dz];
         self.plan_extruder_256ths += i64::from(block.extruder_256ths);
@@ -86,23 +84,32 @@ impl ShapedStepper {
     }
 }
 
-/// Filters of a machine.
-fn machine() -> impl Strategy<Value = (Kinematics, [AxisShaper; 2])> {
+/// A machine: its filters, and how its extruder advances. Where the filament is faster or slower than that of a second slope a
+/// piece is cut anyway.
+type Machine = (Kinematics, [AxisShaper; 2], PressureAdvance);
+
+/// Steps/mm of its extruder.
+const EXTRUDER_STEPS_PER_MM: f64 = 140.0;
+
+fn machine() -> impl Strategy<Value = Machine> {
     let shaper = || {
         (prop::sample::select(&ShaperKind::ALL[1..]), 22.0..120.0_f64, 0.0..0.19_f64)
             .prop_map(|(kind, frequency_hz, damping)| AxisShaper { kind, frequency_hz, damping })
     };
-    (prop::sample::select(&[Kinematics::Cartesian, Kinematics::CoreXy]), [shaper(), shaper()])
+    let advance =
+        prop_oneof![Just(0.0), 0.01..0.2_f64].prop_map(|seconds| PressureAdvance { seconds, ..PressureAdvance::NONE });
+    (prop::sample::select(&[Kinematics::Cartesian, Kinematics::CoreXy]), [shaper(), shaper()], advance)
 }
 
 /// Executes blocks with these filters, their pieces cut at these shares or whole. The ring still holds all pieces.
 fn motion(
-    (kinematics, shapers): (Kinematics, [AxisShaper; 2]),
+    (kinematics, shapers, advance): Machine,
     blocks: &[(PlannedBlock, TimeLaw)],
     shares: Option<&[f64]>,
 ) -> (ShapedStepper, Steps) {
     let mut stepper = ShapedStepper::new(1, kinematics);
-    stepper.set_shaping(&Shaping::new(&shapers).unwrap(), kinematics);
+    stepper.set_shaping(&Shaping::new(&shapers, &advance).unwrap(), kinematics);
+    stepper.set_advance(AdvanceLaw::new(&advance, EXTRUDER_STEPS_PER_MM));
     stepper.start(&Standing { clock: 0, last_event: 0, steps: [0; 3], extruder_256ths: 0, directions: 0 });
     let mut steps = Steps::default();
     let mut finish = |stepper: &mut ShapedStepper| {
@@ -125,7 +132,7 @@ fn motion(
 
 /// Executes blocks whole and cut, and compares: number, order and directions of each motor's steps are the same, and
 /// their times to rounding.
-fn compare(machine: (Kinematics, [AxisShaper; 2]), blocks: &[(PlannedBlock, TimeLaw)], shares: &[f64]) {
+fn compare(machine: Machine, blocks: &[(PlannedBlock, TimeLaw)], shares: &[f64]) {
     let ((stepper, whole), (_, cut)) = (motion(machine, blocks, None), motion(machine, blocks, Some(shares)));
     assert_eq!(whole.ended_lines, cut.ended_lines);
     assert!(whole.motors.iter().any(|steps| !steps.is_empty()));
@@ -153,14 +160,14 @@ type Relative = (f64, f64, f64, f64);
 
 /// The blocks of a planner with corners, at most three pieces each; every move is one, too long to be joined.
 fn planned(
-    (kinematics, shapers): (Kinematics, [AxisShaper; 2]),
+    (kinematics, shapers, pressure_advance): Machine,
     acceleration: f64,
     moves: &[Relative],
 ) -> Vec<PlannedBlock> {
     let steps = |value: f64| StepsPerMm::from_f64(value).unwrap();
     let geometry = Geometry {
         kinematics,
-        steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(140.0)],
+        steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(EXTRUDER_STEPS_PER_MM)],
         minimum_event_interval_ticks: 1,
         event_cost_ticks: 0,
         move_cost_ticks: 0,
@@ -175,7 +182,9 @@ fn planned(
         instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; AXES],
     };
     let mut planner: Planner<Vec<Slot>> = Planner::new(geometry, limits, vec![Slot::EMPTY; 64]);
-    planner.set_motion_choice(&crate::MotionChoice { shapers, ..crate::MotionChoice::DEFAULT }).unwrap();
+    planner
+        .set_motion_choice(&crate::MotionChoice { shapers, pressure_advance, ..crate::MotionChoice::DEFAULT })
+        .unwrap();
     let (mut direction, mut place) = (0.0f64, [0.0, 0.0]);
     for (index, &(length, turn, filament, feed)) in moves.iter().enumerate() {
         direction += turn;
