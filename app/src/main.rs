@@ -174,6 +174,10 @@ mod app {
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &rcc, &pins, &STEPS);
         let queue = ports::motor_queue(pins, &clock, motion_clock);
         let machine = ports::build_machine(cx.local.machine, cx.local.slots, queue);
+        // The build refuses a profile with methods that the image does not contain.
+        if machine.set_motion_choice(&PROFILE.motion).is_err() {
+            unreachable!("the build looks at the profile's methods")
+        }
 
         let ports = (device.USART1, (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK));
         let actions = Actions { act, note_line: || SIGNALS.note_host() };

@@ -100,6 +100,19 @@ pub struct ShaperWords<'a> {
     pub damping: Option<Decimal>,
 }
 
+/// What M900, M572 or SET_PRESSURE_ADVANCE sets; without any of them it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AdvanceWords {
+    /// K, S, ADVANCE: seconds. It takes the place of both K.
+    pub slow: Option<Decimal>,
+    /// L: seconds, for the flow beyond `speed`; both or neither.
+    pub fast: Option<Decimal>,
+    /// T: mm/s of filament.
+    pub speed: Option<Decimal>,
+    /// W, SMOOTH_TIME: over how many seconds it is averaged.
+    pub smooth_time: Option<Decimal>,
+}
+
 /// Target of M104, M109, M140 and M190.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
@@ -344,6 +357,8 @@ pub enum Command<'a> {
         /// in Klipper.
         usual: &'static str,
     },
+    /// M900, M572, SET_PRESSURE_ADVANCE: how far the extruder runs ahead of the flow.
+    PressureAdvance(AdvanceWords),
     /// M790: the host sends a prepared job, and G-code no more until it has ended.
     ReceiveJob {
         /// S: its length, bytes.
@@ -380,7 +395,7 @@ pub enum Command<'a> {
     Restart,
     /// T: the tool.
     SelectTool(u32),
-    /// A command that is accepted and changes nothing on this machine (M73, M486, M900 ...).
+    /// A command that is accepted and changes nothing on this machine (M486, M413 ...).
     Accepted,
     /// Anything else: answered `echo:Unknown command: "..."`.
     Unknown(&'a str),

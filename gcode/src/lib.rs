@@ -25,7 +25,7 @@ mod reply_text;
 
 pub use card_command::CardCommand;
 pub use command::{
-    ArcForm, AxisFlags, AxisWords, Command, DriverWords, RetractionWords, ShaperWords, Units, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, RetractionWords, ShaperWords, Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};
@@ -38,5 +38,6 @@ pub use protocol::{LineNumbers, Verdict};
 pub use real::Real;
 pub use remarks::{Remark, Remarks};
 pub use reply::{
-    EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, ShaperState, Temperatures, TimingFigures,
+    AdvanceState, EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, ShaperState, Temperatures,
+    TimingFigures,
 };

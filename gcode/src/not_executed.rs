@@ -118,7 +118,6 @@ const NO_STORE: &str = "settings are the profile's, and nothing is stored";
 const NO_OUTPUT: &str = "there is no such output";
 const NO_CHAMBER: &str = "there is no chamber heater";
 const NO_TWIN: &str = "this machine has one extruder";
-const NO_FLEX: &str = "pressure advance is not made";
 
 /// All of them, by letter and number; at most 128, a bit each in [`crate::Remarks`].
 #[rustfmt::skip]
@@ -206,7 +205,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     accepted(m(555), "M555", "which part of the bed to measure", NO_MESH),
     unknown((b'M', 557, 558), "M557 and M558", "probe points and kind of probe (RepRapFirmware)", "the profile says how Z homes"),
     unknown(m(565), "M565", "probe offset (RepRapFirmware)", "use M851"),
-    accepted((b'M', 572, 573), "M572 and M573", "pressure advance", NO_FLEX),
+    accepted(m(573), "M573", "mean flow, to set pressure advance by", "M572 and M900 report what is set"),
     unknown(m(575), "M575", "speed of the serial port", "it stays"),
     unknown(m(591), "M591", "filament sensor", "there is none: a job goes on when the filament ends"),
     unknown(m(605), "M605", "how two nozzles work together", NO_TWIN),
@@ -217,7 +216,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(808), "M808", "repeat a part of the file", "the part is printed once"),
     accepted(m(862), "M862", "checks of the printer's number, firmware, G-code level and features (M862.1 and M862.3: see above)", "not checked"),
     unknown((b'M', 870, 871), "M870 and M871", "compensate the probe's temperature", "the probe has no thermometer"),
-    accepted(m(900), "M900", "pressure advance (linear advance)", NO_FLEX),
     accepted(m(907), "M907", "motor currents", "M906 sets them, and the profile"),
     unknown((b'M', 908, 910), "M908 to M910", "motor currents by a potentiometer", "M906 sets them, and the profile"),
     unknown((b'M', 911, 913), "M911 to M913", "drivers too hot, speed of quiet steps", "M122 reports the drivers"),
@@ -229,13 +227,12 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     accepted(named(1), "EXCLUDE_OBJECT*", "names and outlines of objects, to leave one out (Klipper)", "all are printed"),
     accepted(named(2), "START_PRINT, PRINT_START", "a macro that homes and heats (Klipper)", "nothing is homed and nothing heats: write G28, M190 and M109 into the slicer's start code"),
     accepted(named(3), "END_PRINT, PRINT_END", "a macro that switches off (Klipper)", "heaters, fan and motors stay on: write M104 S0, M140 S0, M107 and M84 into the slicer's end code"),
-    accepted(named(4), "SET_PRESSURE_ADVANCE", "pressure advance (Klipper)", NO_FLEX),
-    accepted(named(5), "Z_TILT_ADJUST, QUAD_GANTRY_LEVEL", "align several Z motors (Klipper)", "there is one Z motor"),
-    accepted(named(6), "SET_FAN_SPEED, SET_PIN, SET_LED", "other fans and outputs (Klipper)", NO_OUTPUT),
-    accepted(named(7), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
-    accepted(named(8), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
-    refused(named(9), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
-    refused(named(10), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
+    accepted(named(4), "Z_TILT_ADJUST, QUAD_GANTRY_LEVEL", "align several Z motors (Klipper)", "there is one Z motor"),
+    accepted(named(5), "SET_FAN_SPEED, SET_PIN, SET_LED", "other fans and outputs (Klipper)", NO_OUTPUT),
+    accepted(named(6), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
+    accepted(named(7), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
+    refused(named(8), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
+    refused(named(9), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
 ];
 
 const _: () = assert!(NOT_EXECUTED.len() <= 128, "a set of remarks has a bit for each entry");

@@ -6,6 +6,7 @@ mod g_codes;
 mod input_shaper;
 mod m_codes;
 mod named;
+mod pressure_advance;
 mod words;
 
 use crate::remarks::{Remark, Remarks};

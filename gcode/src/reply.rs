@@ -101,6 +101,17 @@ pub struct ShaperState<'a> {
     pub damping: f64,
 }
 
+/// How far the extruder runs ahead of the flow (M900, M572).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdvanceState {
+    /// K, s.
+    pub seconds: f64,
+    /// Another K, s, beyond a speed of the filament, mm/s.
+    pub above: Option<(f64, f64)>,
+    /// Over how long it is averaged, s, where that is set.
+    pub smooth_time_s: Option<f64>,
+}
+
 /// What M115 reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareInfo<'a> {
@@ -158,6 +169,13 @@ pub enum Reply<'a> {
     /// `echo:SET_INPUT_SHAPER SHAPER_TYPE_X=<kind> SHAPER_FREQ_X=40 DAMPING_RATIO_X=0.1 SHAPER_TYPE_Y=...` (M593), which sets what
     /// it says: the filters of X and Y.
     InputShaper([ShaperState<'a>; 2]),
+    /// `echo:M572 S0.04 L0.02 T3 W0.02` (M900, M572), which sets what it says.
+    PressureAdvance(AdvanceState),
+    /// `echo:pressure advance: lines of 0.45 x 0.2 mm accelerate by at most 1200 mm/s2 ...`: less than asked for.
+    AdvanceLimits {
+        /// Acceleration that the extruder can follow in such a line, mm/s^2.
+        acceleration_mm_per_s2: f64,
+    },
     /// `echo:extrusion <gcode|adaptive> H:0.200 W:0.450 D:1.750 lambda:0.037418` (M795)
     Extrusion {
         /// Whether moves without E extrude by their length.

@@ -4,7 +4,8 @@ use core::fmt::{self, Display, Formatter, Write};
 
 use crate::decimal::divide_half_away;
 use crate::{
-    FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, ShaperState, Temperatures, TimingFigures,
+    AdvanceState, FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, ShaperState, Temperatures,
+    TimingFigures,
 };
 
 /// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER stands between the two
@@ -76,6 +77,19 @@ impl fmt::Display for ShaperText<'_> {
     }
 }
 
+/// The line that sets an advance.
+#[inline(never)]
+fn write_advance(formatter: &mut Formatter<'_>, state: &AdvanceState) -> fmt::Result {
+    write!(formatter, "echo:M572 S{}", Real::short(state.seconds, 6))?;
+    if let Some((seconds, speed)) = state.above {
+        write!(formatter, " L{} T{}", Real::short(seconds, 6), Real::short(speed, 6))?;
+    }
+    match state.smooth_time_s {
+        Some(time_s) => write!(formatter, " W{}", Real::short(time_s, 6)),
+        None => Ok(()),
+    }
+}
+
 impl Display for Reply<'_> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         match self {
@@ -101,6 +115,12 @@ impl Display for Reply<'_> {
             Reply::InputShaper(axes) => {
                 let [x, y] = axes;
                 write!(formatter, "echo:SET_INPUT_SHAPER{}{}", ShaperText('X', x), ShaperText('Y', y))
+            }
+            Reply::PressureAdvance(state) => write_advance(formatter, state),
+            Reply::AdvanceLimits { acceleration_mm_per_s2 } => {
+                let acceleration = Real::fixed(*acceleration_mm_per_s2, 0);
+                formatter.write_str("echo:pressure advance: lines of 0.45 x 0.2 mm accelerate by at most ")?;
+                write!(formatter, "{acceleration} mm/s2, which the extruder can follow (M201 E, M203 E, M572 W)")
             }
             Reply::Extrusion { adaptive, sizes_10nm, lambda } => {
                 let mode = if *adaptive { "adaptive" } else { "gcode" };

@@ -1,6 +1,6 @@
 //! Kinds of commands, before they are executed.
 
-use ferrostep_gcode::{CardCommand, Command, ShaperWords};
+use ferrostep_gcode::{AdvanceWords, CardCommand, Command, ShaperWords};
 
 /// How a command is treated while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +49,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Unknown(_)
         | Command::Restart => WhileHalted::Works,
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
+        Command::PressureAdvance(words) if *words == AdvanceWords::default() => WhileHalted::Works,
         Command::DisableMotors(_) | Command::HeatersOff => WhileHalted::IsOff,
         Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) if celsius.nanos() <= 0 => {
             WhileHalted::IsOff

@@ -1,7 +1,7 @@
 //! Which command goes where.
 
 use ferrostep_gcode::{
-    ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, ShaperWords, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, ShaperWords, WaitTarget,
 };
 use ferrostep_hal_shim::Heater;
 
@@ -24,6 +24,7 @@ enum Waiting<'a> {
     ResumePrint,
     MotionChoice { interpolation: Option<u8>, acceleration: Option<u8> },
     InputShaper { axes: &'a [ShaperWords<'a>; 2], usual: &'static str },
+    PressureAdvance(&'a AdvanceWords),
     ShiftZ { words: &'a AxisWords, keeps_offset: bool },
     Card(&'a CardCommand<'a>),
     Finish,
@@ -70,6 +71,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.choose_motion(interpolation, acceleration).await?;
             }
             Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
+            Waiting::PressureAdvance(words) => self.advance(words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
             Waiting::Card(command) => self.card_command(*command).await?,
             Waiting::Finish => self.motion.finish().await?,
@@ -184,6 +186,7 @@ impl<P: Ports> Printer<'_, P> {
                 return waiting(Waiting::MotionChoice { interpolation, acceleration });
             }
             Command::InputShaper { ref axes, usual } => return waiting(Waiting::InputShaper { axes, usual }),
+            Command::PressureAdvance(ref words) => return waiting(Waiting::PressureAdvance(words)),
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Finish => return waiting(Waiting::Finish),

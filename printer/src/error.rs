@@ -10,6 +10,7 @@ use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, 
 use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
+use crate::pressure_advance::AdvanceRefusal;
 use crate::shapers::{self, ShaperRefusal};
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
@@ -148,6 +149,8 @@ pub enum CommandError {
     Shaper(ShaperRefusal),
     /// Filters cannot be set.
     Shaping(ChoiceError),
+    /// The advance that was asked for is out of range.
+    Advance(AdvanceRefusal),
     /// The job is for another nozzle (M862.1).
     OtherNozzle {
         /// The job's diameter, mm.
@@ -329,17 +332,21 @@ impl fmt::Display for CommandError {
             Self::MotionChoice(ChoiceError::NotContained) => {
                 write!(out, "M796: this image contains only step-bresenham (I0) with trapezoid (A0) or s-curve (A1)")
             }
-            Self::MotionChoice(ChoiceError::Parameter) => {
+            Self::MotionChoice(ChoiceError::Parameter | ChoiceError::PressureAdvance(_)) => {
                 write!(out, "M796: a parameter of the method is out of range, see the machine's profile")
             }
             Self::MotionChoice(ChoiceError::InMotion) => write!(out, "M796: methods change at standstill only"),
             Self::MotionChoice(ChoiceError::Shaper(_)) => {
-                write!(out, "M796: input shapers need step-bresenham (I0), expected M593 F0 before")
+                write!(
+                    out,
+                    "M796: input shapers and pressure advance need step-bresenham (I0), expected M593 F0 and M900 K0 before"
+                )
             }
             Self::UnknownShaper(name) => {
                 write!(out, "\"{name}\" is no input shaper of this machine, expected {}", shapers::KnownShapers)
             }
             Self::Shaper(refusal) => write!(out, "{refusal}"),
+            Self::Advance(refusal) => write!(out, "{refusal}"),
             Self::Shaping(error) => out.write_str(shapers::choice_text(*error)),
             Self::OtherNozzle { job_mm, machine_mm } => {
                 let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));

@@ -29,6 +29,7 @@ mod moves;
 mod pause;
 mod paused;
 mod prepared;
+mod pressure_advance;
 mod printer;
 mod profile;
 mod reports;

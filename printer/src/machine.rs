@@ -12,8 +12,8 @@ use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::{
-    ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, Request, Standard, StepDigests,
-    TICKS_PER_SECOND,
+    ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, PressureAdvance, Request,
+    Standard, StepDigests, TICKS_PER_SECOND,
 };
 
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
@@ -87,13 +87,11 @@ pub struct Machine<R, Q, M: MotionMethods = Standard> {
 }
 
 impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<R, Q, M> {
-    /// A machine that has just been switched on.
+    /// A machine that has just been switched on, with the standard methods: [`Self::set_motion_choice`] takes the profile's. Not
+    /// here, where a copy of the machine would be on the stack beneath.
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
-        let mut planner = Planner::new(profile.geometry(), profile.limits, ring);
-        // The build of an image refuses a profile whose methods the image does not contain.
-        planner.set_motion_choice(&profile.motion).ok();
         Self {
-            planner,
+            planner: Planner::new(profile.geometry(), profile.limits, ring),
             feeder: Feeder::new(queue),
             workload: Workload::default(),
             counts: Counts::default(),
@@ -281,6 +279,14 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// [`ChoiceError`]; nothing has changed then.
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.planner.set_motion_choice(choice)
+    }
+
+    /// Sets how far the extruder runs ahead, see [`Planner::set_pressure_advance`].
+    ///
+    /// # Errors
+    /// There is no room now.
+    pub fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MoveError> {
+        self.planner.set_pressure_advance(advance)
     }
 
     /// Switches the motors in the mask on or off.

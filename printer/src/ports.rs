@@ -6,7 +6,7 @@ use core::future::Future;
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use crate::error::Failure;
@@ -41,6 +41,9 @@ pub trait Motion {
     }
     /// Changes the fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
+    /// Sets how far the extruder runs ahead from the motion queued so far on; waits for room. `false`, and nothing has changed:
+    /// it needs a standstill and [`Self::set_motion_choice`].
+    fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> impl Future<Output = Result<bool, MotionError>>;
     /// Waits until all queued motion has ended. It is an error, too, if the plan of a prepared job's last block cannot be
     /// followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;

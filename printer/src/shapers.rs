@@ -151,15 +151,16 @@ impl ShaperRefusal {
 pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
     match error {
         ChoiceError::Shaper(ShaperError::UnequalMotors) => {
-            "input shapers need the same steps/mm of the motors that move an axis together, expected that of the profile"
+            "input shapers and pressure advance need the same steps/mm of the motors that move an axis together, expected that of the profile"
         }
-        ChoiceError::InMotion => "input shapers change at standstill only, expected M400 before",
+        ChoiceError::InMotion => "input shapers and pressure advance change at standstill only, expected M400 before",
         ChoiceError::Shaper(
             ShaperError::Methods | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong { .. },
         )
         | ChoiceError::NotContained
-        | ChoiceError::Parameter => {
-            "input shapers need step-bresenham with trapezoid or s-curve, expected M796 I0 A0 before"
+        | ChoiceError::Parameter
+        | ChoiceError::PressureAdvance(_) => {
+            "input shapers and pressure advance need step-bresenham with trapezoid or s-curve, expected M796 I0 A0 before"
         }
     }
 }

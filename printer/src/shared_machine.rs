@@ -5,7 +5,9 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, Request};
+use ferrostep_planner::{
+    ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, PressureAdvance, Request,
+};
 
 use crate::machine::{Machine, Silence};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
@@ -128,6 +130,10 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
         self.wait(|machine| machine.add_fan_power(power).then_some(())).await
+    }
+
+    async fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MotionError> {
+        self.wait(|machine| unless_full(machine.set_pressure_advance(advance))).await?
     }
 
     async fn finish(&mut self) -> Result<(), MotionError> {

@@ -12,7 +12,7 @@ use ferrostep_gcode::{Line, LineError, Reply};
 use ferrostep_gpre::compact::{Decoder, Frame, FrameState};
 use ferrostep_gpre::parts::{Part, Parts};
 use ferrostep_gpre::transfer::{Event, Receiver, Report, Word};
-use ferrostep_gpre::{Encoding, Fault, Item, ReadError};
+use ferrostep_gpre::{Encoding, Fault, Header, Item, ReadError};
 use ferrostep_hal_shim::Clock;
 use ferrostep_planner::PLANNER_VERSION;
 
@@ -340,10 +340,7 @@ impl<P: Ports> Printer<'_, P> {
                 }
                 Part::Passed(length) => length,
                 Part::Header(length, header) => {
-                    header.matches(self.profile.plan_hash, PLANNER_VERSION)?;
-                    if header.encoding != Encoding::Compact {
-                        return Err(Stop::Read(ReadError { fault: Fault::Wide, offset: 10, frame: None }));
-                    }
+                    self.begin_prepared(&header).await?;
                     length
                 }
                 Part::Frame { length, number, offset } => {
@@ -374,6 +371,18 @@ impl<P: Ports> Printer<'_, P> {
             filled -= used;
             incoming.tell(replies, buffer.len() - filled);
         }
+    }
+
+    /// Begins a prepared job: it is for this machine, and the extruder advances as it was planned.
+    pub(crate) async fn begin_prepared(&mut self, header: &Header) -> Result<(), Stop> {
+        header.matches(self.profile.plan_hash, PLANNER_VERSION)?;
+        if header.encoding != Encoding::Compact {
+            return Err(Stop::Read(ReadError { fault: Fault::Wide, offset: 10, frame: None }));
+        }
+        self.take_advance_of_profile().await.map_err(|error| match error {
+            CommandError::Stopped | CommandError::Halted => Stop::Halted,
+            error => Stop::Done { failure: Failure::Command(error), line: 0, frame: 0, offset: 0 },
+        })
     }
 
     /// Executes the next item; `false` after the last.

@@ -159,6 +159,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
         569 => stealth_chop(code, remarks),
+        572 => super::pressure_advance::parse(code, remarks),
+        900 => super::pressure_advance::linear_advance(code, remarks),
         593 => super::input_shaper::parse(code, remarks),
         851 => {
             let mut words = code.places(remarks)?;
@@ -206,8 +208,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 /// Whether a command that is not executed asks for just that: it switches off what is not there.
 fn switches_off(code: Code<'_>) -> bool {
     let letter = match code.number {
-        141 | 412 | 413 | 420 | 572 => b'S',
-        900 => b'K',
+        141 | 412 | 413 | 420 => b'S',
         _ => return false,
     };
     let mut remarks = Remarks::default();

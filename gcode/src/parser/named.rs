@@ -5,7 +5,7 @@
 use super::code::Code;
 use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
-use crate::{AxisWords, Command, Decimal, NotExecuted, ParseError, ShaperWords, WaitTarget};
+use crate::{AdvanceWords, AxisWords, Command, Decimal, NotExecuted, ParseError, ShaperWords, WaitTarget};
 
 /// A heater or thermometer by Klipper's name.
 enum Heater {
@@ -34,6 +34,17 @@ impl<'a> NamedWords<'a> {
             }
         }
         value
+    }
+
+    /// The keys, empty where a word has none.
+    fn keys(&self) -> impl Iterator<Item = &'a [u8]> {
+        let words = self.text.split(|byte| matches!(byte, b' ' | b'\t')).filter(|word| !word.is_empty());
+        words.map(|word| word.iter().position(|byte| *byte == b'=').and_then(|end| word.get(..end)).unwrap_or_default())
+    }
+
+    /// Whether every word has one of the known keys, which are divided by `, `.
+    fn has_only(&self, known: &str) -> bool {
+        self.keys().all(|key| is_one_of(known.as_bytes(), key))
     }
 
     /// The value of a word as text.
@@ -85,7 +96,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 8] = [
+const EXECUTED: [(&str, &str); 9] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
@@ -95,6 +106,7 @@ const EXECUTED: [(&str, &str); 8] = [
         "SHAPER_TYPE, SHAPER_TYPE_X or SHAPER_TYPE_Y with a kind, SHAPER_FREQ_X, SHAPER_FREQ_Y, DAMPING_RATIO_X or \
          DAMPING_RATIO_Y with a number",
     ),
+    ("SET_PRESSURE_ADVANCE", "ADVANCE or SMOOTH_TIME with a number"),
     ("TURN_OFF_HEATERS", ""),
     ("PAUSE", ""),
     ("RESUME", ""),
@@ -125,8 +137,9 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         2 => temperature_wait(&words, remarks)?,
         3 => Command::Layer { current: words.count("CURRENT_LAYER")?, total: words.count("TOTAL_LAYER")? },
         4 => input_shaper(&words)?,
-        5 => Command::HeatersOff,
-        6 => Command::Pause(AxisWords::default()),
+        5 => pressure_advance(&words, remarks)?,
+        6 => Command::HeatersOff,
+        7 => Command::Pause(AxisWords::default()),
         _ => Command::ResumePrint,
     })
 }
@@ -161,6 +174,20 @@ fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Comma
     Ok(Command::VelocityLimit { velocity, acceleration })
 }
 
+/// SET_PRESSURE_ADVANCE. A misspelt word is an error: the line would be taken for a question.
+#[inline(never)]
+fn pressure_advance(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Command<'static>, ParseError> {
+    if !words.has_only("EXTRUDER, ADVANCE, SMOOTH_TIME") {
+        return Err(words.expected());
+    }
+    if words.value("EXTRUDER").is_some_and(|name| !is_one_of(b"extruder", name)) {
+        remarks.add(Remark::OtherTool);
+        return Ok(Command::Accepted);
+    }
+    let (slow, smooth_time) = (words.number("ADVANCE")?, words.number("SMOOTH_TIME")?);
+    Ok(Command::PressureAdvance(AdvanceWords { slow, smooth_time, ..AdvanceWords::default() }))
+}
+
 /// The words of SET_INPUT_SHAPER, and those of an axis that has no filter here.
 const SHAPER_WORDS: &str =
     "SHAPER_TYPE, SHAPER_TYPE_X, SHAPER_TYPE_Y, SHAPER_FREQ_X, SHAPER_FREQ_Y, DAMPING_RATIO_X, DAMPING_RATIO_Y";
@@ -169,15 +196,12 @@ const SHAPER_WORDS_OF_Z: &str = "SHAPER_TYPE_Z, SHAPER_FREQ_Z, DAMPING_RATIO_Z";
 /// SET_INPUT_SHAPER. A misspelt word is an error: the line would be taken for a question.
 #[inline(never)]
 fn input_shaper<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
-    for word in words.text.split(|byte| matches!(byte, b' ' | b'\t')).filter(|word| !word.is_empty()) {
-        let key = word.iter().position(|byte| *byte == b'=').and_then(|end| word.get(..end)).unwrap_or_default();
-        if is_one_of(SHAPER_WORDS_OF_Z.as_bytes(), key) {
-            let why = "X and Y have filters, Z has none; leave its words out";
-            return Err(ParseError::NotSupported { command: "SET_INPUT_SHAPER of Z", why });
-        }
-        if !is_one_of(SHAPER_WORDS.as_bytes(), key) {
-            return Err(words.expected());
-        }
+    if words.keys().any(|key| is_one_of(SHAPER_WORDS_OF_Z.as_bytes(), key)) {
+        let why = "X and Y have filters, Z has none; leave its words out";
+        return Err(ParseError::NotSupported { command: "SET_INPUT_SHAPER of Z", why });
+    }
+    if !words.has_only(SHAPER_WORDS) {
+        return Err(words.expected());
     }
     let both = words.value_text("SHAPER_TYPE");
     let axis = |kind, frequency, damping| -> Result<ShaperWords<'a>, ParseError> {

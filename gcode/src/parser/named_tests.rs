@@ -65,7 +65,6 @@ fn what_means_nothing_here_says_so() {
         ("PRINT_START", "nothing is homed"),
         ("END_PRINT", "heaters, fan and motors stay on"),
         ("PRINT_END", "heaters, fan and motors stay on"),
-        ("SET_PRESSURE_ADVANCE ADVANCE=0.05", "pressure advance is not made"),
         ("TIMELAPSE_TAKE_FRAME", "there is no such output"),
     ] {
         assert_eq!(parse(text), Ok(Command::Accepted), "{text}");

@@ -19,14 +19,13 @@ fn commands_without_effect_say_why() {
         ("M413 S1", "a job of G-code cannot be continued"),
         ("M486 Acube.stl (Instance 1)", "all are printed"),
         ("M862.2 P300", "not checked"),
-        ("M900 K=0", "pressure advance is not made"),
     ] {
         let mut remarks = Remarks::default();
         assert_eq!(parse_with_remarks(text, &mut remarks), Ok(Command::Accepted), "{text}");
         assert!(remarks.to_string().ends_with(says) && !remarks.is_unknown(), "{text}: {remarks}");
     }
     // What they ask for is so.
-    for text in ["M141 S0", "M413 S0", "M420 S0", "M572 D0 S0", "M900 K0", "M900 K0 L0"] {
+    for text in ["M141 S0", "M413 S0", "M420 S0"] {
         reads(text, Command::Accepted);
     }
     reads("M862.1 P0.4 A0", Command::CheckNozzle(some("0.4")));

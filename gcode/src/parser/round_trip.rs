@@ -4,8 +4,8 @@ use proptest::option::of;
 use proptest::prelude::*;
 
 use crate::{
-    ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords, ShaperWords, Units,
-    WaitTarget, parse,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords,
+    ShaperWords, Units, WaitTarget, parse,
 };
 
 /// A command's words: letter and number.
@@ -187,6 +187,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             let axes = AxisFlags { x: named(x) && x != y, y: named(y) && x != y, z: false, e: false };
             (593, [flags(axes), given([('F', words.frequency), ('D', words.damping)])].concat())
         }
+        Command::PressureAdvance(AdvanceWords { slow, fast, speed, smooth_time }) => {
+            (572, given([('S', slow), ('L', fast), ('T', speed), ('W', smooth_time)]))
+        }
         Command::ReportMotion => (797, vec![]),
         Command::Timing { on, clear } => {
             (798, [given([('S', switch(on))]), if clear { vec![('R', None)] } else { vec![] }].concat())
@@ -206,7 +209,7 @@ fn print(command: Command<'_>, style: Style) -> String {
             let action = if action_prefix { "A1 " } else { "" };
             return format!("M118 {action}{echo}{text}");
         }
-        Command::Accepted => return "M900 K0.05".to_owned(),
+        Command::Accepted => return "M486 S1".to_owned(),
         Command::Unknown(text) => return text.to_owned(),
         _ => {}
     }
@@ -290,6 +293,16 @@ fn any_shaper() -> impl Strategy<Value = Command<'static>> {
         let axes = [1, 2].map(|axis| if axes & axis == 0 { ShaperWords::default() } else { words });
         Command::InputShaper { axes, usual: "zv" }
     })
+}
+
+fn any_advance() -> impl Strategy<Value = Command<'static>> {
+    (any_number(), of((any_number(), any_number())), of(any_number()), any::<bool>()).prop_map(
+        |(slow, above, smooth_time, asks)| {
+            let (fast, speed) = above.unzip();
+            let words = AdvanceWords { slow: Some(slow), fast, speed, smooth_time };
+            Command::PressureAdvance(if asks { AdvanceWords::default() } else { words })
+        },
+    )
 }
 
 fn any_wait() -> impl Strategy<Value = WaitTarget> {
@@ -396,6 +409,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         (of(0u8..=4), of(0u8..=3))
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         any_shaper(),
+        any_advance(),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),

@@ -1,9 +1,8 @@
 //! A print of a prepared job from the card.
 
+use ferrostep_gpre::ReadError;
 use ferrostep_gpre::compact::Frame;
 use ferrostep_gpre::parts::{Part, Parts};
-use ferrostep_gpre::{Encoding, Fault, ReadError};
-use ferrostep_planner::PLANNER_VERSION;
 
 use super::print::{Bytes, End, HostLines};
 use crate::ports::{Motion, Ports, Replies};
@@ -63,11 +62,7 @@ impl<P: Ports> Printer<'_, P> {
                 }
                 Part::Passed(length) => length,
                 Part::Header(length, header) => {
-                    header.matches(self.profile.plan_hash, PLANNER_VERSION)?;
-                    if header.encoding != Encoding::Compact {
-                        let fault = Fault::Content("the compact encoding, which alone is printed by a board");
-                        return Err(ReadError { fault, offset: 10, frame: None }.into());
-                    }
+                    self.begin_prepared(&header).await.map_err(JobEnd::Stop)?;
                     length
                 }
                 Part::Frame { length, number, offset } => {

@@ -6,7 +6,7 @@ use core::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
 use crate::heat::HeatFault;
@@ -189,6 +189,10 @@ impl Motion for RigMotion<'_> {
         Ok(Moved::Queued)
     }
 
+    async fn set_pressure_advance(&mut self, _: &PressureAdvance) -> Result<bool, MotionError> {
+        Ok(false)
+    }
+
     async fn set_fan_power(&mut self, _: u8) -> Result<(), MotionError> {
         Ok(())
     }
@@ -281,7 +285,9 @@ impl Replies for Rig {
     fn send(&self, reply: Reply<'_>) {
         match reply {
             Reply::Text(text) => self.texts.borrow_mut().push(text.to_owned()),
-            Reply::InputShaper(_) => self.texts.borrow_mut().push(reply.to_string()),
+            Reply::InputShaper(_) | Reply::PressureAdvance(_) | Reply::AdvanceLimits { .. } => {
+                self.texts.borrow_mut().push(reply.to_string());
+            }
             _ => {}
         }
     }

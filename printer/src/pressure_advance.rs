@@ -1,0 +1,105 @@
+//! M900, M572 and SET_PRESSURE_ADVANCE: how far the extruder runs ahead of the flow.
+
+use core::fmt;
+
+use ferrostep_gcode::{AdvanceState, AdvanceWords, Decimal, Real, Reply};
+use ferrostep_planner::{MotionChoice, PressureAdvance, PressureAdvanceError, SecondSlope};
+
+use crate::error::CommandError;
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::Printer;
+
+/// mm of filament of 1.75 mm in a mm of a line of 0.45 x 0.2 mm.
+const FILAMENT_IN_COMMON_LINE: f64 = 0.0374;
+
+/// The advance that a command asks for.
+fn changed(present: PressureAdvance, words: &AdvanceWords) -> PressureAdvance {
+    let number = |word: Option<Decimal>| word.map(Decimal::to_f64);
+    let smooth_time_s = number(words.smooth_time).or(present.smooth_time_s);
+    let Some(seconds) = number(words.slow) else { return PressureAdvance { smooth_time_s, ..present } };
+    let above = match (number(words.speed), number(words.fast)) {
+        (Some(filament_mm_per_s), Some(seconds)) => Some(SecondSlope { filament_mm_per_s, seconds }),
+        _ => None,
+    };
+    PressureAdvance { seconds, above, smooth_time_s }
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// Where there is an advance already it changes at its place among the moves; else, and for another time to average it over, the
+    /// machine stands still before.
+    pub(crate) async fn advance(&mut self, words: &AdvanceWords) -> Result<(), CommandError> {
+        let mut choice = self.motion.motion_choice();
+        if *words == AdvanceWords::default() {
+            let PressureAdvance { seconds, above, smooth_time_s } = choice.pressure_advance;
+            let above = above.map(|above| (above.seconds, above.filament_mm_per_s));
+            self.replies.send(Reply::PressureAdvance(AdvanceState { seconds, above, smooth_time_s }));
+            return Ok(());
+        }
+        let advance = changed(choice.pressure_advance, words);
+        advance.check().map_err(|error| CommandError::Advance(AdvanceRefusal::new(error, &advance)))?;
+        if advance == choice.pressure_advance {
+            return Ok(());
+        }
+        choice.pressure_advance = advance;
+        if !self.motion.set_pressure_advance(&advance).await? {
+            self.set_motion_choice(&choice).await?.map_err(CommandError::Shaping)?;
+        }
+        let limits = self.motion.limits();
+        let followed = choice.followed_filament_acceleration_mm_per_s2(&limits);
+        let acceleration_mm_per_s2 = followed.map(|followed| followed / FILAMENT_IN_COMMON_LINE);
+        if let Some(acceleration_mm_per_s2) = acceleration_mm_per_s2
+            && acceleration_mm_per_s2 < limits.print_acceleration_mm_per_s2
+        {
+            self.replies.send(Reply::AdvanceLimits { acceleration_mm_per_s2 });
+        }
+        Ok(())
+    }
+
+    /// A prepared job begins with the advance under which its speeds were planned.
+    pub(crate) async fn take_advance_of_profile(&mut self) -> Result<(), CommandError> {
+        let pressure_advance = self.profile.motion.pressure_advance;
+        let choice = self.motion.motion_choice();
+        if choice.pressure_advance != pressure_advance {
+            let choice = MotionChoice { pressure_advance, ..choice };
+            self.set_motion_choice(&choice).await?.map_err(CommandError::Shaping)?;
+        }
+        Ok(())
+    }
+}
+
+/// Why an advance cannot be had: the number that is out of its range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdvanceRefusal {
+    error: PressureAdvanceError,
+    value: f64,
+}
+
+impl AdvanceRefusal {
+    fn new(error: PressureAdvanceError, advance: &PressureAdvance) -> Self {
+        let PressureAdvance { seconds, above, smooth_time_s } = *advance;
+        let value = match error {
+            PressureAdvanceError::Seconds if (0.0..=PressureAdvance::MAX_SECONDS).contains(&seconds) => {
+                above.map_or(seconds, |above| above.seconds)
+            }
+            PressureAdvanceError::Seconds => seconds,
+            PressureAdvanceError::Speed => above.map_or(0.0, |above| above.filament_mm_per_s),
+            PressureAdvanceError::SmoothTime => smooth_time_s.unwrap_or(0.0),
+        };
+        Self { error, value }
+    }
+}
+
+impl fmt::Display for AdvanceRefusal {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ([least, most], unit, words) = match self.error {
+            PressureAdvanceError::Seconds => ([0.0, PressureAdvance::MAX_SECONDS], "s", "M900 K, M572 S or L, ADVANCE"),
+            PressureAdvanceError::Speed => (PressureAdvance::FILAMENT_MM_PER_S, "mm/s", "M572 T"),
+            PressureAdvanceError::SmoothTime => (PressureAdvance::SMOOTH_TIME_S, "s", "M572 W, SMOOTH_TIME"),
+        };
+        let [value, least, most] = [self.value, least, most].map(|number| Real::short(number, 6));
+        write!(out, "pressure advance: {value} {unit} is out of range, expected {least} to {most} {unit} ({words})")
+    }
+}
+
+#[cfg(test)]
+mod tests;
