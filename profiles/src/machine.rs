@@ -212,7 +212,7 @@ fn motors_are_alike(keys: &Section<'_>, kinematics: Kinematics, steps_per_mm: [f
         for ((name, steps), _) in moved {
             if StepsPerMm::nearest(steps) != StepsPerMm::nearest(expected) {
                 let same = format!(
-                    "{expected} as that of {first}: with input_shaper both are the same on {}",
+                    "{expected} as that of {first}: with input_shaper or pressure_advance both are the same on {}",
                     kinematics.name()
                 );
                 keys.refuse(&format!("steps_per_mm.{name}"), same);

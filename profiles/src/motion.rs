@@ -3,8 +3,8 @@
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_papers::table::FrequencyTable;
 use ferrostep_planner::{
-    AccelerationProfile, AxisShaper, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings, ShaperError,
-    ShaperKind,
+    AccelerationProfile, AxisShaper, DualRatePeriods, Interpolation, MotionChoice, PressureAdvance,
+    SCurveTableSettings, SecondSlope, ShaperError, ShaperKind,
 };
 
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
@@ -12,6 +12,10 @@ const PERIOD: Range = range(1.0, 1_000_000.0, "us");
 const FREQUENCY: Range = range(1.0, 1_000_000.0, "steps/s");
 const SHAPER_FREQUENCY: Range = range(AxisShaper::FREQUENCY_HZ[0], AxisShaper::FREQUENCY_HZ[1], "Hz");
 const SHAPER_DAMPING: Range = range(0.0, 0.99, "");
+const ADVANCE: Range = range(0.0, PressureAdvance::MAX_SECONDS, "s");
+const SMOOTH_TIME: Range = range(PressureAdvance::SMOOTH_TIME_S[0], PressureAdvance::SMOOTH_TIME_S[1], "s");
+const FILAMENT_SPEED: Range =
+    range(PressureAdvance::FILAMENT_MM_PER_S[0], PressureAdvance::FILAMENT_MM_PER_S[1], "mm/s");
 const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
 
 /// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves are apart, and what is shaped is
@@ -37,17 +41,38 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
             .or(default.filament_jerk_mm_per_s3, "the same for moves of the filament alone, which shake no frame"),
         s_curve_table: s_curve_table(&keys.apart()),
         shapers: shapers(&keys.apart()),
+        // Lines accelerate as far as the extruder can follow: the plan depends on it.
+        pressure_advance: pressure_advance(keys),
     };
     if is_shaped(&choice) && interpolation != Interpolation::StepBresenham {
-        let expected = "\"step-bresenham\" with input_shaper: under the others the motors have no times of their own";
+        let expected = "\"step-bresenham\" with input_shaper and pressure_advance: under the others the motors have no times of their own";
         keys.refuse("interpolation", expected);
     }
     choice
 }
 
-/// Whether an axis has a filter.
+/// Whether a motor goes through a filter.
 pub(crate) fn is_shaped(choice: &MotionChoice) -> bool {
-    choice.shapers.iter().any(|shaper| shaper.kind != ShaperKind::None)
+    choice.pressure_advance.is_some() || choice.shapers.iter().any(|shaper| shaper.kind != ShaperKind::None)
+}
+
+/// How far the extruder runs ahead of the flow.
+fn pressure_advance(keys: &Section<'_>) -> PressureAdvance {
+    let about = "how far the extruder [runs ahead of the flow](pressure-advance.md); M900, M572 and SET_PRESSURE_ADVANCE change it";
+    let Some(table) = keys.optional_section("pressure_advance", "none", about) else { return PressureAdvance::NONE };
+    let seconds = table.number("seconds", ADVANCE).required("K: filament ahead for each mm/s at which it is pushed");
+    let smooth_time_s = table.number("smooth_time_s", SMOOTH_TIME).optional(
+        "nearly as long as the filters of X and Y spread the motion, at least 8 ms",
+        "over how long the advance is averaged",
+    );
+    let above =
+        table.optional_section("above", "one K for all flow", "another K for fast flow").map(|above| SecondSlope {
+            filament_mm_per_s: above
+                .number("filament_mm_per_s", FILAMENT_SPEED)
+                .required("from this speed of the filament on"),
+            seconds: above.number("seconds", ADVANCE).required("K for what is faster"),
+        });
+    PressureAdvance { seconds, above, smooth_time_s }
 }
 
 /// Shapers of X and Y.

@@ -11,8 +11,8 @@ use ferrostep_papers::Papers;
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    ChoiceError, Limits, MotionChoice, Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded,
-    Request, StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
+    ChoiceError, Limits, MotionChoice, Move, MoveError, Moved, Notice, PlannedBlock, Planner, PressureAdvance,
+    Progress, Recorded, Request, StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
 };
 use ferrostep_printer::machine::HomingTime;
 use ferrostep_printer::{HomingOutcome, Motion, MotionError, Profile, Signals};
@@ -312,6 +312,18 @@ impl Motion for PlannedMotion<'_> {
                 while !plan.planner.add_fan_power(power) && plan.makes_room() {}
             }
             Ok(())
+        })
+        .await
+    }
+
+    async fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MotionError> {
+        self.act(LEAP_TICKS, |plan| {
+            loop {
+                match plan.planner.set_pressure_advance(advance) {
+                    Err(MoveError::NoRoom) if plan.makes_room() => {}
+                    outcome => return outcome.map_err(MotionError::Move),
+                }
+            }
         })
         .await
     }

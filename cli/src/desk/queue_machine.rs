@@ -28,7 +28,10 @@ pub(super) fn machine<O: Observer>(
     let mut motors = profile.virtual_motors();
     motors.set_framed(profile.framed_axes());
     let queue = VirtualStepQueue::new(motors, drivers, observer);
-    RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue))
+    let mut machine = Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue);
+    // What the profile cannot have was refused when it was read.
+    machine.set_motion_choice(&profile.motion).ok();
+    RefCell::new(machine)
 }
 
 impl<O: Observer> MotionState for RefCell<QueueMachine<O>> {

@@ -46,6 +46,7 @@ impl Passed {
                     | Command::ColdExtrusion { .. }
                     | Command::MotionChoice { .. }
                     | Command::InputShaper { .. }
+                    | Command::PressureAdvance(_)
                     | Command::AdaptiveExtrusion { .. }
                     | Command::AutoReportTemperatures { .. }
                     | Command::KeepAlive(Some(_))

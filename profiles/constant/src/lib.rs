@@ -20,7 +20,7 @@ mod names {
 
     pub use ferrostep_planner::{
         AccelerationProfile::*, AxisShaper, DualRatePeriods, Interpolation::*, Kinematics::*, Limits, MotionChoice,
-        SCurveTableSettings, ShaperKind, StepsPerMm,
+        PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
         AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*,

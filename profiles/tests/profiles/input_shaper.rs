@@ -84,13 +84,23 @@ fn what_the_machine_cannot_filter_is_refused() {
     let dual_rate = format!("interpolation = \"dual-rate\"\n{kinematics}");
     let core_xz = kinematics.replace("xy", "xz");
     for (from, to, blamed, says) in [
-        (kinematics, &*dual_rate, "interpolation", "expected \"step-bresenham\" with input_shaper"),
-        (steps, "y = 160.01, z = 800", "steps_per_mm.y", "expected 160 as that of x: with input_shaper"),
+        (
+            kinematics,
+            &*dual_rate,
+            "interpolation",
+            "expected \"step-bresenham\" with input_shaper and pressure_advance",
+        ),
+        (
+            steps,
+            "y = 160.01, z = 800",
+            "steps_per_mm.y",
+            "expected 160 as that of x: with input_shaper or pressure_advance",
+        ),
         (
             kinematics,
             &core_xz,
             "steps_per_mm.z",
-            "expected 160 as that of x: with input_shaper both are the same on corexz",
+            "expected 160 as that of x: with input_shaper or pressure_advance both are the same on corexz",
         ),
     ] {
         let error = changed("corexy", from, to, "zv").unwrap_err();

@@ -10,6 +10,7 @@ mod mini_heat;
 mod motor_drivers;
 mod nozzle_refusals;
 mod pauses;
+mod pressure_advance;
 mod refusals;
 mod robustness;
 mod safe_homing;
