@@ -68,8 +68,15 @@ pub fn compiler_version() -> Result<String, Failure> {
 }
 
 /// Packages that are optimised for speed on the desk and for size in an image, and their level there.
-const IMAGE_LEVELS: [(&str, &str); 3] =
-    [("ferrostep-gcode", "\"s\""), ("ferrostep-planner", "\"s\""), ("\"*\"", "\"s\"")];
+const IMAGE_LEVELS: [(&str, &str); 6] = [
+    ("ferrostep-card", "\"s\""),
+    ("ferrostep-gcode", "\"s\""),
+    ("ferrostep-gpre", "\"s\""),
+    ("ferrostep-planner", "\"s\""),
+    // Smaller frames on the stack than "s": texts are written within texts.
+    ("ferrostep-printer", "2"),
+    ("\"*\"", "\"s\""),
+];
 
 impl CoreLibrary {
     /// Makes a cargo command build for [`TARGET`] with this library.

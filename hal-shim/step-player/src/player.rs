@@ -102,6 +102,25 @@ pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
     stepping: PhantomData<M>,
 }
 
+/// The most ports of a board's motors.
+const MOST_PORTS: usize = 4;
+
+/// Does something for each port. Not a loop at any level of optimisation: its branches would delay the edges.
+#[inline(always)]
+fn each_port<const PORTS: usize>(mut action: impl FnMut(usize)) {
+    const { assert!(PORTS >= 1 && PORTS <= MOST_PORTS) };
+    action(0);
+    if PORTS > 1 {
+        action(1);
+    }
+    if PORTS > 2 {
+        action(2);
+    }
+    if PORTS > 3 {
+        action(3);
+    }
+}
+
 impl<M: Stepping, const PORTS: usize, const N: usize> Default for StepPlayer<M, PORTS, N> {
     fn default() -> Self {
         Self::new()
@@ -201,9 +220,10 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     /// Stores the event's words. Returns the head of its slot without it, not below 0 after the last.
     #[inline(always)]
     fn put_out<P: OutputPorts<PORTS>>(&self, next: &NextWords<PORTS>, ports: &P) -> i32 {
-        for (port, [word, _]) in next.words.iter().enumerate() {
-            ports.write(port, *word);
-        }
+        each_port::<PORTS>(|port| {
+            let [word, _] = next.words[port];
+            ports.write(port, word);
+        });
         self.left.load().wrapping_add(Head::EVENT)
     }
 
@@ -215,10 +235,10 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
             timer.set_reload(self.reloads[(left >> 16 & 1) as usize].load());
         }
         self.left.store(left);
-        for words in &mut next.words {
-            let [_, then] = *words;
-            *words = [then, then.rotate_right(16)];
-        }
+        each_port::<PORTS>(|port| {
+            let [_, then] = next.words[port];
+            next.words[port] = [then, then.rotate_right(16)];
+        });
     }
 
     /// The first event of a slot is prepared.
@@ -232,9 +252,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         if M::EVENTS_A_STEP == 2 {
             self.reloads[0].store(reload);
         }
-        for (port, words) in next.words.iter_mut().enumerate() {
-            *words = [slot.first(port), slot.then(port)];
-        }
+        each_port::<PORTS>(|port| next.words[port] = [slot.first(port), slot.then(port)]);
         // Loaded once more: a register less to keep.
         self.next.store(self.next.load().wrapping_add(1));
     }
