@@ -107,10 +107,12 @@ pub fn with_board<M: Stepping, T>(
     };
     let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
     let queue = ModelledSensors::new(Queue::new(feeder, &interrupts, costs), profile.virtual_motors());
+    let mut machine = Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue);
+    assert!(machine.set_motion_choice(&profile.motion).is_ok(), "the model has no such methods");
     job(&Board {
         profile,
         interrupts: &interrupts,
-        machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
+        machine: RefCell::new(machine),
         clock: VirtualClock::default(),
         replies: Transcript::default(),
         costs,

@@ -9,7 +9,7 @@ use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
     CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, HomingOutcome, Motion, MotionError, Printer,
@@ -147,6 +147,10 @@ impl Motion for PlacesMotion<'_> {
         believed[axis] += moved;
         self.0.believed_10nm.set(believed);
         Ok(if triggered { HomingOutcome::Triggered } else { HomingOutcome::Missed })
+    }
+
+    async fn set_pressure_advance(&mut self, _: &PressureAdvance) -> Result<bool, MotionError> {
+        Ok(false)
     }
 
     async fn set_fan_power(&mut self, _: u8) -> Result<(), MotionError> {

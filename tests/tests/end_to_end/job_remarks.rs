@@ -44,7 +44,7 @@ G28
 M109 S200
 M140 S50
 G29
-M900 K0.05
+M573
 M92 E420
 M92 E420
 MY_MACRO A=1
@@ -63,7 +63,7 @@ fn a_rehearsal_lists_what_a_person_should_know() {
     let expected = [
         ("not_homed", 2, &[3, 4][..], "an axis moves that is not homed"),
         ("no_effect", 1, &[9], "G29: not executed (measure the bed"),
-        ("no_effect", 1, &[10], "M900: not executed (pressure advance"),
+        ("no_effect", 1, &[10], "M573: not executed (mean flow"),
         ("unknown", 2, &[11, 12], "M92: not executed (steps for each mm): the profile's steps_per_mm stay"),
         ("unknown", 1, &[13], "MY_MACRO: unknown command"),
         ("pause", 1, &[14], "M600 asks the printer to wait for a person"),

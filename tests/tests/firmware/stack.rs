@@ -34,6 +34,10 @@ fn the_stack_holds_all_tasks_nested() {
         };
         let [start] = of_function("Reset")[..] else { panic!("{}: one start", board.name) };
         let starting = stack_use.deepest(start).unwrap();
+        eprintln!("{}: {:6} bytes to start", board.name, starting.bytes);
+        for (function, frame) in &starting.way {
+            eprintln!("    {frame:6} {}", code.function(*function));
+        }
         let frame = |name: &str| of_function(name).into_iter().map(|one| stack_use.frame(one)).max();
         let before: u32 = BEFORE_TASKS.iter().map(|name| frame(name).expect(name)).sum();
         let before = before + frame(END_OF_START).unwrap_or(0);

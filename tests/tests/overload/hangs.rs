@@ -231,11 +231,11 @@ impl<'b, 'a> Talk<'b, 'a> {
                 let comes_back = random.below(4) > 0;
                 let absence_ms = if comes_back { random.below(2_000) } else { 2 * silence_ms };
                 host = host.leaves(at..at + absence_ms * CYCLES_A_MS);
-                // All of it may have arrived before.
+                // All of it may have arrived before, or nothing that can be executed.
                 let (waits_ms, words): (_, &[Word]) = if comes_back {
                     (absence_ms + 1_000, &[Word::Done])
                 } else {
-                    (silence_ms + LINE_MS + ANSWER_MS, &[Word::Done, Word::Stopped])
+                    (silence_ms + LINE_MS + ANSWER_MS, &[Word::Done, Word::Stopped, Word::Refused])
                 };
                 (begin + undisturbed.end + waits_ms * CYCLES_A_MS, words)
             }
