@@ -142,6 +142,27 @@ fn a_kind_is_given_to_both_plans_and_detuning_moves_the_frame_under_them() {
     assert!(text.contains("filters of the steps: X zv for 50 Hz, Y zv for 40 Hz"), "{text}");
 }
 
+/// The book's table of misplaced material, in small.
+#[test]
+fn pressure_advance_puts_material_where_the_path_is() {
+    let folder = directory();
+    let job = file(&folder, "square.gcode", JOB);
+    let profile = crate::command::repository().join("tests/data/fine-extruder.toml");
+    let text = std::fs::read_to_string(&profile).unwrap();
+    let volumes = |seconds: &str| {
+        let profile = file(&folder, "own.toml", text.replace("seconds = 0.04", &format!("seconds = {seconds}")));
+        let arguments = ["--profile", profile.to_str().unwrap(), "--input-shaper", "mzv", "--json"];
+        let result = ferrostep(["simulate", job.to_str().unwrap()].into_iter().chain(arguments)).json();
+        [number(&result, &["corner_volume_mm3"]), number(&result, &["end_volume_mm3"])]
+    };
+    let [none_corner, none_end] = volumes("0");
+    for seconds in ["0.036", "0.04", "0.044"] {
+        let [corner, end] = volumes(seconds);
+        assert!(corner < 0.35 * none_corner, "K {seconds}: {corner} of {none_corner} mm^3");
+        assert!(end < 0.5 * none_end, "K {seconds}: {end} of {none_end} mm^3");
+    }
+}
+
 #[test]
 fn what_cannot_be_simulated_says_what_would_be_right() {
     let folder = directory();
