@@ -1,8 +1,10 @@
 //! The stages connected: moves in, step entries out.
 
 pub(crate) mod block_rules;
+mod choice;
 mod given_block;
 pub(crate) mod move_error;
+mod passing_over;
 mod position;
 pub(crate) mod prepared;
 pub(crate) mod recorder;
@@ -13,18 +15,16 @@ use crate::block_queue::BlockQueue;
 use crate::extruder::FILAMENT_UNITS_PER_MM;
 use crate::interpolator::Interpolator;
 use crate::junction::CornerAcceleration;
-use crate::kinematics::{Geometry, Kinematics, UNITS_PER_MM};
-use crate::limits::{ExtruderAdvance, Limits};
-use crate::look_ahead::SpeedLaw;
-use crate::methods::{ChoiceError, MotionMethods, SpeedRule, Standard};
-use crate::motion_choice::{AccelerationProfile, MotionChoice};
+use crate::kinematics::{Geometry, UNITS_PER_MM};
+use crate::limits::Limits;
+use crate::methods::{MotionMethods, SpeedRule, Standard};
+use crate::motion_choice::MotionChoice;
 use crate::open_block::OpenBlock;
 use crate::pace::Pace;
-use crate::pressure_advance::{AdvanceLaw, PressureAdvance};
+use crate::pressure_advance::AdvanceLaw;
 use crate::ring::{Marker, RingMemory};
 use crate::s_curve::law::Curve;
-use crate::s_curve::{Jerk, Jerks};
-use crate::shaping::{ShapedStepper, ShaperError, Shaping};
+use crate::shaping::{ShapedStepper, Shaping};
 use crate::speed_plan::{Part, Released};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
@@ -121,126 +121,6 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// Sets the limits for moves to come; those taken keep theirs.
     pub fn set_limits(&mut self, limits: Limits) {
         self.rules.set_limits(limits);
-    }
-
-    /// The methods that make the steps.
-    pub fn motion_choice(&self) -> &MotionChoice {
-        &self.choice
-    }
-
-    /// Sets the methods that make the steps.
-    ///
-    /// # Errors
-    /// [`ChoiceError`]; nothing has changed then.
-    pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
-        check_methods::<M>(choice, self.rules.geometry.kinematics)?;
-        choice.pressure_advance.check().map_err(ChoiceError::PressureAdvance)?;
-        let shaping = self.shaping_of(choice).map_err(ChoiceError::Shaper)?;
-        if !self.is_idle() {
-            return Err(ChoiceError::InMotion);
-        }
-        self.choice = *choice;
-        self.set_shaping(&shaping);
-        self.set_methods()
-    }
-
-    /// The filters, as chosen.
-    // Not beside the methods: each takes much of the stack.
-    #[inline(never)]
-    fn set_shaping(&mut self, shaping: &Shaping) {
-        let Self { choice, .. } = *self;
-        self.shaping = *shaping;
-        self.shaped.set_shaping(shaping, self.rules.geometry.kinematics);
-        let is_s_curve = choice.acceleration == AccelerationProfile::SCurve;
-        self.rules.set_shaped_for(self.shaped.length_ticks(), is_s_curve, choice.pressure_advance.above.is_some());
-        self.advance_moves_to_come();
-        self.shaped.set_advance(self.advance_law());
-    }
-
-    /// The step pattern and the law of speeds, as chosen.
-    #[inline(never)]
-    fn set_methods(&mut self) -> Result<(), ChoiceError> {
-        self.rules.pattern = M::pattern(&self.choice, self.rules.geometry.kinematics)?;
-        self.interpolator.set_pattern(self.rules.pattern);
-        let law = speed_law::<M>(&self.choice)?;
-        self.rule = match law {
-            SpeedLaw::Other(rule) => Some(rule),
-            SpeedLaw::Trapezoid | SpeedLaw::SCurve(_) | SpeedLaw::SCurveBlockByBlock(_) => None,
-        };
-        self.queue.look_ahead(&law);
-        Ok(())
-    }
-
-    /// The filters of a choice, if this machine can have them.
-    fn shaping_of(&self, choice: &MotionChoice) -> Result<Shaping, ShaperError> {
-        let shaping = Shaping::new(&choice.shapers, &choice.pressure_advance)?;
-        if !shaping.is_active() {
-            return Ok(shaping);
-        }
-        if !choice.is_standard() {
-            return Err(ShaperError::Methods);
-        }
-        let Geometry { kinematics, steps_per_mm, .. } = self.rules.geometry;
-        let are_equal = |axis: usize| {
-            let motors = kinematics.motors_of_axis(axis);
-            let mut steps_per_mm = steps_per_mm.iter().enumerate().filter(|(motor, _)| motors >> motor & 1 == 1);
-            let first = steps_per_mm.next();
-            steps_per_mm.all(|(_, other)| first.is_none_or(|(_, first)| first == other))
-        };
-        if !(are_equal(0) && are_equal(1)) { Err(ShaperError::UnequalMotors) } else { Ok(shaping) }
-    }
-
-    /// Sets how far the extruder runs ahead from the moves taken so far on, without a stop. `false`, and nothing has changed:
-    /// it needs other filters or more room in them, and so a standstill and [`Self::set_motion_choice`]. Of an advance that has been set the average
-    /// stays, whatever it is changed to, none included.
-    ///
-    /// # Errors
-    /// [`MoveError::NoRoom`]; nothing has changed then.
-    pub fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MoveError> {
-        let present = self.choice.pressure_advance;
-        let keeps_filters = self.shaping.advance_ticks > 0 && advance.smooth_time_s == present.smooth_time_s;
-        let adds_knee = advance.above.is_some() && present.above.is_none();
-        if !keeps_filters || adds_knee || advance.check().is_err() {
-            return Ok(false);
-        }
-        if *advance != present {
-            if !(self.close_open_block() && self.queue.push_marker(Marker::PressureAdvance(*advance))) {
-                return Err(MoveError::NoRoom);
-            }
-            self.choice.pressure_advance = *advance;
-            self.advance_moves_to_come();
-        }
-        Ok(true)
-    }
-
-    /// The moves to come leave to the extruder what its advance needs.
-    fn advance_moves_to_come(&mut self) {
-        let advance = self.shaping.extruder_advance(&self.choice.pressure_advance);
-        self.rules.set_advance(advance.unwrap_or(ExtruderAdvance::NONE));
-    }
-
-    /// The present advance, for the extruder of this machine.
-    fn advance_law(&self) -> AdvanceLaw {
-        let [.., steps_per_mm] = self.rules.geometry.steps_per_mm;
-        AdvanceLaw::new(&self.choice.pressure_advance, steps_per_mm.to_f64())
-    }
-
-    /// Lets the moves to come follow the plan itself, or the filters again: a move that a sensor ends is to stop where it is.
-    /// From the next standstill on.
-    pub fn set_unshaped(&mut self, is_unshaped: bool) {
-        self.is_unshaped = is_unshaped;
-    }
-
-    /// For comparison: under an S-curve, lets every block begin and end without acceleration instead of giving neighbours
-    /// one law. Returns `false` and changes nothing if moves are queued or the profile is another.
-    pub fn plan_block_by_block(&mut self) -> bool {
-        match speed_law::<M>(&self.choice) {
-            Ok(SpeedLaw::SCurve(jerks)) if self.is_idle() => {
-                self.queue.look_ahead(&SpeedLaw::SCurveBlockByBlock(jerks));
-                true
-            }
-            _ => false,
-        }
     }
 
     /// Holds the blocks that leave look-ahead from now on to a share of their nominal speeds, within what acceleration
@@ -536,57 +416,6 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         released
     }
 
-    /// For estimates: takes the next block that may leave without executing it.
-    pub fn next_planned(&mut self) -> Option<PlannedBlock> {
-        loop {
-            let released = self.release_next()?;
-            if let Some(planned) = self.pass_over(&released) {
-                return Some(planned);
-            }
-        }
-    }
-
-    /// For estimates: counts the time in which the motors come to rest, if all blocks were passed over. Returns how many ticks
-    /// that is.
-    pub fn pass_over_rest(&mut self) -> u64 {
-        if !self.owes_rest || !self.is_look_ahead_empty() {
-            return 0;
-        }
-        self.owes_rest = false;
-        let ticks = u64::from(self.shaped.length_ticks());
-        self.tallies.motion_ticks += ticks;
-        ticks
-    }
-
-    /// Counts the time of a block that is not executed; `None` for a marker.
-    fn pass_over(&mut self, released: &Released) -> Option<PlannedBlock> {
-        let (planned, ticks) = match released {
-            Released::Block(planned) => (*planned, self.law(planned).duration_ticks()),
-            Released::Part(part) => {
-                let (planned, law) = self.along(part);
-                (planned, law.duration_ticks())
-            }
-            Released::Marker(_) => return None,
-        };
-        self.tallies.motion_ticks += ticks;
-        self.owes_rest |= self.is_shaping();
-        Some(planned)
-    }
-
-    /// For those who count what planning costs: takes the next block that may leave, shows it with its speeds, and does
-    /// nothing more. Whether there was one.
-    pub fn take_planned(&mut self, see: impl FnOnce(&PlannedBlock)) -> bool {
-        loop {
-            match &self.release_next() {
-                Some(Released::Block(planned)) => see(planned),
-                Some(Released::Part(part)) => see(&self.along(part).0),
-                Some(Released::Marker(_)) => continue,
-                None => return false,
-            }
-            return true;
-        }
-    }
-
     /// Forgets all motion that has not happened: the motors stand at these steps (X, Y, Z, extruder), at this tick of
     /// the motion clock, with these direction signals. The position becomes the nearest to where they stand. Returns the
     /// filament that has been taken and not pushed, units of 0.1 nm.
@@ -635,32 +464,6 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.previous = Previous::NONE;
         self.position.motor_steps
     }
-}
-
-/// Whether there are such methods.
-#[inline(never)]
-fn check_methods<M: MotionMethods>(choice: &MotionChoice, kinematics: Kinematics) -> Result<(), ChoiceError> {
-    speed_law::<M>(choice)?;
-    M::pattern(choice, kinematics)?;
-    Ok(())
-}
-
-/// How speeds change under a choice.
-fn speed_law<M: MotionMethods>(choice: &MotionChoice) -> Result<SpeedLaw<M::Rule>, ChoiceError> {
-    if let Some(rule) = M::rule(choice)? {
-        return Ok(SpeedLaw::Other(rule));
-    }
-    Ok(match choice.acceleration {
-        AccelerationProfile::SCurve => {
-            let jerk = |mm_per_s3| Jerk::from_mm_per_s3(mm_per_s3).ok_or(ChoiceError::Parameter);
-            let (path, filament) = (jerk(choice.jerk_mm_per_s3)?, jerk(choice.filament_jerk_mm_per_s3)?);
-            SpeedLaw::SCurve(Jerks { path, filament })
-        }
-        // The papers' laws have come as a rule.
-        AccelerationProfile::Trapezoid | AccelerationProfile::SCurveTable | AccelerationProfile::SCurveFiveSegments => {
-            SpeedLaw::Trapezoid
-        }
-    })
 }
 
 /// Filament in units of 0.1 nm for a length in units of 10 nm at a flow in percent: the exact product.

@@ -148,7 +148,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             if !self.drain() {
                 return false;
             }
-            if let Ok(law) = super::speed_law::<M>(&self.choice) {
+            if let Ok(law) = super::choice::speed_law::<M>(&self.choice) {
                 self.queue.look_ahead(&law);
             }
         }
