@@ -9,6 +9,7 @@ mod fixed;
 mod kernel;
 mod motor_steps;
 mod path_pieces;
+mod plan;
 mod plan_ring;
 mod shapers;
 mod stepper;

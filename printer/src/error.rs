@@ -7,11 +7,11 @@ use ferrostep_planner::look_ahead::PlanFault;
 use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
+use crate::advance_refusal::AdvanceRefusal;
 use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
-use crate::pressure_advance::AdvanceRefusal;
-use crate::shapers::{self, ShaperRefusal};
+use crate::shaper_refusal::{self, ShaperRefusal};
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
@@ -343,11 +343,11 @@ impl fmt::Display for CommandError {
                 )
             }
             Self::UnknownShaper(name) => {
-                write!(out, "\"{name}\" is no input shaper of this machine, expected {}", shapers::KnownShapers)
+                write!(out, "\"{name}\" is no input shaper of this machine, expected {}", shaper_refusal::KnownShapers)
             }
             Self::Shaper(refusal) => write!(out, "{refusal}"),
             Self::Advance(refusal) => write!(out, "{refusal}"),
-            Self::Shaping(error) => out.write_str(shapers::choice_text(*error)),
+            Self::Shaping(error) => out.write_str(shaper_refusal::choice_text(*error)),
             Self::OtherNozzle { job_mm, machine_mm } => {
                 let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));
                 write!(

@@ -8,6 +8,7 @@ pub mod heat;
 pub mod machine;
 pub mod ports;
 
+mod advance_refusal;
 mod arc;
 mod axis_names;
 mod card;
@@ -34,6 +35,7 @@ mod printer;
 mod profile;
 mod reports;
 mod settings;
+mod shaper_refusal;
 mod shapers;
 mod shared_machine;
 mod signals;

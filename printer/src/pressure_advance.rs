@@ -1,10 +1,9 @@
 //! M900, M572 and SET_PRESSURE_ADVANCE: how far the extruder runs ahead of the flow.
 
-use core::fmt;
+use ferrostep_gcode::{AdvanceState, AdvanceWords, Decimal, Reply};
+use ferrostep_planner::{MotionChoice, PressureAdvance, SecondSlope};
 
-use ferrostep_gcode::{AdvanceState, AdvanceWords, Decimal, Real, Reply};
-use ferrostep_planner::{MotionChoice, PressureAdvance, PressureAdvanceError, SecondSlope};
-
+use crate::advance_refusal::AdvanceRefusal;
 use crate::error::CommandError;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
@@ -64,40 +63,6 @@ impl<P: Ports> Printer<'_, P> {
             self.set_motion_choice(&choice).await?.map_err(CommandError::Shaping)?;
         }
         Ok(())
-    }
-}
-
-/// Why an advance cannot be had: the number that is out of its range.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AdvanceRefusal {
-    error: PressureAdvanceError,
-    value: f64,
-}
-
-impl AdvanceRefusal {
-    fn new(error: PressureAdvanceError, advance: &PressureAdvance) -> Self {
-        let PressureAdvance { seconds, above, smooth_time_s } = *advance;
-        let value = match error {
-            PressureAdvanceError::Seconds if (0.0..=PressureAdvance::MAX_SECONDS).contains(&seconds) => {
-                above.map_or(seconds, |above| above.seconds)
-            }
-            PressureAdvanceError::Seconds => seconds,
-            PressureAdvanceError::Speed => above.map_or(0.0, |above| above.filament_mm_per_s),
-            PressureAdvanceError::SmoothTime => smooth_time_s.unwrap_or(0.0),
-        };
-        Self { error, value }
-    }
-}
-
-impl fmt::Display for AdvanceRefusal {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ([least, most], unit, words) = match self.error {
-            PressureAdvanceError::Seconds => ([0.0, PressureAdvance::MAX_SECONDS], "s", "M900 K, M572 S or L, ADVANCE"),
-            PressureAdvanceError::Speed => (PressureAdvance::FILAMENT_MM_PER_S, "mm/s", "M572 T"),
-            PressureAdvanceError::SmoothTime => (PressureAdvance::SMOOTH_TIME_S, "s", "M572 W, SMOOTH_TIME"),
-        };
-        let [value, least, most] = [self.value, least, most].map(|number| Real::short(number, 6));
-        write!(out, "pressure advance: {value} {unit} is out of range, expected {least} to {most} {unit} ({words})")
     }
 }
 

@@ -5,10 +5,9 @@
 //! that are nearer than the least interval to an event join it.
 
 use super::Shaping;
-use super::fixed::{self, PartLaw};
+use super::fixed;
 use super::motor_steps::{MotorSteps, NEVER, WindowMotion};
-use super::path_pieces::{PathPieces, Polynomial};
-use super::plan_ring::{PlanPiece, PlanRing};
+use super::plan::Plan;
 use super::taps::{MotorStates, Taps};
 use crate::block::PlannedBlock;
 use crate::event_buffer::EventBuffer;
@@ -16,9 +15,7 @@ use crate::extruder::rounded_steps;
 use crate::kinematics::Kinematics;
 use crate::pieces::Pieces;
 use crate::pressure_advance::AdvanceLaw;
-use crate::square_root::square_root_f32;
 use crate::step_queue::{Notice, StepEntry, StepSink};
-use crate::stretches::Stretches;
 use crate::time_law::TimeLaw;
 
 /// Events worked out in one call of [`ShapedStepper::advance`]. Few, since they take memory.
@@ -49,22 +46,13 @@ pub(crate) struct Standing {
 #[derive(Clone, Debug)]
 pub(crate) struct ShapedStepper {
     taps: Taps,
-    ring: PlanRing,
+    plan: Plan,
     /// Least ticks between events.
     minimum_interval: u32,
     /// The motors have not come to rest at the end of the plan.
     is_in_motion: bool,
     /// A block, or the rest at the end, is being executed.
     is_busy: bool,
-    /// The plan so far ends at this tick.
-    plan_end: u64,
-    /// Where the motors are there.
-    plan_steps: [i32; 3],
-    plan_extruder_256ths: i64,
-    /// The extruder's advance there, summed over time: 2^-16 steps times ticks, modulo 2^64.
-    plan_advance_sum: i64,
-    /// How the blocks to come advance.
-    advance: AdvanceLaw,
     /// The present window, ticks.
     window: [u64; 2],
     /// Positions at the end of the window, 2^-32 step.
@@ -86,15 +74,10 @@ impl ShapedStepper {
     pub fn new(minimum_event_interval_ticks: u32, kinematics: Kinematics) -> Self {
         Self {
             taps: Taps::new(&Shaping::NONE, kinematics),
-            ring: PlanRing::NEW,
+            plan: Plan::NONE,
             minimum_interval: minimum_event_interval_ticks.max(1),
             is_in_motion: false,
             is_busy: false,
-            plan_end: 0,
-            plan_steps: [0; 3],
-            plan_extruder_256ths: 0,
-            plan_advance_sum: 0,
-            advance: AdvanceLaw::NONE,
             window: [0; 2],
             positions: [0; 4],
             motors: [MotorSteps::standing(0); 4],
@@ -113,7 +96,7 @@ impl ShapedStepper {
 
     /// Sets how the extruder advances in the blocks to come.
     pub fn set_advance(&mut self, advance: AdvanceLaw) {
-        self.advance = advance;
+        self.plan.advance = advance;
     }
 
     /// The longest delay, ticks: so long after the end of the plan the motors rest.
@@ -138,7 +121,7 @@ impl ShapedStepper {
 
     /// The end of the plan so far, a tick of the motion clock.
     pub fn end_tick(&self) -> u64 {
-        self.plan_end
+        self.plan.end
     }
 
     /// Forgets all motion.
@@ -151,13 +134,10 @@ impl ShapedStepper {
     /// Takes over from standstill.
     pub fn start(&mut self, standing: &Standing) {
         let Standing { clock, last_event, steps, extruder_256ths, directions } = *standing;
-        self.ring.clear();
+        self.plan.start(clock, steps, extruder_256ths);
         self.taps.rewind();
         self.ending = 0;
         self.is_in_motion = true;
-        self.plan_end = clock;
-        self.plan_steps = steps;
-        self.plan_extruder_256ths = extruder_256ths;
         self.window = [clock; 2];
         let [x, y, z] = steps.map(i64::from);
         self.motors = [x, y, z, 0].map(MotorSteps::standing);
@@ -179,126 +159,27 @@ impl ShapedStepper {
     /// Where the motors rest, when they do.
     pub fn standing(&self) -> Standing {
         Standing {
-            clock: self.plan_end,
+            clock: self.plan.end,
             last_event: self.last,
-            steps: self.plan_steps,
-            extruder_256ths: self.plan_extruder_256ths,
+            steps: self.plan.steps,
+            extruder_256ths: self.plan.extruder_256ths,
             directions: self.directions,
         }
     }
 
     /// Adds a block to the plan. Returns its duration in ticks.
-    #[inline(never)]
     pub fn begin<P: Pieces>(&mut self, planned: &PlannedBlock, law: &TimeLaw<P>) -> u64 {
-        let mut pieces = PathPieces::NONE;
-        pieces.add(planned, law);
-        let duration = pieces.duration_ticks;
-        let begins = self.plan_end;
-        let mut before = 0;
-        for stretch in Stretches::of(&planned.block) {
-            let ends_block = stretch.after_10nm == 0;
-            let after = if ends_block {
-                duration
-            } else {
-                nearest_tick(law.time_at(stretch.before_10nm.saturating_add(stretch.length_10nm)))
-            };
-            let [dx, dy, dz] = stretch.steps;
-            let line = [dx, dy, dz, stretch.extruder_256ths];
-            let advances = self.advance.advances(stretch.extruder_256ths, stretch.length_10nm);
-            let per_length = 1.0 / f64::from(stretch.length_10nm);
-            let zero = f64::from(stretch.before_10nm);
-            let mut is_planned = false;
-            for piece in pieces.iter() {
-                let start = ((piece.start + 0.5) as u64).max(before);
-                let end = ((piece.end + 0.5) as u64).min(after);
-                if start >= end {
-                    continue;
-                }
-                let part = piece.path.after(start as f64 - piece.start).scaled(zero, per_length);
-                let turns = if advances { self.advance_turns(&line, &part, end - start) } else { 0 };
-                if turns > 0 {
-                    self.plan_part(begins + start, turns, &line, &part, advances);
-                }
-                let rest = if turns > 0 { part.after(turns as f64) } else { part };
-                self.plan_part(begins + start + turns, end - start - turns, &line, &rest, advances);
-                is_planned = true;
-            }
-            if !is_planned {
-                // A stretch without a tick of its own is passed at once.
-                self.plan_rest(begins + before);
-            }
-            self.ring.end_move(stretch.line, stretch.ends_move);
-            let [x, y, z] = self.plan_steps;
-            self.plan_steps = [x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz)];
-            self.plan_extruder_256ths = self.plan_extruder_256ths.wrapping_add(i64::from(stretch.extruder_256ths));
-            before = after.max(before);
-        }
-        self.plan_end = begins + duration;
         self.is_busy = true;
-        duration
+        self.plan.add(planned, law)
     }
 
     /// The plan has ended: goes on until the motors rest. Returns how many ticks that takes.
     pub fn begin_rest(&mut self) -> u64 {
-        let length = u64::from(self.taps.length_ticks());
-        self.plan_rest(self.plan_end);
-        self.plan_end += length;
+        let length = self.taps.length_ticks();
+        self.plan.rest(length);
         self.is_busy = true;
         self.is_in_motion = false;
-        length
-    }
-
-    /// The motors stand at the end of the plan so far from a tick on.
-    fn plan_rests(&self, start: u64) -> PlanPiece {
-        PlanPiece::resting(start, self.plan_steps, self.plan_extruder_256ths, self.plan_advance_sum)
-    }
-
-    /// Adds a piece in which nothing moves.
-    fn plan_rest(&mut self, start: u64) {
-        self.ring.push(self.plan_rests(start));
-    }
-
-    /// Adds a piece of so many ticks, in which this part of the line is done.
-    #[inline(never)]
-    fn plan_part(&mut self, start: u64, ticks: u64, line: &[i32; 4], part: &Polynomial, advances: bool) {
-        let mut piece = self.plan_rests(start).along(*line, PartLaw::new(part, ticks));
-        if advances {
-            self.plan_advance(&mut piece, part, ticks);
-        }
-        self.ring.push(piece);
-    }
-
-    /// The extruder runs ahead in a piece of so many ticks, in which this part of its line is done.
-    #[inline(never)]
-    fn plan_advance(&mut self, piece: &mut PlanPiece, part: &Polynomial, ticks: u64) {
-        let [.., extruder] = piece.line;
-        piece.advance = self.advance.slope_at(f64::from(extruder) * part.after(0.5 * ticks as f64).speed);
-        // The sum goes on from the piece before, and is counted from where nothing of the line is done.
-        let begun = piece.advance_sum_after(piece.part_after(0), 0).wrapping_sub(piece.advance_sum);
-        piece.advance_sum = piece.advance_sum.wrapping_sub(begun);
-        self.plan_advance_sum = piece.advance_sum_after(piece.part_after(ticks), ticks);
-    }
-
-    /// After how many ticks of a piece the filament passes the speed at which the advance has another slope: the piece is to end
-    /// there. 0 if it does not.
-    #[inline(never)]
-    fn advance_turns(&self, line: &[i32; 4], part: &Polynomial, ticks: u64) -> u64 {
-        let [.., extruder] = line.map(f64::from);
-        let knee = self.advance.knee() / extruder;
-        if knee.is_infinite() {
-            return 0;
-        }
-        let Polynomial { speed, acceleration, jerk, .. } = *part;
-        let (faster, length) = (part.after(ticks as f64).speed > knee, ticks as f64);
-        if faster == (speed > knee) {
-            return 0;
-        }
-        // In single precision: a tick more or less changes nothing, since the advance is continuous there.
-        let [missing, acceleration, jerk] = [knee - speed, acceleration, jerk].map(|value| value as f32);
-        let root = square_root_f32(acceleration * acceleration + 2.0 * jerk * missing);
-        let after = 2.0 * missing / (acceleration + if acceleration < 0.0 { -root } else { root });
-        let after = f64::from(after);
-        if after > 0.0 && after < length { after as u64 } else { 0 }
+        u64::from(length)
     }
 
     /// Works out the next events, or ends the block.
@@ -337,7 +218,7 @@ impl ShapedStepper {
                     return Work::MoveEnded(notice);
                 }
                 let [_, end] = self.window;
-                if end >= self.plan_end {
+                if end >= self.plan.end {
                     return Work::BlockEnded;
                 }
                 self.begin_window();
@@ -410,10 +291,10 @@ impl ShapedStepper {
     fn next_notice(&mut self) -> Option<Notice> {
         let [_, now] = self.window;
         loop {
-            let piece = self.ring.get(self.ending)?;
-            let end = match self.ring.get(self.ending.wrapping_add(1)) {
+            let piece = self.plan.ring.get(self.ending)?;
+            let end = match self.plan.ring.get(self.ending.wrapping_add(1)) {
                 Some(next) => next.start,
-                None => self.plan_end,
+                None => self.plan.end,
             };
             if end > now {
                 return None;
@@ -430,10 +311,10 @@ impl ShapedStepper {
     #[inline(never)]
     fn begin_window(&mut self) {
         let [_, start] = self.window;
-        self.taps.move_to(start, &self.ring);
-        let most = self.plan_end.min(start.saturating_add(LONGEST_WINDOW_TICKS));
-        let end = self.taps.next_change(start, &self.ring, most);
-        let states = self.taps.states(start, &self.ring);
+        self.taps.move_to(start, &self.plan.ring);
+        let most = self.plan.end.min(start.saturating_add(LONGEST_WINDOW_TICKS));
+        let end = self.taps.next_change(start, &self.plan.ring, most);
+        let states = self.taps.states(start, &self.plan.ring);
         // At most the longest window.
         let ticks = end.wrapping_sub(start) as u32 as f32;
         let until = states.first_turn(ticks);
@@ -444,7 +325,7 @@ impl ShapedStepper {
         self.extruder_zero = self.extruder_zero.wrapping_add(moved);
         let [.., extruder] = &mut self.positions;
         *extruder = extruder.wrapping_sub(fixed::of_steps(moved));
-        let positions = self.taps.positions(end, &self.ring, self.extruder_zero);
+        let positions = self.taps.positions(end, &self.plan.ring, self.extruder_zero);
         let before = core::mem::replace(&mut self.positions, positions);
         for (index, motor) in self.motors.iter_mut().enumerate() {
             let value = |values: &[f32; 4]| values.get(index).copied().unwrap_or_default();
@@ -500,11 +381,6 @@ enum Work {
     MoveEnded(Notice),
     /// The block has ended.
     BlockEnded,
-}
-
-/// The tick nearest to a time of a block, in time units.
-fn nearest_tick(units: u64) -> u64 {
-    units.saturating_add(crate::time_units::HALF_TICK) >> crate::time_units::FRACTION_BITS
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
 #![allow(clippy::unwrap_used)]
+use super::super::path_pieces::PathPieces;
 use super::*;
 use crate::kinematics::Geometry;
 use crate::limits::Limits;
@@ -51,10 +52,10 @@ impl StepSink for Steps {
     }
 }
 
-impl ShapedStepper {
-    /// Adds a block of one move to the plan as [`Self::begin`] does, with every piece of its law cut at these shares of
+impl Plan {
+    /// Adds a block of one move as [`Self::add`] does, with every piece of its law cut at these shares of
     /// its time.
-    fn begin_cut(&mut self, planned: &PlannedBlock, law: &TimeLaw, shares: &[f64]) -> u64 {
+    fn add_cut(&mut self, planned: &PlannedBlock, law: &TimeLaw, shares: &[f64]) -> u64 {
         let block = &planned.block;
         let [dx, dy, dz] = block.steps;
         let line = [dx, dy, dz, block.extruder_256ths];
@@ -71,15 +72,14 @@ impl ShapedStepper {
             for (index, &cut) in cuts.iter().enumerate() {
                 let lasts = cuts.get(index + 1).unwrap_or(&end) - cut;
                 let part = piece.path.after(cut as f64 - piece.start).scaled(0.0, 1.0 / f64::from(block.length_10nm));
-                self.plan_part(self.plan_end + cut, lasts, &line, &part, advances);
+                self.add_part(self.end + cut, lasts, &line, &part, advances);
             }
         }
         self.ring.end_move(block.line, block.ends_move);
-        let [x, y, z] = self.plan_steps;
-        self.plan_steps = [x + dx, y + dy, z + dz];
-        self.plan_extruder_256ths += i64::from(block.extruder_256ths);
-        self.plan_end += pieces.duration_ticks;
-        self.is_busy = true;
+        let [x, y, z] = self.steps;
+        self.steps = [x + dx, y + dy, z + dz];
+        self.extruder_256ths += i64::from(block.extruder_256ths);
+        self.end += pieces.duration_ticks;
         pieces.duration_ticks
     }
 }
@@ -120,7 +120,10 @@ fn motion(
     for (planned, law) in blocks {
         match shares {
             None => stepper.begin(planned, law),
-            Some(shares) => stepper.begin_cut(planned, law, shares),
+            Some(shares) => {
+                stepper.is_busy = true;
+                stepper.plan.add_cut(planned, law, shares)
+            }
         };
         finish(&mut stepper);
     }
@@ -139,8 +142,8 @@ fn compare(machine: Machine, blocks: &[(PlannedBlock, TimeLaw)], shares: &[f64])
     let position = |motor: usize, tick: u64| {
         let mut taps = stepper.taps;
         taps.rewind();
-        taps.move_to(tick, &stepper.ring);
-        taps.positions(tick, &stepper.ring, 0)[motor]
+        taps.move_to(tick, &stepper.plan.ring);
+        taps.positions(tick, &stepper.plan.ring, 0)[motor]
     };
     for (motor, (one, other)) in whole.motors.iter().zip(&cut.motors).enumerate() {
         assert_eq!(one.len(), other.len(), "motor {motor}");

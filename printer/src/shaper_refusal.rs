@@ -1,0 +1,99 @@
+//! Why a machine does not take a filter, in words.
+
+use core::fmt;
+
+use ferrostep_gcode::Real;
+use ferrostep_planner::{AxisShaper, ChoiceError, ShaperError, ShaperKind};
+
+use crate::axis_names::AXIS_NAMES;
+
+/// The names of filters that there are.
+pub(crate) struct KnownShapers;
+
+impl fmt::Display for KnownShapers {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for kind in ShaperKind::ALL {
+            out.write_str(kind.name())?;
+            out.write_str(", ")?;
+        }
+        out.write_str("ei2 (2hump_ei) or ei3 (3hump_ei) in M593 P or SHAPER_TYPE")
+    }
+}
+
+/// Why a filter cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShaperRefusal {
+    /// Index of the axis, 0 or 1.
+    pub(crate) axis: u8,
+    /// What is wrong with it.
+    pub(crate) error: ShaperError,
+    /// What was asked for.
+    pub(crate) shaper: AxisShaper,
+}
+
+impl fmt::Display for ShaperRefusal {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = AXIS_NAMES.get(usize::from(self.axis)).copied().unwrap_or('?');
+        write!(out, "input shaper of {axis}: ")?;
+        match self.error {
+            ShaperError::Frequency => self.write_frequency(out, axis),
+            ShaperError::Damping => self.write_damping(out, axis),
+            ShaperError::TooLong { lowest_hundredths_hz } => {
+                self.write_too_long(out, axis, f64::from(lowest_hundredths_hz) / 100.0)
+            }
+            // Of the machine, whatever the filter.
+            ShaperError::Methods | ShaperError::UnequalMotors => {
+                out.write_str(choice_text(ChoiceError::Shaper(self.error)))
+            }
+        }
+    }
+}
+
+/// One function for each text, so that not all their arguments are on the stack together.
+impl ShaperRefusal {
+    #[inline(never)]
+    fn write_frequency(&self, out: &mut fmt::Formatter<'_>, axis: char) -> fmt::Result {
+        let [lowest, highest] = AxisShaper::FREQUENCY_HZ.map(|limit| Real::short(limit, 6));
+        write!(
+            out,
+            "{} Hz is out of range, expected {lowest} to {highest} Hz",
+            Real::short(self.shaper.frequency_hz, 6)
+        )?;
+        write!(out, ", or 0 for none (M593 F, SHAPER_FREQ_{axis})")
+    }
+
+    #[inline(never)]
+    fn write_damping(&self, out: &mut fmt::Formatter<'_>, axis: char) -> fmt::Result {
+        let AxisShaper { kind, damping, .. } = self.shaper;
+        let [damping, most] = [damping, kind.max_damping()].map(|ratio| Real::short(ratio, 6));
+        write!(out, "a damping ratio of {damping} is out of range, expected 0 to {most} for {}", kind.name())?;
+        write!(out, " (M593 D or S, DAMPING_RATIO_{axis})")
+    }
+
+    #[inline(never)]
+    fn write_too_long(&self, out: &mut fmt::Formatter<'_>, axis: char, lowest_hz: f64) -> fmt::Result {
+        let AxisShaper { kind, frequency_hz, damping } = self.shaper;
+        write!(out, "{} for {} Hz", kind.name(), Real::short(frequency_hz, 6))?;
+        write!(out, " and a damping ratio of {} is longer than 100 ms", Real::short(damping, 6))?;
+        write!(out, ", expected at least {} Hz", Real::short(lowest_hz, 6))?;
+        write!(out, " (M593 F, SHAPER_FREQ_{axis}) or a shorter kind")
+    }
+}
+
+/// Why a machine has no filters at all now.
+pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
+    match error {
+        ChoiceError::Shaper(ShaperError::UnequalMotors) => {
+            "input shapers and pressure advance need the same steps/mm of the motors that move an axis together, expected that of the profile"
+        }
+        ChoiceError::InMotion => "input shapers and pressure advance change at standstill only, expected M400 before",
+        ChoiceError::Shaper(
+            ShaperError::Methods | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong { .. },
+        )
+        | ChoiceError::NotContained
+        | ChoiceError::Parameter
+        | ChoiceError::PressureAdvance(_) => {
+            "input shapers and pressure advance need step-bresenham with trapezoid or s-curve, expected M796 I0 A0 before"
+        }
+    }
+}
