@@ -8,7 +8,7 @@ pub(crate) const EVENTS_AT_ONCE: usize = 48;
 /// The most entries that a single call of the interpolator hands to its sink.
 pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
-/// At most so many entries in their order, handed out together (R9).
+/// At most `MOST` entries in their order, handed out together (R9).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EventBuffer<const MOST: usize> {
     entries: [StepEntry; MOST],

@@ -102,7 +102,7 @@ pub(crate) struct AdvanceLaw {
     most_256ths_per_10nm: f32,
 }
 
-/// The advance while a piece of the plan lasts: so many ticks times the filament's speed, and a constant, 2^-20 steps.
+/// The advance while a piece of the plan lasts: a slope in ticks times the filament's speed, and a constant, 2^-20 steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AdvanceSlope {
     pub ticks: u32,

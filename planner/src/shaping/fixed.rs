@@ -68,7 +68,7 @@ impl PartRates {
     /// It stands.
     pub const NONE: Self = Self { speed: 0.0, acceleration: 0.0, jerk: 0.0 };
 
-    /// Adds so many times those.
+    /// Adds those, times `factor`.
     #[inline]
     pub fn add(&mut self, rates: &Self, factor: f32) {
         self.speed += factor * rates.speed;
@@ -92,7 +92,7 @@ impl PartLaw {
     /// Nothing is done.
     pub const NONE: Self = Self { start: 0, speed: 0, acceleration: 0, jerk: 0 };
 
-    /// That of a piece which lasts so many ticks. Once a piece, and in f64; at its end it is where the polynomial is, however the
+    /// That of a piece which lasts `ticks`. Once a piece, and in f64; at its end it is where the polynomial is, however the
     /// coefficients are rounded.
     #[inline(never)]
     pub fn new(part: &Polynomial, ticks: u64) -> (Self, PartScale) {
@@ -120,7 +120,7 @@ impl PartLaw {
         (Self { start, speed, acceleration, jerk }, scale)
     }
 
-    /// The part after so many ticks, 2^-56.
+    /// The part after `ticks`, 2^-56.
     #[inline]
     pub fn at(&self, scale: PartScale, ticks: u64) -> i64 {
         let share = scale.share(ticks);
@@ -135,7 +135,7 @@ impl PartLaw {
         self.start.wrapping_add(times(slope, share) >> (scale.enlarged & 63))
     }
 
-    /// How fast it is done after so many ticks.
+    /// How fast it is done after `ticks`.
     #[inline]
     pub fn rates_at(&self, scale: PartScale, ticks: u64) -> PartRates {
         let unit = single_power_of_two(32 - PART_BITS - i32::from(scale.enlarged));
@@ -169,7 +169,7 @@ impl PartLaw {
     }
 }
 
-/// What a part of a line (2^-56) makes of so many steps.
+/// What a part of a line (2^-56) makes of `steps`.
 #[inline]
 pub(super) fn along(steps: i32, part: i64) -> i64 {
     let steps = i64::from(steps);
@@ -178,7 +178,7 @@ pub(super) fn along(steps: i32, part: i64) -> i64 {
     (upper << (64 - PART_BITS)).wrapping_add(lower >> (PART_BITS - STEP_BITS.cast_signed()))
 }
 
-/// What a distance (2^-32 of 1/256 steps) is over so many ticks: 2^-16 steps times ticks, modulo 2^64.
+/// What a distance (2^-32 of 1/256 steps) is, summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
 #[inline]
 pub(super) fn summed_over_time(distance: i64, ticks: u32) -> i64 {
     let upper = i64::from((distance >> 32) as i32).wrapping_mul(i64::from(ticks));
@@ -186,7 +186,7 @@ pub(super) fn summed_over_time(distance: i64, ticks: u32) -> i64 {
     (upper << 8).wrapping_add((lower >> 24).cast_signed())
 }
 
-/// What a constant distance (2^-20 steps) is over so many ticks: 2^-16 steps times ticks, modulo 2^64.
+/// What a constant distance (2^-20 steps) is, summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
 #[inline]
 pub(super) fn constant_over_time(distance: i32, ticks: u64) -> i64 {
     let distance = i64::from(distance);
@@ -206,7 +206,7 @@ impl Mean {
     /// Of nothing.
     pub const NONE: Self = Self { reciprocal: 0, bits: 0 };
 
-    /// Over so many ticks, at least 2 and at most 2^30.
+    /// Over `ticks`, at least 2 and at most 2^30.
     #[cold]
     pub fn over(ticks: u32) -> Self {
         let bits = (31_u32.wrapping_sub(ticks.leading_zeros())).min(30);
@@ -299,7 +299,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A motion from 0 to the whole line, or a part of it, in a piece of so many ticks; `shape` are the shares that speed,
+    /// A motion from 0 to the whole line, or a part of it, in a piece of `ticks`; `shape` are the shares that speed,
     /// acceleration and jerk have in it.
     fn part(ticks: f64, done: f64, start: f64, shape: [f64; 3]) -> Polynomial {
         let sum: f64 = shape.iter().sum();

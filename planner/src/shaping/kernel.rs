@@ -68,7 +68,7 @@ impl Kernel {
         self.impulses().iter().map(|one| one.weight * from_centroid(one) * from_centroid(one)).sum()
     }
 
-    /// The same, so many ticks later.
+    /// The same, later by `ticks`.
     pub fn delayed(mut self, ticks: u32) -> Self {
         for one in &mut self.impulses {
             one.delay_ticks = one.delay_ticks.saturating_add(ticks);

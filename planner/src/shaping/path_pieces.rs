@@ -26,7 +26,7 @@ impl Polynomial {
     /// Standstill.
     const ZERO: Self = Self { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 };
 
-    /// The position so many ticks later.
+    /// The position after `ticks`.
     #[inline(never)]
     pub fn position_after(&self, ticks: f64) -> f64 {
         let Self { position, speed, acceleration, jerk } = *self;
@@ -34,7 +34,7 @@ impl Polynomial {
         position + ticks * (speed + 0.5 * ticks * bend)
     }
 
-    /// The motion so many ticks later.
+    /// The motion from `ticks` later on.
     #[inline(never)]
     pub fn after(&self, ticks: f64) -> Self {
         let Self { speed, acceleration, jerk, .. } = *self;

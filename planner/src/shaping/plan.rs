@@ -94,7 +94,7 @@ impl Plan {
         duration
     }
 
-    /// Goes on for so many ticks in which nothing moves.
+    /// Goes on for `ticks` in which nothing moves.
     pub fn rest(&mut self, ticks: u32) {
         self.add_rest(self.end);
         self.end += u64::from(ticks);
@@ -110,7 +110,7 @@ impl Plan {
         self.ring.push(self.resting(start));
     }
 
-    /// Adds a piece of so many ticks, in which this part of the line is done.
+    /// Adds a piece that lasts `ticks`, in which this part of the line is done.
     #[inline(never)]
     pub(super) fn add_part(&mut self, start: u64, ticks: u64, line: &[i32; 4], part: &Polynomial, advances: bool) {
         let mut piece = self.resting(start).along(*line, PartLaw::new(part, ticks));
@@ -120,7 +120,7 @@ impl Plan {
         self.ring.push(piece);
     }
 
-    /// The extruder runs ahead in a piece of so many ticks, in which this part of its line is done.
+    /// The extruder runs ahead in a piece that lasts `ticks`, in which this part of its line is done.
     #[inline(never)]
     fn add_advance(&mut self, piece: &mut PlanPiece, part: &Polynomial, ticks: u64) {
         let [.., extruder] = piece.line;

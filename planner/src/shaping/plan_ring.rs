@@ -71,7 +71,7 @@ impl PlanPiece {
         Self { line, part, scale, ..self }
     }
 
-    /// Which part of the line is done so many ticks after the start, 2^-56.
+    /// Which part of the line is done `ticks` after the start, 2^-56.
     #[inline]
     pub fn part_after(&self, ticks: u64) -> i64 {
         self.part.at(self.scale, ticks)
@@ -83,7 +83,7 @@ impl PlanPiece {
         self.part.rates_at(self.scale, ticks)
     }
 
-    /// The advance summed over time so many ticks after the start, where this part of the line is done (2^-56).
+    /// The advance summed over time `ticks` after the start, where this part of the line is done (2^-56).
     #[inline]
     pub fn advance_sum_after(&self, part: i64, ticks: u64) -> i64 {
         let AdvanceSlope { ticks: slope, constant } = self.advance;

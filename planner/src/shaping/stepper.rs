@@ -342,7 +342,7 @@ impl ShapedStepper {
 }
 
 impl MotorStates {
-    /// The first time within so many ticks at which a motor turns, or its acceleration, if it changes, passes zero.
+    /// The first time within `ticks` at which a motor turns, or its acceleration, if it changes, passes zero.
     fn first_turn(&self, ticks: f32) -> f32 {
         let mut first = ticks;
         let Self { speed, acceleration, jerk } = self;
