@@ -27,14 +27,18 @@ pub(super) struct Plan {
 
 impl Plan {
     /// Nothing yet, at standstill.
-    pub const NONE: Self = Self {
-        ring: PlanRing::NEW,
-        end: 0,
-        steps: [0; 3],
-        extruder_256ths: 0,
-        advance_sum: 0,
-        advance: AdvanceLaw::NONE,
-    };
+    // No constant: that would be 6 KB of flash, nearly all of it zeros.
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self {
+            ring: PlanRing::NEW,
+            end: 0,
+            steps: [0; 3],
+            extruder_256ths: 0,
+            advance_sum: 0,
+            advance: AdvanceLaw::NONE,
+        }
+    }
 
     /// A new plan from standstill.
     pub fn start(&mut self, tick: u64, steps: [i32; 3], extruder_256ths: i64) {

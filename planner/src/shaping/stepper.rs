@@ -74,7 +74,7 @@ impl ShapedStepper {
     pub fn new(minimum_event_interval_ticks: u32, kinematics: Kinematics) -> Self {
         Self {
             taps: Taps::new(&Shaping::NONE, kinematics),
-            plan: Plan::NONE,
+            plan: Plan::new(),
             minimum_interval: minimum_event_interval_ticks.max(1),
             is_in_motion: false,
             is_busy: false,
