@@ -88,6 +88,13 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.is_first_final()
     }
 
+    /// See [`LookAhead::foresee`].
+    pub fn foresee(&mut self, block: &Block, corner: Speed) {
+        if let Speeds::LookAhead(plan) = &self.speeds {
+            plan.foresee(&mut self.ring, block, corner);
+        }
+    }
+
     /// How long the blocks in the final places last, ticks.
     pub fn final_ticks(&mut self) -> u64 {
         self.ring.final_ticks(|waiting, exit| {
@@ -97,10 +104,9 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         })
     }
 
-    /// How long the first block that is not final would last at its nominal speed, ticks; 0 without one. Those after it only brake,
-    /// which takes no longer than from its speed to standstill.
-    pub fn unsettled_ticks(&self) -> u64 {
-        self.ring.first_not_final().map_or(0, |waiting| waiting.block.nominal.ticks_for(waiting.block.length_10nm))
+    /// The first block that is not final.
+    pub fn first_not_final(&self) -> Option<&Block> {
+        self.ring.first_not_final().map(|waiting| &waiting.block)
     }
 
     /// Lets the final places leave although the ring is not full. That changes no speed, whenever it is done.

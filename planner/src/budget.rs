@@ -1,6 +1,7 @@
 //! Speeds that the processor can keep up with.
 
 use crate::block::{Block, Speed};
+use crate::inner_ends::{MAX_EXTRUDER_256THS, MAX_INNER_ENDS, MAX_LENGTH_10NM};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::shaping::MOST_IN_FILTER;
 use crate::time_units::TICKS_PER_SECOND;
@@ -19,14 +20,24 @@ pub(crate) struct Budget {
     ramp_pieces: u32,
     /// The same for each of its moves.
     move_pieces: u32,
+    /// The most that the events cost of the moves which may still join a block.
+    growth_ticks: f32,
 }
 
 impl Budget {
     /// The budget of a machine.
     pub fn new(geometry: &Geometry) -> Self {
+        let (event_ticks, move_ticks) = (geometry.event_cost_ticks as f32, geometry.move_cost_ticks as f32);
+        let [x, y, z, _] = geometry.steps_per_mm;
+        // Where two motors move an axis, each makes up to sqrt(2) times the steps of the path.
+        let most_steps =
+            (x.to_f64() + y.to_f64() + z.to_f64()) as f32 * (2.0 * MAX_LENGTH_10NM as f32 / UNITS_PER_MM as f32);
+        // Of the extruder as many steps as a move may have in a shared block, one begun, and one by which events are rounded up.
+        let events = most_steps + MAX_INNER_ENDS as f32 * (MAX_EXTRUDER_256THS as f32 / 256.0 + 2.0);
         Self {
-            event_ticks: geometry.event_cost_ticks as f32,
-            move_ticks: geometry.move_cost_ticks as f32,
+            event_ticks,
+            move_ticks,
+            growth_ticks: events * event_ticks,
             piece_ticks: 0.0,
             ramp_pieces: 0,
             move_pieces: 1,
@@ -55,6 +66,13 @@ impl Budget {
             moves.saturating_mul(self.move_pieces).saturating_add(self.ramp_pieces) as f32 * self.piece_ticks;
         let ticks = if for_pieces > ticks { for_pieces } else { ticks };
         Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }
+    }
+
+    /// Whether a block that may still grow keeps this speed, however it does.
+    pub fn always_allows(&self, speed: Speed, block: &Block, events: f32) -> bool {
+        let mut cost = self.cost(block, events, MAX_INNER_ENDS as u32 + 1);
+        cost.ticks += self.growth_ticks;
+        cost.slower_nominal(speed).is_none()
     }
 }
 
@@ -107,7 +125,7 @@ mod tests {
         ) {
             // 400,000 events and 8,000 moves a second.
             let budget =
-                Budget { event_ticks: 210.0, move_ticks: 10_500.0, piece_ticks: 0.0, ramp_pieces: 0, move_pieces: 1 };
+                Budget { event_ticks: 210.0, move_ticks: 10_500.0, piece_ticks: 0.0, ramp_pieces: 0, move_pieces: 1, growth_ticks: 0.0 };
             let block = block(length, steps, mm_per_s);
             let events = block.master_steps() as f32 + extruder;
             let slower = budget.cost(&block, events, moves).slower_nominal(block.nominal);
@@ -128,7 +146,14 @@ mod tests {
 
     #[test]
     fn without_costs_nothing_is_slowed() {
-        let budget = Budget { event_ticks: 0.0, move_ticks: 0.0, piece_ticks: 0.0, ramp_pieces: 0, move_pieces: 1 };
+        let budget = Budget {
+            event_ticks: 0.0,
+            move_ticks: 0.0,
+            piece_ticks: 0.0,
+            ramp_pieces: 0,
+            move_pieces: 1,
+            growth_ticks: 0.0,
+        };
         let block = block(1, 1_000, 500.0);
         assert_eq!(budget.cost(&block, 1_000.0, 1).slower_nominal(block.nominal), None);
     }

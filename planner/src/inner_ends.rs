@@ -3,6 +3,13 @@
 /// The most moves that end inside one block, the last of the block not counted.
 pub const MAX_INNER_ENDS: usize = 7;
 
+/// Longest block of several moves, units of 10 nm: what an inner end's place can hold.
+pub(crate) const MAX_LENGTH_10NM: u32 = u16::MAX as u32;
+
+/// Most filament that a move pushes in a block that it shares, 1/256 steps: an eighth of what an inner end can hold, so
+/// that a job that was prepared can be printed with eight times its flow (M221).
+pub(crate) const MAX_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
+
 /// The end of a move inside a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InnerEnd {

@@ -57,6 +57,24 @@ impl<R: SpeedRule> LookAhead<R> {
         Self { law, last_exit: SquaredSpeed::ZERO }
     }
 
+    /// The block that comes next will begin at the bound of its corner, and is `block` so far: it may still grow. Where it is long
+    /// enough to brake from there, the speeds of all blocks before it are final. Coming, it changes none of them.
+    #[inline(never)]
+    pub(crate) fn foresee<S: RingMemory>(&self, ring: &mut Ring<S>, block: &Block, corner: Speed) {
+        // The oldest block leaves a full ring before the next one comes, with a speed that does not know of it.
+        if !matches!(self.law, Law::Trapezoid) || ring.next_entry.is_some() || !ring.has_room() {
+            return;
+        }
+        let bound = if ring.stopped { Speed::ZERO } else { corner.min(ring.newest_nominal) };
+        let entry = SquaredSpeed::from(bound);
+        if entry <= SquaredSpeed::ZERO.changed_over(block) {
+            let place = ring.len();
+            ring.next_entry = Some(entry);
+            ring.set_final_before(place);
+            reverse_pass(ring, self.rule(), place, entry);
+        }
+    }
+
     fn rule(&self) -> Option<&R> {
         match &self.law {
             Law::Other(rule) => Some(rule),
@@ -166,8 +184,8 @@ fn reverse_pass<S: RingMemory, R: SpeedRule>(
     }
 }
 
-/// Settles the entry speed of the oldest block in the ring. Zero if the ring has no block: the next one then starts from
-/// standstill.
+/// Settles the entry speed of the oldest block in the ring, or of the one that comes next, where that is foreseen. Zero if
+/// there is none: the next one then starts from standstill.
 fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Speed {
     for place in 0..ring.len() {
         if let Some(Content::Block(next)) = ring.at(place) {
@@ -176,6 +194,9 @@ fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Sp
             next.settled = true;
             return speed;
         }
+    }
+    if let Some(entry) = ring.next_entry {
+        return entry.min(reachable).root();
     }
     ring.stopped = true;
     Speed::ZERO

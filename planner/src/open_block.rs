@@ -9,16 +9,9 @@
 
 use crate::block::{Block, Speed};
 use crate::budget::Budget;
-use crate::inner_ends::InnerEnd;
+use crate::inner_ends::{InnerEnd, MAX_EXTRUDER_256THS, MAX_LENGTH_10NM};
 use crate::planner::block_rules::Planned;
 use crate::speed_plan::{BlockStart, EntrySpeed};
-
-/// Longest block of several moves, units of 10 nm: what an inner end's place can hold.
-const MAX_LENGTH_10NM: u32 = u16::MAX as u32;
-
-/// Most filament that a move pushes in a block that it shares, 1/256 steps: an eighth of what an inner end can hold, so
-/// that a job that was prepared can be printed with eight times its flow (M221).
-const MAX_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
 
 /// A block that enters the ring.
 pub(crate) struct Closing<'a> {
@@ -101,6 +94,17 @@ impl OpenBlock {
         }
         block.nominal = if is_as_planned { nominal } else { cost.slower_nominal(*nominal_now).unwrap_or(*nominal_now) };
         Closing { block, start: BlockStart { corner: *corner, entry: *entry, nominal }, slowed_moves }
+    }
+
+    /// The bound of the speed at its start, where nothing that may still join it lowers that.
+    pub fn lasting_corner(&self, budget: &Budget) -> Option<Speed> {
+        let corner = self.corner.min(self.block.nominal);
+        budget.always_allows(corner, &self.block, self.events).then_some(corner)
+    }
+
+    /// The moves so far, if there is a block.
+    pub fn block(&self) -> Option<&Block> {
+        self.is_some().then_some(&self.block)
     }
 
     /// Forgets the block.

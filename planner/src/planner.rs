@@ -268,13 +268,20 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         } else {
             0
         };
+        if let Some(corner) = self.open.lasting_corner(&self.rules.budget)
+            && let Some(block) = self.open.block()
+        {
+            self.queue.foresee(block, corner);
+        }
         self.queue.final_ticks().saturating_add(rest)
     }
 
     /// How long the machine goes on beyond [`Self::certain_ticks`] if nothing more comes, but for its braking, ticks: the first block
-    /// whose speeds are not final, at its nominal speed.
+    /// whose speeds are not final, at its nominal speed. Those after it only brake, which takes no longer than from its speed to
+    /// standstill.
     pub fn unsettled_ticks(&self) -> u64 {
-        self.queue.unsettled_ticks()
+        let block = self.queue.first_not_final().or(self.open.block());
+        block.map_or(0, |block| block.nominal.ticks_for(block.length_10nm))
     }
 
     /// Lets the blocks leave look-ahead whose speeds no later block can change; returns whether there are any. The plan does

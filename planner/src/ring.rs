@@ -86,6 +86,8 @@ pub struct Ring<S> {
     /// Of these, the places whose time is in `timed_ticks`.
     timed_places: usize,
     timed_ticks: u64,
+    /// Squared entry speed of the block that comes next, where it is known before the block has come.
+    pub(crate) next_entry: Option<SquaredSpeed>,
     /// The next block starts from standstill.
     pub(crate) stopped: bool,
     /// Nominal speed of the newest block, as it was planned.
@@ -106,6 +108,7 @@ impl<S: RingMemory> Ring<S> {
             final_places: 0,
             timed_places: 0,
             timed_ticks: 0,
+            next_entry: None,
             stopped: true,
             newest_nominal: Speed::ZERO,
             last_nominal: Speed::ZERO,
@@ -143,6 +146,7 @@ impl<S: RingMemory> Ring<S> {
     pub(crate) fn push_with(&mut self, fill: impl FnOnce(&mut Content)) {
         if let Some(content) = self.at(self.length) {
             fill(content);
+            self.next_entry = None;
             self.length = self.length.wrapping_add(1);
             self.blocks = self.blocks.wrapping_add(1);
         }
@@ -261,6 +265,7 @@ impl<S: RingMemory> Ring<S> {
                 Some(Content::Block(next)) => Some(next.entry),
                 _ => None,
             });
+            let exit = exit.or(self.next_entry);
             if let Some(Content::Block(waiting)) = self.at(place) {
                 waiting.ticks = u32::try_from(ticks_of(waiting, exit.unwrap_or_default())).unwrap_or(u32::MAX);
                 let ticks = u64::from(waiting.ticks);
@@ -307,6 +312,7 @@ impl<S: RingMemory> Ring<S> {
             final_places,
             timed_places,
             timed_ticks,
+            next_entry,
             stopped,
             newest_nominal,
             last_nominal,
@@ -317,6 +323,7 @@ impl<S: RingMemory> Ring<S> {
         *final_places = 0;
         *timed_places = 0;
         *timed_ticks = 0;
+        *next_entry = None;
         *stopped = true;
         *newest_nominal = Speed::ZERO;
         *last_nominal = Speed::ZERO;

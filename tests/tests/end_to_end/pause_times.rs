@@ -6,7 +6,8 @@
 use std::cell::RefCell;
 use std::fmt::Write;
 
-use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
+use embedded_hal_async::delay::DelayNs;
+use ferrostep::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep::record::Observer;
 use ferrostep::session::Session;
 use ferrostep_checked_toml::book;
@@ -15,6 +16,7 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{Heating, Profile, Replies};
 use ferrostep_tests::program::repository;
+use ferrostep_virtual_board::VirtualDelay;
 
 use crate::command::example;
 use crate::desk::profile;
@@ -60,7 +62,13 @@ fn commands(text: &[u8]) -> Vec<String> {
     commands.filter(|command| !command.is_empty()).take(LINES).map(str::to_owned).collect()
 }
 
-fn move_ends(profile: &Profile, commands: &[String]) -> Vec<(u32, u64)> {
+/// The print of a file.
+struct Printed {
+    move_ends: Vec<(u32, u64)>,
+    figures: Figures,
+}
+
+fn printed(profile: &Profile, commands: &[String]) -> Printed {
     let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, MoveEnds::default(), Silent);
     let mut printer = session.printer();
     session.run(async {
@@ -69,8 +77,8 @@ fn move_ends(profile: &Profile, commands: &[String]) -> Vec<(u32, u64)> {
         }
         printer.finish().await.unwrap();
     });
-
-    session.into_observer().0
+    let figures = session.figures();
+    Printed { move_ends: session.into_observer().0, figures }
 }
 
 /// Times after a click, s.
@@ -88,7 +96,7 @@ struct Click {
 
 /// Prints a file as a host does, and clicks at intervals.
 fn clicks(profile: &Profile, commands: &[String]) -> Vec<Click> {
-    let ends = move_ends(profile, commands);
+    let ends = printed(profile, commands).move_ends;
     let session = Session::live(*profile, LOOK_AHEAD_BLOCKS, Silent);
     session.desk().grant(u64::MAX / 2);
     let mut printer = session.printer();
@@ -161,9 +169,9 @@ fn pause_and_cancel_act_within_seconds() {
                      Marlin's 16 blocks: standstill |\n|---|---|---|---|---|---|\n"
             .to_owned();
     for (name, text, limit_s, heaters_limit_s) in [
-        ("`examples/cube.gcode`", example("cube.gcode"), 2.3, 1.0),
-        ("`examples/supports.gcode.gz`", example("supports.gcode.gz"), 4.0, 2.0),
-        ("`examples/vase.gcode.gz`", example("vase.gcode.gz"), 3.0, 1.5),
+        ("`examples/cube.gcode`", example("cube.gcode"), 2.1, 0.9),
+        ("`examples/supports.gcode.gz`", example("supports.gcode.gz"), 2.8, 1.6),
+        ("`examples/vase.gcode.gz`", example("vase.gcode.gz"), 2.4, 0.8),
         // What is certain, the move whose end speed the next one may change, and the one that the host has just sent.
         ("moves of 180 mm at 50 mm/s", long_moves(), 0.6 + 2.0 * 3.7, 3.7),
     ] {
@@ -183,4 +191,34 @@ fn pause_and_cancel_act_within_seconds() {
         writeln!(table, "| {name} | {} | {} |", clicks.len(), cells.join(" | ")).unwrap();
     }
     book::keep(&repository().join("docs/src/hosts.md"), "pause times", &table).unwrap();
+}
+
+/// A host that takes 10 ms for each line, OctoPrint on a small computer, sends fast enough for these files: the plan is that of the
+/// whole file, to the tick.
+#[test]
+fn a_host_of_ten_milliseconds_a_line_makes_the_steps_of_the_file() {
+    let profile = profile("cartesian");
+    for (name, text) in [
+        ("cube", example("cube.gcode")),
+        ("supports", example("supports.gcode.gz")),
+        ("vase", example("vase.gcode.gz")),
+        ("long moves", long_moves()),
+    ] {
+        let commands = commands(&text);
+        let session = Session::live(profile, LOOK_AHEAD_BLOCKS, Silent);
+        session.desk().grant(u64::MAX / 2);
+        let mut printer = session.printer();
+        for (line, command) in (1..).zip(&commands) {
+            session.desk().set_host_awaited(false);
+            session.run(printer.execute_for_host(line, command, true)).unwrap();
+            session.desk().set_host_awaited(true);
+            session.run(VirtualDelay(session.clock()).delay_ms(10));
+        }
+        session.desk().set_host_awaited(false);
+        session.run(printer.finish()).unwrap();
+        let (streamed, file) = (session.figures(), printed(&profile, &commands).figures);
+        eprintln!("{name}: {streamed:?}");
+        assert_eq!((streamed.starvation_flushes, streamed.underruns), (0, 0), "{name}");
+        assert_eq!(streamed.digests, file.digests, "{name}");
+    }
 }
