@@ -1,6 +1,7 @@
 //! Heaters, fans, limits, reports and the rest of the machine.
 
 use super::code::Code;
+use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
 use crate::{AxisWords, Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
 
@@ -159,8 +160,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
         569 => stealth_chop(code, remarks),
-        572 => super::pressure_advance::parse(code, remarks),
-        900 => super::pressure_advance::linear_advance(code, remarks),
+        572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),
+        900 => pressure_advance::parse(code, remarks, &pressure_advance::M900),
         593 => super::input_shaper::parse(code, remarks),
         851 => {
             let mut words = code.places(remarks)?;

@@ -2,54 +2,47 @@
 
 use super::code::Code;
 use super::words::{Strays, Words};
-use crate::remarks::{Remark, Remarks};
+use crate::remarks::Remarks;
 use crate::{AdvanceWords, Command, Decimal, ParseError};
 
-/// M900 K, as Marlin has it. S and L, its second number to switch to, mean nothing here.
-pub(super) fn linear_advance<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    // Some profiles of slicers write K=0.05.
-    let (text, after) = match code.rest.split_once('=') {
-        Some((text, after)) if text.ends_with(['K', 'k']) => (text.trim_end_matches(['K', 'k']), Some(after)),
-        _ => (code.rest, None),
-    };
-    let mut words = Words::new(remarks);
-    words.read(text, Strays::Remarked)?;
-    let number = after.map(|after| Decimal::parse_prefix(after.as_bytes()));
-    if let (Some(after), Some((length, _))) = (after, number) {
-        words.read(after.get(length..).unwrap_or_default(), Strays::Remarked)?;
-    }
-    if words.names_other_tool() {
-        return Ok(Command::Accepted);
-    }
-    // K0 L0: neither is wanted.
-    words.needless_zero(b'L');
-    let form = "K with a number";
-    let slow = match number {
-        Some((_, Ok(number))) => Some(number),
-        Some((_, Err(_))) => return Err(ParseError::WordsExpected { command: "M900", words: form }),
-        None => required(&mut words, b'K', "M900", form)?,
-    };
-    Ok(Command::PressureAdvance(AdvanceWords { slow, ..AdvanceWords::default() }))
+/// The words of one of the two commands.
+pub(super) struct Form {
+    command: &'static str,
+    /// The word that names the extruder.
+    tool: u8,
+    /// The word of the advance.
+    slow: u8,
+    expected: &'static str,
 }
+
+/// M900 K, as Marlin has it. S and L, its second number to switch to, mean nothing here. Some profiles of slicers write K=0.05.
+pub(super) const M900: Form = Form { command: "M900", tool: b'T', slow: b'K', expected: "K with a number" };
 
 /// M572 S, as RepRapFirmware has it (D is the extruder), W, the time over which it is averaged, as Prusa's firmware has it; L and T
 /// are another K for the flow beyond a speed.
-pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    const FORM: &str = "S with a number, and with L also T";
-    let mut words = code.words(remarks)?;
-    if words.is_not_zero(b'D') {
-        words.forgive();
-        words.remark(Remark::OtherTool);
+pub(super) const M572: Form =
+    Form { command: "M572", tool: b'D', slow: b'S', expected: "S with a number, and with L also T" };
+
+pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks, form: &Form) -> Result<Command<'a>, ParseError> {
+    let Form { command, tool, slow, expected } = *form;
+    let mut words = Words::new(remarks);
+    words.read(code.rest, Strays::Assigned)?;
+    if words.names_other(tool) {
         return Ok(Command::Accepted);
     }
-    let slow = required(&mut words, b'S', "M572", FORM)?;
-    let fast = required(&mut words, b'L', "M572", FORM)?;
-    let speed = required(&mut words, b'T', "M572", FORM)?;
-    let smooth_time = required(&mut words, b'W', "M572", "W with a number")?;
-    if fast.is_some() != speed.is_some() || (fast.is_some() && slow.is_none()) {
-        return Err(ParseError::WordsExpected { command: "M572", words: FORM });
+    let mut set = AdvanceWords { slow: required(&mut words, slow, command, expected)?, ..AdvanceWords::default() };
+    if tool == b'T' {
+        // K0 L0: neither is wanted.
+        words.needless_zero(b'L');
+        return Ok(Command::PressureAdvance(set));
     }
-    Ok(Command::PressureAdvance(AdvanceWords { slow, fast, speed, smooth_time }))
+    set.fast = required(&mut words, b'L', command, expected)?;
+    set.speed = required(&mut words, b'T', command, expected)?;
+    set.smooth_time = required(&mut words, b'W', command, "W with a number")?;
+    if set.fast.is_some() != set.speed.is_some() || (set.fast.is_some() && set.slow.is_none()) {
+        return Err(ParseError::WordsExpected { command, words: expected });
+    }
+    Ok(Command::PressureAdvance(set))
 }
 
 /// The number of a word that must have one: without it the line would be taken for a question.
@@ -86,6 +79,7 @@ mod tests {
         reads_with("M900 K0.05 L0.1", advance("0.05", "", "", ""), "L has no effect");
         reads("M572 D0 S0.04", advance("0.04", "", "", ""));
         reads("M572 S0.036 W0.02", advance("0.036", "", "", "0.02"));
+        reads("M572 S=0.05 L = .02 T=3", advance("0.05", ".02", "3", ""));
         reads("M572 S0.05 L0.02 T3", advance("0.05", "0.02", "3", ""));
         reads("SET_PRESSURE_ADVANCE ADVANCE=0.05", advance("0.05", "", "", ""));
         reads("set_pressure_advance extruder=extruder advance=.05 smooth_time=0.03", advance("0.05", "", "", "0.03"));
@@ -104,11 +98,14 @@ mod tests {
 
     #[test]
     fn a_word_without_its_number_or_its_companion_is_refused() {
-        for text in ["M900 K", "M900 K=", "M900 K=x"] {
+        for text in ["M900 K", "M900 K=", "M900 K=x", "M900 K=T0"] {
             assert!(refused(text).contains("K with a number"), "{text}");
         }
         for text in ["M572 S", "M572 S0.05 L0.02", "M572 S0.05 T3", "M572 L0.02 T3"] {
             assert!(refused(text).contains("S with a number, and with L also T"), "{text}");
+        }
+        for text in ["M900 K==0.05", "M900 =0.05", "M900 K0.05=", "M104 S=200", "G1 X=5"] {
+            assert!(refused(text).contains("unexpected character '='"), "{text}: {}", refused(text));
         }
         for text in ["SET_PRESSURE_ADVANCE ADVANCE", "SET_PRESSURE_ADVANCE ADVANCE=x", "SET_PRESSURE_ADVANCE K=0.05"] {
             assert!(refused(text).contains("ADVANCE or SMOOTH_TIME with a number"), "{text}");

@@ -10,6 +10,8 @@ pub(super) enum Strays {
     Remarked,
     /// It is an error: it could have been a coordinate.
     Refused,
+    /// As [`Self::Remarked`]. Besides, `=` may stand before a number, as Klipper has it.
+    Assigned,
 }
 
 /// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`; so do, in the end, the words that
@@ -56,7 +58,7 @@ impl<'a> Words<'a> {
                 Some(byte) => byte.to_ascii_uppercase(),
             };
             if !upper.is_ascii_uppercase() {
-                let stray = matches!(upper, b'0'..=b'9' | b'.' | b'-' | b'+') && strays == Strays::Remarked;
+                let stray = matches!(upper, b'0'..=b'9' | b'.' | b'-' | b'+') && strays != Strays::Refused;
                 let (length, number) = Decimal::parse_prefix(bytes.get(at..).unwrap_or_default());
                 if !stray || number.is_err() {
                     return Err(ParseError::UnexpectedCharacter(char_at(text, at)));
@@ -75,8 +77,14 @@ impl<'a> Words<'a> {
             at = skip_blanks(bytes, at + 1);
             let (bit, index) = (bit(upper), usize::from(upper - b'A'));
             words.present |= bit;
-            if !matches!(bytes.get(at), Some(b'0'..=b'9' | b'.' | b'-' | b'+')) {
-                continue;
+            if !begins_number(bytes, at) {
+                if strays != Strays::Assigned || bytes.get(at) != Some(&b'=') {
+                    continue;
+                }
+                at = skip_blanks(bytes, at + 1);
+                if !begins_number(bytes, at) {
+                    continue;
+                }
             }
             let (length, number) = Decimal::parse_prefix(bytes.get(at..).unwrap_or_default());
             words.valued |= bit;
@@ -257,9 +265,14 @@ impl<'a> Words<'a> {
         AxisFlags { x: self.has(b'X'), y: self.has(b'Y'), z: self.has(b'Z'), e: self.has(b'E') }
     }
 
-    /// Whether a word names a second tool, which this machine does not have: the line has no effect then.
+    /// Whether T names a second tool, which this machine does not have: the line has no effect then.
     pub(super) fn names_other_tool(&mut self) -> bool {
-        let other = self.is_not_zero(b'T');
+        self.names_other(b'T')
+    }
+
+    /// Whether this word names a second tool.
+    pub(super) fn names_other(&mut self, letter: u8) -> bool {
+        let other = self.is_not_zero(letter);
         if other {
             self.forgive();
             self.remark(Remark::OtherTool);
@@ -300,6 +313,11 @@ fn not_finite(text: &str, at: usize) -> Option<ShortText> {
     }
     let name = text.get(at..at + 3)?;
     ["nan", "inf"].iter().any(|not_finite| name.eq_ignore_ascii_case(not_finite)).then(|| ShortText::new(name))
+}
+
+#[inline]
+fn begins_number(bytes: &[u8], at: usize) -> bool {
+    matches!(bytes.get(at), Some(b'0'..=b'9' | b'.' | b'-' | b'+'))
 }
 
 /// The first place from `at` on that is not a space, tab or `( )` comment; an unclosed comment extends to the end.
