@@ -64,6 +64,18 @@ pub(crate) enum Stop {
     Halted,
 }
 
+impl Stop {
+    /// A command of this line ended with a failure: motion was stopped, or it cannot be done.
+    #[cold]
+    #[inline(never)]
+    fn of(failure: Failure, line: u32, frame: u32, offset: u64) -> Self {
+        match failure {
+            Failure::Command(CommandError::Stopped | CommandError::Halted) => Self::Halted,
+            failure => Self::Done { failure, line, frame, offset },
+        }
+    }
+}
+
 impl From<ReadError> for Stop {
     fn from(error: ReadError) -> Self {
         Self::Read(error)
@@ -273,13 +285,7 @@ impl<P: Ports> Printer<'_, P> {
                     self.stop_motion();
                 }
                 let Progress { frame, offset, .. } = progress;
-                finished.map_err(|error| match error {
-                    CommandError::Stopped | CommandError::Halted => Stop::Halted,
-                    error => {
-                        let (failure, frame) = (Failure::Command(error), frame.saturating_sub(1));
-                        Stop::Done { failure, line: self.line, frame, offset }
-                    }
-                })
+                finished.map_err(|error| Stop::of(Failure::Command(error), self.line, frame.saturating_sub(1), offset))
             }
             Err(stop) => {
                 // After a halt no motion is left to end.
@@ -379,10 +385,7 @@ impl<P: Ports> Printer<'_, P> {
         if header.encoding != Encoding::Compact {
             return Err(Stop::Read(ReadError { fault: Fault::Wide, offset: 10, frame: None }));
         }
-        self.take_advance_of_profile().await.map_err(|error| match error {
-            CommandError::Stopped | CommandError::Halted => Stop::Halted,
-            error => Stop::Done { failure: Failure::Command(error), line: 0, frame: 0, offset: 0 },
-        })
+        self.take_advance_of_profile().await.map_err(|error| Stop::of(Failure::Command(error), 0, 0, 0))
     }
 
     /// Executes the next item; `false` after the last.
@@ -407,11 +410,7 @@ impl<P: Ports> Printer<'_, P> {
                 (line, self.prepared_command(line, text).await)
             }
         };
-        match result {
-            Ok(()) => Ok(true),
-            Err(Failure::Command(CommandError::Stopped | CommandError::Halted)) => Err(Stop::Halted),
-            Err(failure) => Err(Stop::Done { failure, line, frame, offset }),
-        }
+        result.map(|()| true).map_err(|failure| Stop::of(failure, line, frame, offset))
     }
 
     /// Text between the frames.
