@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use ferrostep_gcode::TimingFigures;
 use ferrostep_printer::Timing;
+use ferrostep_tests::program::repository;
 use regex_lite::Regex;
 
 use crate::desk::profile;
@@ -93,6 +94,12 @@ fn firmware_report_and_capabilities() {
         regex(r"^FIRMWARE_NAME:Ferrostep \d+\.\d+\.\d+ \(commit ([0-9a-f]{7,}(-dirty)?|unknown)\) PROTOCOL_VERSION:");
     assert!(version.is_match(&replies[0]), "{replies:?}");
     assert!(replies[0].contains(&format!("Ferrostep {} ", ferrostep::VERSION)), "{replies:?}");
+    // The sources' address once the project has one, and until then no empty word.
+    let manifest = std::fs::read_to_string(repository().join("Cargo.toml")).unwrap();
+    let address = manifest.lines().find_map(|line| line.strip_prefix("repository = \"")?.strip_suffix('"')).unwrap();
+    let named = keys.iter().any(|key| key == "SOURCE_CODE_URL");
+    assert_eq!(named, !address.is_empty(), "{replies:?}");
+    assert!(address.is_empty() || replies[0].contains(&format!(" SOURCE_CODE_URL:{address} ")), "{replies:?}");
     let capability = regex(r"^Cap:([A-Z0-9_]+):([01])$");
     let capabilities: Vec<(String, bool)> = replies
         .iter()
