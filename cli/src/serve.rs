@@ -24,7 +24,7 @@ use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
 use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
 use crate::session::{LiveSession, Session};
 
-pub use faults::{Fault, FaultKind, KINDS as FAULT_KINDS, LineFault};
+pub use faults::{Fault, FaultKind, KINDS as FAULT_KINDS};
 pub use pace::{HOST_TURN, Speed};
 pub use port::HostPort;
 

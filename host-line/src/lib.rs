@@ -7,6 +7,8 @@
 //! A real host sends at real times: a run with such a line cannot be repeated exactly.
 #![cfg(unix)]
 
+pub mod damage;
+
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};

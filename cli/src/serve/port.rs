@@ -13,7 +13,7 @@ use ferrostep_host_line::Line;
 use ferrostep_printer::Replies;
 use ferrostep_usb::{Buffers, Incoming};
 
-use super::faults::{DamagedLine, LineFault};
+use ferrostep_host_line::damage::{DamagedLine, LineFault};
 
 /// Bytes that wait to be read, as on a board: a host that does not wait for each `ok` may keep this much in flight.
 const RECEIVE_BYTES: usize = 2048;

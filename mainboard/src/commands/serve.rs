@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::{ArgGroup, Args};
+use ferrostep_host_line::damage::{DamagedLine, LineFault, share};
 use rigless::emulator::Host;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -33,12 +34,38 @@ pub struct Serve {
     /// Virtual seconds per real second; a computer that is too slow for it delays the printer.
     #[arg(long, default_value_t = 1.0)]
     speed: f64,
+    /// Damages what the host sends, at once or from @SECONDS of the printer on: drop:RATE or flip:RATE (of the bytes), drop-line:RATE or
+    /// flip-line:RATE (of the lines), with RATE such as 1%. Can be repeated.
+    #[arg(long, value_name = "KIND[@SECONDS]", value_parser = damage)]
+    fault: Vec<Damage>,
+}
+
+/// Damage to the host's line.
+#[derive(Clone, Copy, Debug)]
+struct Damage {
+    fault: LineFault,
+    share: f64,
+    /// When it begins, ns of the machine's time.
+    from_ns: u64,
+}
+
+fn damage(text: &str) -> Result<Damage, String> {
+    let (kind, seconds) = text.split_once('@').unwrap_or((text, "0"));
+    let seconds = seconds.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    let from = seconds.ok_or("write the time after the @ in seconds, for example flip-line:1%@90")?;
+    let (fault, rate) = kind.split_once(':').unwrap_or((kind, ""));
+    let fault = LineFault::named(fault)
+        .ok_or("unknown fault, expected drop:RATE, flip:RATE, drop-line:RATE or flip-line:RATE")?;
+    Ok(Damage { fault, share: share(rate)?, from_ns: u64::try_from(from.as_nanos()).unwrap_or(u64::MAX) })
 }
 
 /// Connects the line of this computer to the line of the machine.
 struct HostBridge {
     line: Line,
     via: Via,
+    damaged: DamagedLine,
+    /// Damage that is still to begin.
+    damage: Vec<Damage>,
     plugged: bool,
     speed: f64,
     began: Instant,
@@ -80,9 +107,13 @@ impl Operator for HostBridge {
         }
         if now_ns % PACE_NS < crate::run::SLICE_NS {
             self.keep_pace(now_ns);
+            for Damage { fault, share, .. } in self.damage.extract_if(.., |damage| damage.from_ns <= now_ns) {
+                self.damaged.add(fault, share);
+            }
             let read = self.line.read(MAX_READ).map_err(|error| error.to_string());
             let written = match read {
-                Ok(bytes) => {
+                Ok(mut bytes) => {
+                    self.damaged.carry(&mut bytes);
                     send(machine, self.via, now_ns, &bytes);
                     self.line.write(&receive(machine, self.via)).map_err(|error| error.to_string())
                 }
@@ -124,6 +155,8 @@ impl Serve {
         let bridge = HostBridge {
             line,
             via: self.via,
+            damaged: DamagedLine::default(),
+            damage: self.fault.clone(),
             plugged: false,
             speed: self.speed,
             began: Instant::now(),
