@@ -1,10 +1,8 @@
 """Runs OctoPrint without a window, and does to its prints what a person does by its buttons (its REST interface).
 
     octoprint_host.py PORT FILE BAD_PORT PART FOLDER
-    octoprint_host.py PORT FILE FOLDER
 
-FOLDER holds its settings and its log. PART is printed at BAD_PORT, whose line is damaged. The second form prints FILE only. What was
-seen is printed as one JSON object.
+FOLDER holds its settings and its log. PART is printed at BAD_PORT, whose line is damaged. What was seen is printed as one JSON object.
 """
 
 import json
@@ -21,6 +19,8 @@ import yaml
 PATIENCE_S = 240
 # Another program may take the port before OctoPrint does; so many ports are tried.
 PORTS = 5
+# So often a person tries to connect.
+TRIES = 5
 # Of this OctoPrint only: one of another test, which has got the port, does not know it.
 KEY = uuid.uuid4().hex.upper()
 
@@ -44,6 +44,8 @@ def settings(ports):
         "serial": {
             "additionalPorts": ports,
             "log": True,
+            # It would halt again the printer that says it is halted.
+            "sendM112OnError": False,
             "timeout": {"communication": REPORTS_EVERY_S, "communicationBusy": REPORTS_EVERY_S, "temperatureAutoreport": REPORTS_EVERY_S},
         },
         "server": {
@@ -130,6 +132,21 @@ class OctoPrint:
         self.call("post", "connection", json={"command": "connect", "port": port, "baudrate": 115200})
         self.until("Operational")
 
+    def restart(self, port):
+        """Connects to a halted printer and ends the halt; its temperatures after that. The printer may still be answering what it was
+        sent before, and say once more that it is halted: then OctoPrint ends the connection, and a person tries again."""
+        for _ in range(TRIES):
+            before = len(self.heard("ok T:"))
+            self.call("post", "connection", json={"command": "connect", "port": port, "baudrate": 115200})
+            self.wait(lambda: not self.state().startswith(("Opening", "Detecting", "Connecting")), "it does not connect")
+            if self.state() != "Operational":
+                continue
+            self.call("post", "printer/command", json={"commands": ["M999", "M105"]})
+            self.wait(lambda: len(self.heard("ok T:")) > before or self.state() != "Operational", "no answer to M999")
+            if len(self.heard("ok T:")) > before and self.state() == "Operational":
+                return self.heard("ok T:")[-1].split("Recv: ", 1)[1]
+        raise SystemExit(f"it does not come back; the end of its log: {self.log()[-40:]}")
+
     def print(self, file):
         with open(file, "rb") as gcode:
             self.call("post", "files/local", files={"file": gcode}, data={"select": "true", "print": "true"})
@@ -158,25 +175,7 @@ class OctoPrint:
         self.wait(lambda: self.state() == "Operational" and self.completion() >= 100, "the print does not end")
 
 
-def prints(port, file, folder):
-    octoprint = OctoPrint([port], folder)
-    try:
-        octoprint.connect(port)
-        octoprint.print(file)
-        octoprint.until_printed()
-        seen = {
-            "printed": octoprint.figures(),
-            "resends": len(octoprint.heard("Resend:")),
-            "errors": octoprint.heard("Error:"),
-        }
-    finally:
-        octoprint.end()
-    print(json.dumps(seen))
-
-
 def main():
-    if len(sys.argv) == 4:
-        return prints(*sys.argv[1:])
     port, file, bad_port, part, folder = sys.argv[1:6]
     octoprint = OctoPrint([port, bad_port], folder)
     seen = {}
@@ -208,8 +207,7 @@ def main():
         octoprint.call("post", "printer/command", json={"command": "M112"})
         octoprint.wait(lambda: octoprint.state().startswith(("Offline", "Error", "Closed")), "it does not notice the halt")
         seen["stopped"] = octoprint.state()
-        octoprint.connect(port)
-        seen["restarted"] = octoprint.say("M999", "M105", answer="ok T:")
+        seen["restarted"] = octoprint.restart(port)
         seen["resends"] = len(octoprint.heard("Resend:"))
         seen["errors"] = [line for line in octoprint.heard("Error:") if "halted" not in line]
         seen["refusals"] = octoprint.refusals()[:5]
@@ -221,6 +219,7 @@ def main():
         began = time.monotonic()
         octoprint.print(part)
         octoprint.until_printed()
+        seen["bad_line_printed"] = octoprint.figures()
         seen["bad_line_s"] = time.monotonic() - began
         seen["bad_line_resends"] = len(octoprint.heard("Resend:")) - seen["resends"]
     finally:

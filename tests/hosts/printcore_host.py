@@ -1,8 +1,8 @@
 """Prints a file with printcore, the host behind Pronterface, and does to the print what a person does.
 
-    printcore_host.py PORT FILE ACTION
+    printcore_host.py PORT FILE ACTION [LINE]
 
-What was seen is printed as one JSON object.
+The person acts when so many lines of the file are sent, 1500 by default. What was seen is printed as one JSON object.
 """
 
 import json
@@ -17,8 +17,8 @@ from printrun.printcore import printcore
 PATIENCE_S = 120
 # What of a line has no effect; the line is no refusal.
 REMARK = "(said once a job)"
-# Lines of the file after which the person acts: homed, hot, in the first layers.
-ACTS_AT = 1500
+# Lines of the file after which the person acts: in a whole cube homed, hot, in the first layers.
+ACTS_AT = int(sys.argv[4]) if len(sys.argv) > 4 else 1500
 # So long without a word from the printer while an answer is due, and the host asks. printcore itself waits for ever; Pronterface,
 # which polls temperatures, goes on after its own while. A host that asks too soon gets one answer too many, and from then on has a
 # line more under way, which printcore's way of sending again does not bear.

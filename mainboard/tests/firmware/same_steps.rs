@@ -19,7 +19,7 @@ pub struct Motion {
     pub starvation_flushes: u64,
     pub idle_flushes: u64,
     pub planning_slowdowns: u64,
-    steps: [u64; 4],
+    pub steps: [u64; 4],
 }
 
 impl Motion {
