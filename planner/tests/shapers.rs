@@ -39,6 +39,7 @@ fn compare(shaper: &AxisShaper) {
     assert!((kernel.centroid_ticks() - reference.centroid_s() * ticks_per_second).abs() <= 1.0, "{shaper:?}");
 }
 
+// ANCHOR: every_kind
 #[test]
 fn shapers_are_the_simulators_at_the_ends_of_their_ranges() {
     for kind in ShaperKind::ALL {
@@ -49,6 +50,7 @@ fn shapers_are_the_simulators_at_the_ends_of_their_ranges() {
         }
     }
 }
+// ANCHOR_END: every_kind
 
 proptest! {
     #[test]

@@ -104,7 +104,9 @@ impl Shaper {
             ShaperKind::None => vec![(1.0, 0.0)],
             ShaperKind::Zv => halves(&[1.0, half]),
             ShaperKind::Zvd => halves(&[1.0, 2.0 * half, half.powi(2)]),
+            // ANCHOR: zvdd
             ShaperKind::Zvdd => halves(&[1.0, 3.0 * half, 3.0 * half.powi(2), half.powi(3)]),
+            // ANCHOR_END: zvdd
             ShaperKind::Mzv => {
                 let outer = 1.0 - 0.5f64.sqrt();
                 let inner = 2f64.sqrt() - 1.0;

@@ -22,8 +22,10 @@ pub enum ShaperKind {
     Mzv,
     /// Zero vibration and derivative: three impulses.
     Zvd,
+    // ANCHOR: zvdd_kind
     /// Zero vibration and two derivatives: four impulses.
     Zvdd,
+    // ANCHOR_END: zvdd_kind
     /// Extra-insensitive with fitted damping (Klipper since 2025).
     Ei,
     /// Extra-insensitive as it was before (Marlin, Prusa, Klipper until 2025).
@@ -114,7 +116,9 @@ impl AxisShaper {
             ShaperKind::None => Kernel::IDENTITY,
             ShaperKind::Zv => mode.halves(&[1.0, 1.0]),
             ShaperKind::Zvd => mode.halves(&[1.0, 2.0, 1.0]),
+            // ANCHOR: zvdd_kernel
             ShaperKind::Zvdd => mode.halves(&[1.0, 3.0, 3.0, 1.0]),
+            // ANCHOR_END: zvdd_kernel
             ShaperKind::EiOld => mode.halves(&[1.0 + TOLERANCE, 2.0 - 2.0 * TOLERANCE, 1.0 + TOLERANCE]),
             ShaperKind::Mzv => {
                 let outer = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
