@@ -7,9 +7,12 @@ use clap::{Parser, Subcommand};
 use ferrostep::printer_line::Address;
 #[cfg(unix)]
 use ferrostep::serve::{Fault, Speed};
+use ferrostep::sweep::Values;
 use ferrostep_papers::tables::Paper;
 use ferrostep_planner::ShaperKind as InputShaperKind;
 use ferrostep_simulator::shapers::ShaperKind;
+
+use crate::sweeping::key_and_values;
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.
 #[derive(Parser)]
@@ -77,6 +80,8 @@ pub enum Command {
         #[command(flatten)]
         job: JobArguments,
     },
+    /// Estimates a file's time with other values of the profile's keys: what a higher acceleration would gain, for one.
+    Sweep(SweepArguments),
     /// Measures what the steps of a file, or of a trace, do to a frame that rings and to a nozzle under pressure: contour error,
     /// ringing, misplaced material, true acceleration.
     Simulate(Box<SimulateArguments>),
@@ -156,6 +161,31 @@ pub struct ServeArguments {
     /// Prints what the printer has done as one JSON object, as `print` does, when it is switched off with Ctrl-C.
     #[arg(long, conflicts_with = "board")]
     pub json: bool,
+}
+
+/// Arguments of `sweep`.
+#[derive(clap::Args)]
+#[command(group = clap::ArgGroup::new("changed").args(["acceleration", "set"]).required(true))]
+pub struct SweepArguments {
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip.
+    pub file: PathBuf,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
+    pub profile: String,
+    /// Accelerations of printing and travel moves, and the most that X and Y may have, mm/s^2: a range, each value twice the one
+    /// before (500..16000), or a list (500,1000,3000).
+    #[arg(long, value_name = "VALUES")]
+    pub acceleration: Option<Values>,
+    /// Any other key of the profile that is a number, with its values: junction_deviation_mm=0.005..0.08. Given more than once, the
+    /// keys change together.
+    #[arg(long, value_name = "KEY=VALUES", value_parser = key_and_values)]
+    pub set: Vec<(String, Values)>,
+    /// Prints the result as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+    /// Draws the time over the values.
+    #[arg(long, value_name = "OUT.svg")]
+    pub plot: Option<PathBuf>,
 }
 
 /// Arguments of `simulate`.

@@ -19,6 +19,7 @@ pub mod send;
 pub mod serve;
 pub mod session;
 pub mod simulation;
+pub mod sweep;
 pub mod terminal;
 mod version;
 pub mod watch;

@@ -9,6 +9,7 @@ mod serving;
 #[cfg(unix)]
 mod serving_image;
 mod simulating;
+mod sweeping;
 
 use std::cell::Cell;
 use std::io::{BufWriter, Write};
@@ -65,6 +66,7 @@ fn main() -> ExitCode {
             None => serving::run(&arguments),
         },
         Command::Estimate { job } => estimate(&job),
+        Command::Sweep(arguments) => sweeping::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),

@@ -42,19 +42,22 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
 ///
 /// [`Problem::Read`] if the file cannot be read, is not UTF-8 or is larger than 1 MiB; otherwise as [`parse`].
 pub fn load(name_or_path: &str) -> Result<Profile, ProfileError> {
-    parse(&text_of(name_or_path)?, name_or_path)
+    parse(&text(name_or_path)?, name_or_path)
 }
 
 /// The error for a value that the profile may have but its board cannot serve: `key` is the full path, `expected` names the
 /// values that the board can.
 pub fn refuse(name_or_path: &str, key: &str, value: &str, expected: &str) -> ProfileError {
-    let line = text_of(name_or_path).ok().and_then(|text| line_of_key(&text, key));
+    let line = text(name_or_path).ok().and_then(|text| line_of_key(&text, key));
     let problem = Problem::OutOfRange { key: key.to_owned(), value: value.to_owned(), expected: expected.to_owned() };
     ProfileError::new(name_or_path, line, problem)
 }
 
-/// The text of a built-in profile, or else of a file.
-fn text_of(name_or_path: &str) -> Result<String, ProfileError> {
+/// The text of a built-in profile, or else of the file at this path, unchecked.
+///
+/// # Errors
+/// [`Problem::Read`], as [`load`].
+pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
     match builtin_text(name_or_path) {
         Some(text) => Ok(text.to_owned()),
         None => ferrostep_checked_toml::read(name_or_path, "profile", builtin_names()),

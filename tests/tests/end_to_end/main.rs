@@ -49,5 +49,6 @@ mod slaved_extruder;
 mod slicer_printers;
 mod slicer_profiles;
 mod stall;
+mod sweeps;
 mod waits;
 mod waveform;

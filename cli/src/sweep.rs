@@ -1,0 +1,224 @@
+//! What a job would take with other values of a profile's keys.
+
+pub mod chart;
+mod filter;
+mod values;
+
+use std::fmt;
+use std::path::Path;
+
+use ferrostep_printer::Profile;
+use serde::Serialize;
+use toml::{Table, Value};
+
+use crate::desk::LOOK_AHEAD_BLOCKS;
+use crate::duration::hms;
+use crate::input::{Input, InputError};
+use crate::job::{self, JobError, JobProgress};
+use crate::session::{JobReplies, Session};
+use filter::{Dropped, WithoutCommands};
+
+pub use values::{Values, ValuesError};
+
+/// The keys that `--acceleration` stands for: both kinds of moves, and the axes that would hold them back.
+pub const ACCELERATION_KEYS: [&str; 4] = [
+    "acceleration_mm_per_s2.print",
+    "acceleration_mm_per_s2.travel",
+    "max_acceleration_mm_per_s2.x",
+    "max_acceleration_mm_per_s2.y",
+];
+
+/// Commands by which a job sets limits of its own, which would hold over the profile's.
+const LIMITS: [&str; 5] = ["M201", "M203", "M204", "M205", "SET_VELOCITY_LIMIT"];
+
+/// Commands by which a job sets filters and advance of its own.
+const FILTERS: [&str; 5] = ["M593", "SET_INPUT_SHAPER", "M900", "M572", "SET_PRESSURE_ADVANCE"];
+
+/// Tables of the profile which those set.
+const FILTER_TABLES: [&str; 2] = ["input_shaper", "pressure_advance"];
+
+/// Keys, and the values that they take together.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    /// Full paths with dots.
+    pub keys: Vec<String>,
+    /// What they are together, for a person.
+    pub label: String,
+    /// The values.
+    pub values: Values,
+}
+
+/// Why a sweep cannot be made.
+#[derive(Debug)]
+pub enum SweepError {
+    /// The profile's text, or one of its values.
+    Profile(String),
+    /// The job cannot be read.
+    Input(InputError),
+    /// A prepared job has its speeds already.
+    Prepared,
+    /// The job stops with the profile as it is.
+    Job(JobError),
+}
+
+impl fmt::Display for SweepError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Profile(problem) => out.write_str(problem),
+            Self::Input(error) => error.fmt(out),
+            Self::Prepared => out.write_str(
+                "this is a prepared job, whose speeds are planned already, and sweep takes the G-code that it was made from",
+            ),
+            Self::Job(error) => error.fmt(out),
+        }
+    }
+}
+
+/// A job with one value.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The keys' value.
+    pub value: f64,
+    /// Time of the print, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub print_time_s: Option<f64>,
+    /// Moves that were slowed because a board could not keep up with them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slowed_moves: Option<u64>,
+    /// Why the job stops with this value.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<String>,
+}
+
+/// A job with all values.
+#[derive(Clone, Debug, Serialize)]
+pub struct Swept {
+    /// The job's file.
+    pub file: String,
+    /// Name of the machine.
+    pub profile: String,
+    /// The keys that were changed together.
+    pub keys: Vec<String>,
+    /// What they are together, for a person.
+    #[serde(skip)]
+    pub label: String,
+    /// Time with the profile as it is, and the job as it is but for the lines left out, s.
+    pub print_time_s: f64,
+    /// Lines of the job left out, for what they set would hold over the profile's values.
+    pub lines_left_out: u64,
+    /// In the order of the values.
+    pub rows: Vec<Row>,
+}
+
+/// Times of a job with a profile's keys at each of the values.
+///
+/// # Errors
+/// [`SweepError`]. A value at which the job stops is a [`Row`] that says why.
+pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep) -> Result<Swept, SweepError> {
+    let table: Table = profile_text.parse().map_err(|error| SweepError::Profile(format!("{profile_name}: {error}")))?;
+    let own = checked(&table, profile_name)?;
+    let profiles: Vec<(f64, Profile)> = sweep
+        .values
+        .iter()
+        .map(|value| {
+            let mut table = table.clone();
+            for key in &sweep.keys {
+                set(&mut table, key, value)
+                    .map_err(|problem| SweepError::Profile(format!("{profile_name}: {problem}")))?;
+            }
+            Ok((value, checked(&table, profile_name)?))
+        })
+        .collect::<Result<_, SweepError>>()?;
+    let dropped = dropped(&sweep.keys);
+    let (print_time_s, _, lines_left_out) = estimate(file, own, &dropped)?;
+    let rows = std::thread::scope(|scope| {
+        let dropped = &dropped;
+        let threads: Vec<_> = profiles
+            .into_iter()
+            .map(|(value, profile)| (value, scope.spawn(move || estimate(file, profile, dropped))))
+            .collect();
+        threads
+            .into_iter()
+            .map(|(value, thread)| match thread.join() {
+                Ok(Ok((time_s, slowed_moves, _))) => {
+                    Row { value, print_time_s: Some(time_s), slowed_moves: Some(slowed_moves), stopped: None }
+                }
+                Ok(Err(error)) => stopped(value, error.to_string()),
+                Err(_) => stopped(value, "the estimate failed".to_owned()),
+            })
+            .collect()
+    });
+    let file = file.to_string_lossy().into_owned();
+    let Sweep { keys, label, .. } = sweep.clone();
+    Ok(Swept { file, profile: own.name.to_owned(), keys, label, print_time_s, lines_left_out, rows })
+}
+
+fn stopped(value: f64, reason: String) -> Row {
+    Row { value, print_time_s: None, slowed_moves: None, stopped: Some(reason) }
+}
+
+/// The commands whose settings would hold over those of these keys.
+fn dropped(keys: &[String]) -> Dropped {
+    let sets_filters = |key: &String| FILTER_TABLES.iter().any(|table| key.split('.').next() == Some(table));
+    let filters: &[&str] = if keys.iter().any(sets_filters) { &FILTERS } else { &[] };
+    let limits: &[&str] = if keys.iter().all(sets_filters) { &[] } else { &LIMITS };
+    Dropped::new([limits, filters].concat())
+}
+
+/// A profile by its table. The line of a problem is left out: the table is not what stands in the file.
+fn checked(table: &Table, name: &str) -> Result<Profile, SweepError> {
+    ferrostep_profiles::parse(&table.to_string(), name)
+        .map_err(|error| SweepError::Profile(format!("{name}: {}", error.problem())))
+}
+
+/// Sets a key by its full path.
+fn set(table: &mut Table, key: &str, value: f64) -> Result<(), String> {
+    let (tables, name) = key.rsplit_once('.').map_or((None, key), |(tables, name)| (Some(tables), name));
+    let mut table = table;
+    for part in tables.into_iter().flat_map(|tables| tables.split('.')) {
+        let inner = table.entry(part).or_insert_with(|| Value::Table(Table::new()));
+        table = inner.as_table_mut().ok_or_else(|| format!("{key}: \"{part}\" is no table of the profile"))?;
+    }
+    // Whole numbers stay whole, for keys that take no others.
+    let is_whole = value.fract() == 0.0 && value.abs() < 1e15;
+    table.insert(name.to_owned(), if is_whole { Value::Integer(value as i64) } else { Value::Float(value) });
+    Ok(())
+}
+
+/// Time of the print, s, moves that were slowed, and lines left out.
+fn estimate(file: &Path, profile: Profile, dropped: &Dropped) -> Result<(f64, u64, u64), SweepError> {
+    let input = Input::open(file).map_err(SweepError::Input)?;
+    if input.is_prepared() {
+        return Err(SweepError::Prepared);
+    }
+    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
+    let mut input = WithoutCommands::new(input, dropped);
+    let mut done = JobProgress::default();
+    session.run(job::run(&mut input, &mut session.printer(), &mut done, |_| {})).map_err(SweepError::Job)?;
+    let figures = session.figures();
+    Ok((figures.print_time_s, figures.slowed_moves, input.lines_dropped()))
+}
+
+impl fmt::Display for Swept {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(out, "{}, {}: {}", self.file, self.profile, self.label)?;
+        if self.lines_left_out > 0 {
+            writeln!(out, "left out: {} lines that set what is compared here", self.lines_left_out)?;
+        }
+        writeln!(out, "{:>12}  {:>16}  {:>9}  {:>12}", "value", "print", "change", "slowed moves")?;
+        writeln!(out, "{:>12}  {:>16}", "the profile", hms(self.print_time_s))?;
+        for Row { value, print_time_s, slowed_moves, stopped } in &self.rows {
+            match (print_time_s, slowed_moves, stopped) {
+                (Some(time_s), Some(slowed), _) => {
+                    let change = 100.0 * (time_s / self.print_time_s - 1.0);
+                    writeln!(out, "{value:>12}  {:>16}  {change:>+7.1} %  {slowed:>12}", hms(*time_s))?;
+                }
+                (.., reason) => writeln!(out, "{value:>12}  stops: {}", reason.as_deref().unwrap_or_default())?,
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

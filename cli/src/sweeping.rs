@@ -1,0 +1,58 @@
+//! `ferrostep sweep`.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+use ferrostep::input;
+use ferrostep::output::{Accepted, Output, Protected};
+use ferrostep::sweep::{self, ACCELERATION_KEYS, Sweep, Values, chart};
+
+use crate::arguments::SweepArguments;
+use crate::outcome::result;
+
+/// Estimates the job with each value and tells the times.
+pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
+    if input::is_standard_input(&arguments.file) {
+        return Err("sweep reads the job once for each value: give it a file, not -".to_owned());
+    }
+    let sweep = keys(arguments)?;
+    let profile = ferrostep_profiles::text(&arguments.profile).map_err(|error| error.to_string())?;
+    let plot = arguments.plot.as_deref().map(|plot| plot_output(plot, arguments)).transpose()?;
+    let swept = sweep::sweep(&arguments.file, &profile, &arguments.profile, &sweep)
+        .map_err(|error| format!("{}: {error}", input::name(&arguments.file)))?;
+    if let Some(mut plot) = plot {
+        plot.write_all(chart::draw(&swept).as_bytes()).map_err(|error| plot.failed(error).to_string())?;
+        plot.keep().map_err(|error| error.to_string())?;
+    }
+    Ok(result(arguments.json.then_some(&swept), || swept.to_string()))
+}
+
+/// What is to be changed: the keys of `--set`, with the same values each, or those of `--acceleration`.
+fn keys(arguments: &SweepArguments) -> Result<Sweep, String> {
+    if let Some(values) = &arguments.acceleration {
+        let label = "acceleration of print, travel, X and Y, mm/s²".to_owned();
+        return Ok(Sweep { keys: ACCELERATION_KEYS.map(str::to_owned).to_vec(), label, values: values.clone() });
+    }
+    let [(_, values), ..] = &arguments.set[..] else { return Err("nothing to change".to_owned()) };
+    if let Some((key, _)) = arguments.set.iter().find(|(_, others)| others != values) {
+        return Err(format!("--set {key}: keys that change together take the same values"));
+    }
+    let keys: Vec<String> = arguments.set.iter().map(|(key, _)| key.clone()).collect();
+    Ok(Sweep { label: keys.join(", "), keys, values: values.clone() })
+}
+
+/// A key and its values.
+pub fn key_and_values(text: &str) -> Result<(String, Values), String> {
+    let (key, values) = text.split_once('=').ok_or("expected KEY=VALUES, as junction_deviation_mm=0.005..0.08")?;
+    Ok((key.trim().to_owned(), values.parse().map_err(|error: sweep::ValuesError| error.to_string())?))
+}
+
+/// The chart, which must not replace what is read.
+fn plot_output(plot: &Path, arguments: &SweepArguments) -> Result<Output, String> {
+    let mut protected = vec![Protected { path: &arguments.file, what: "the job to be read" }];
+    if ferrostep_profiles::builtin_text(&arguments.profile).is_none() {
+        protected.push(Protected { path: Path::new(&arguments.profile), what: "the profile" });
+    }
+    Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
+}

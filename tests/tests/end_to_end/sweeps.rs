@@ -1,0 +1,97 @@
+//! `sweep`: a job's time with other values of the profile's keys.
+
+use std::fs;
+
+use crate::command::{directory, example, ferrostep, file, repository};
+
+/// The same as an estimate of the job without its limits, with the profile edited by hand.
+#[test]
+fn a_sweep_is_an_estimate_for_each_value() {
+    let cube = example("cube.gcode");
+    let swept = ferrostep(["sweep", cube.to_str().unwrap(), "--acceleration", "500..2000", "--json"]).json();
+    let directory = directory();
+    let text = fs::read_to_string(&cube).unwrap();
+    let limits = ["M201", "M203", "M204", "M205"];
+    let (left_out, kept): (Vec<&str>, Vec<&str>) =
+        text.lines().partition(|line| limits.iter().any(|code| line.starts_with(code)));
+    let job = file(&directory, "job.gcode", &kept.join("\n"));
+    let profile = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let estimate = |acceleration: &str| {
+        let edited = profile
+            .replace("{ print = 1000, travel = 1000,", &format!("{{ print = {acceleration}, travel = {acceleration},"))
+            .replace("{ x = 1500, y = 1500,", &format!("{{ x = {acceleration}, y = {acceleration},"));
+        assert_ne!(edited, profile);
+        let own = file(&directory, "own.toml", &edited);
+        let arguments = ["estimate", job.to_str().unwrap(), "--profile", own.to_str().unwrap(), "--json"];
+        ferrostep(arguments).json()["print_time_s"].as_f64().unwrap()
+    };
+    assert_eq!(swept["lines_left_out"], left_out.len());
+    assert!(left_out.len() > 100);
+    let rows = swept["rows"].as_array().unwrap();
+    for (row, acceleration) in rows.iter().zip(["500", "1000", "2000"]) {
+        assert_eq!(row["value"].to_string(), format!("{acceleration}.0"));
+        assert_eq!(row["print_time_s"].as_f64().unwrap(), estimate(acceleration));
+    }
+    assert_eq!(rows.len(), 3);
+    let unchanged = ferrostep(["estimate", job.to_str().unwrap(), "--json"]).json();
+    assert_eq!(swept["print_time_s"], unchanged["print_time_s"]);
+}
+
+#[test]
+fn a_sweep_is_drawn() {
+    let directory = directory();
+    let (job, plot) =
+        (file(&directory, "job.gcode", "G28\nG1 X50 F6000\nG1 X10 Y10\n"), directory.path().join("sweep.svg"));
+    let keys = ["--set", "max_feed_mm_per_s.x=20..200", "--set", "max_feed_mm_per_s.y=20..200"];
+    let arguments = ["sweep", job.to_str().unwrap(), "--plot", plot.to_str().unwrap()];
+    let outcome = ferrostep(arguments.into_iter().chain(keys));
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    assert!(outcome.stdout.contains("max_feed_mm_per_s.x, max_feed_mm_per_s.y"), "{}", outcome.stdout);
+    let drawn = fs::read_to_string(&plot).unwrap();
+    // 20, 40, 80, 160 and 200 mm/s.
+    assert_eq!(drawn.matches("<circle").count(), 5, "{drawn}");
+}
+
+#[test]
+fn a_value_with_which_the_job_stops_says_why() {
+    let directory = directory();
+    let job = file(&directory, "job.gcode", "M104 S210\nG4 S30\nG28\nG1 X5 E1 F600\n");
+    let values = ["--set", "min_extrusion_celsius=170,260", "--json"];
+    let swept = ferrostep(["sweep", job.to_str().unwrap()].into_iter().chain(values)).json();
+    let [warm, cold] = [0, 1].map(|row| &swept["rows"][row]);
+    assert!(warm["print_time_s"].is_f64() && warm["stopped"].is_null(), "{swept}");
+    assert!(cold["print_time_s"].is_null(), "{swept}");
+    let stopped = cold["stopped"].as_str().unwrap();
+    assert!(stopped.starts_with("line 4: ") && stopped.contains("expected at least 260 C"), "{stopped}");
+}
+
+#[test]
+fn what_cannot_be_swept_is_refused() {
+    let directory = directory();
+    let job = file(&directory, "job.gcode", "G28\n");
+    let cases: [(&[&str], &str); 9] = [
+        (&["--acceleration", "5..1"], "a range begins above 0 and rises, as 500..16000"),
+        (&["--acceleration", "fast"], "\"fast\" is no number, expected a range as 500..16000 or a list"),
+        (&["--acceleration", "0,100"], "cartesian: acceleration_mm_per_s2.print = 0: expected"),
+        (&["--set", "acceleration"], "expected KEY=VALUES"),
+        (&["--set", "accel=1..2"], "cartesian: unknown key \"accel\", expected "),
+        (&["--set", "name.x=1..2"], "cartesian: name.x: \"name\" is no table of the profile"),
+        (&["--set", "homing.x.end=1"], "cartesian: homing.x.end = 1: expected \"min\" or \"max\""),
+        (
+            &["--set", "jerk_mm_per_s3=1..2", "--set", "min_extrusion_celsius=3"],
+            "keys that change together take the same values",
+        ),
+        (&[], "required arguments were not provided"),
+    ];
+    for (words, expected) in cases {
+        let outcome = ferrostep(["sweep", job.to_str().unwrap()].iter().chain(words));
+        assert_eq!((outcome.status, outcome.stdout.as_str()), (Some(2), ""), "{words:?}");
+        assert!(outcome.stderr.contains(expected), "{words:?}: {}", outcome.stderr);
+    }
+    let from_input = ferrostep(["sweep", "-", "--acceleration", "1,2"]);
+    assert!(from_input.stderr.contains("give it a file, not -"), "{}", from_input.stderr);
+    let over_the_job =
+        ferrostep(["sweep", job.to_str().unwrap(), "--acceleration", "1,2", "--plot", job.to_str().unwrap()]);
+    assert_eq!(over_the_job.status, Some(2), "{over_the_job:#?}");
+    assert_eq!(fs::read_to_string(&job).unwrap(), "G28\n");
+}
