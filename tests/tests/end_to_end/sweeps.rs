@@ -2,12 +2,12 @@
 
 use std::fs;
 
-use crate::command::{directory, example, ferrostep, file, repository};
+use crate::command::{directory, ferrostep, file, repository};
 
 /// The same as an estimate of the job without its limits, with the profile edited by hand.
 #[test]
 fn a_sweep_is_an_estimate_for_each_value() {
-    let cube = example("cube.gcode");
+    let cube = repository().join("examples/cube.gcode");
     let swept = ferrostep(["sweep", cube.to_str().unwrap(), "--acceleration", "500..2000", "--json"]).json();
     let directory = directory();
     let text = fs::read_to_string(&cube).unwrap();
@@ -42,20 +42,20 @@ fn a_sweep_is_drawn() {
     let directory = directory();
     let (job, plot) =
         (file(&directory, "job.gcode", "G28\nG1 X50 F6000\nG1 X10 Y10\n"), directory.path().join("sweep.svg"));
-    let keys = ["--set", "max_feed_mm_per_s.x=20..200", "--set", "max_feed_mm_per_s.y=20..200"];
+    let keys = ["--set", "max_feed_mm_per_s.x=60..400", "--set", "max_feed_mm_per_s.y=60..400"];
     let arguments = ["sweep", job.to_str().unwrap(), "--plot", plot.to_str().unwrap()];
     let outcome = ferrostep(arguments.into_iter().chain(keys));
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
     assert!(outcome.stdout.contains("max_feed_mm_per_s.x, max_feed_mm_per_s.y"), "{}", outcome.stdout);
     let drawn = fs::read_to_string(&plot).unwrap();
-    // 20, 40, 80, 160 and 200 mm/s.
-    assert_eq!(drawn.matches("<circle").count(), 5, "{drawn}");
+    // 60, 120, 240 and 400 mm/s.
+    assert_eq!(drawn.matches("<circle").count(), 4, "{drawn}");
 }
 
 #[test]
 fn a_value_with_which_the_job_stops_says_why() {
     let directory = directory();
-    let job = file(&directory, "job.gcode", "M104 S210\nG4 S30\nG28\nG1 X5 E1 F600\n");
+    let job = file(&directory, "job.gcode", "M109 S210\nG28\nG1 X5 E1 F600\n");
     let values = ["--set", "min_extrusion_celsius=170,260", "--json"];
     let swept = ferrostep(["sweep", job.to_str().unwrap()].into_iter().chain(values)).json();
     let [warm, cold] = [0, 1].map(|row| &swept["rows"][row]);
@@ -72,7 +72,7 @@ fn what_cannot_be_swept_is_refused() {
     let cases: [(&[&str], &str); 9] = [
         (&["--acceleration", "5..1"], "a range begins above 0 and rises, as 500..16000"),
         (&["--acceleration", "fast"], "\"fast\" is no number, expected a range as 500..16000 or a list"),
-        (&["--acceleration", "0,100"], "cartesian: acceleration_mm_per_s2.print = 0: expected"),
+        (&["--acceleration", "0,100"], "cartesian: max_acceleration_mm_per_s2.x = 0: expected"),
         (&["--set", "acceleration"], "expected KEY=VALUES"),
         (&["--set", "accel=1..2"], "cartesian: unknown key \"accel\", expected "),
         (&["--set", "name.x=1..2"], "cartesian: name.x: \"name\" is no table of the profile"),
