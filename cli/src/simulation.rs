@@ -121,7 +121,7 @@ pub enum Source {
 /// The source of the steps.
 enum Steps {
     Job(Arc<[u8]>),
-    Trace(Box<dyn Read>),
+    Trace(Box<TraceReader<Box<dyn Read>>>),
 }
 
 /// A job or a trace.
@@ -222,26 +222,27 @@ impl Simulation {
     ) -> Result<Measured, SimulationError> {
         let Some((job, _)) = &self.path else { return Err(SimulationError::NothingToCompare) };
         let speeds = klipper::plan(job, settings);
-        let (mut report, snapshots) =
-            self.planned(machine, job, &speeds, &settings.filters(shapers), Measures::with_snapshots())?;
+        let plans = Plan::of_job(job, &speeds, self.filament_mm2);
+        let path = PathSource::of_job(job, &speeds, self.filament_mm2);
+        let header = match &self.steps {
+            Steps::Trace(trace) => trace.header().clone(),
+            Steps::Job(_) => machine::trace_header(&self.profile),
+        };
+        let mut steps = StepSimulation::new(header, machine, self.filament_mm2, path, Measures::with_snapshots())?;
+        let time_s = steps.play_plans(&plans, &settings.filters(shapers))?;
+        let (measures, _) = steps.finish()?;
+        let (mut report, snapshots) = measures.finish(time_s);
         if self.has_relative_ringing {
-            let (unshaped, _) = self.planned(machine, job, &speeds, &Filters::default(), Measures::default())?;
-            report.ringing = report.ringing.relative_to(&unshaped.ringing);
+            report.ringing = report.ringing.relative_to(&self.unfiltered(machine, &plans)?.ringing);
         }
         Ok((report, snapshots))
     }
 
-    fn planned(
-        &self,
-        machine: &Machine,
-        job: &Job,
-        speeds: &[MoveSpeeds],
-        filters: &Filters,
-        mut measures: Measures,
-    ) -> Result<Measured, SimulationError> {
-        let plans = Plan::of_job(job, speeds, self.filament_mm2);
-        let time_s = simulate(&plans, filters, machine, self.filament_mm2, &mut measures)?;
-        Ok(measures.finish(time_s))
+    /// What plans measure without filters.
+    fn unfiltered(&self, machine: &Machine, plans: &[Plan]) -> Result<Report, SimulationError> {
+        let mut measures = Measures::default();
+        let time_s = simulate(plans, &Filters::default(), machine, self.filament_mm2, &mut measures)?;
+        Ok(measures.finish(time_s).0)
     }
 
     /// Plays the steps on a machine and measures them. A job that stops at a line is measured up to there, and the reason returned beside.
@@ -255,7 +256,7 @@ impl Simulation {
     ) -> Result<(Measured, Option<JobError>), SimulationError> {
         let unshaped = match &self.path {
             Some((job, speeds)) if self.has_relative_ringing => {
-                Some(self.planned(machine, job, speeds, &Filters::default(), Measures::default())?.0)
+                Some(self.unfiltered(machine, &Plan::of_job(job, speeds, self.filament_mm2))?)
             }
             _ => None,
         };
@@ -265,11 +266,10 @@ impl Simulation {
         };
         let measures = Measures::with_snapshots();
         let (steps, stopped) = match self.steps {
-            Steps::Trace(trace) => {
-                let reader = TraceReader::new(trace).map_err(trace_error)?;
+            Steps::Trace(reader) => {
                 let header = reader.header().clone();
                 let mut steps = StepSimulation::new(header, machine, self.filament_mm2, path, measures)?;
-                for record in reader {
+                for record in *reader {
                     steps.play(&record.map_err(trace_error)?)?;
                 }
                 (steps, None)
@@ -312,7 +312,7 @@ fn steps_of(file: &Path) -> Result<Steps, SimulationError> {
     if input::is_standard_input(file) {
         let bytes = input::bytes(file)?;
         return Ok(match bytes.first() {
-            Some(&TRACE_START) => Steps::Trace(Box::new(Cursor::new(bytes))),
+            Some(&TRACE_START) => trace(Cursor::new(bytes))?,
             _ => Steps::Job(bytes),
         });
     }
@@ -321,10 +321,15 @@ fn steps_of(file: &Path) -> Result<Steps, SimulationError> {
     let length = opened.read(&mut start).map_err(InputError::Read)?;
     let mut bytes = start[..length].to_vec();
     if bytes == [TRACE_START] {
-        return Ok(Steps::Trace(Box::new(Cursor::new(bytes).chain(opened))));
+        return trace(Cursor::new(bytes).chain(opened));
     }
     opened.read_to_end(&mut bytes).map_err(InputError::Read)?;
     Ok(Steps::Job(bytes.into()))
+}
+
+fn trace(bytes: impl Read + 'static) -> Result<Steps, SimulationError> {
+    let bytes: Box<dyn Read> = Box::new(bytes);
+    Ok(Steps::Trace(Box::new(TraceReader::new(bytes).map_err(trace_error)?)))
 }
 
 fn all_of(input: &mut Input) -> Result<Vec<u8>, SimulationError> {

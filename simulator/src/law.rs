@@ -8,6 +8,7 @@ mod solver;
 pub use cursor::ShapedCursor;
 pub use pieces::{Law, LawError, Piece};
 pub use shaped::ShapedLaw;
+pub(crate) use solver::follow;
 pub use solver::{StepTime, step_times};
 
 #[cfg(test)]

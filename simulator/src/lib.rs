@@ -1,7 +1,7 @@
 //! A train of steps, or a plan, through a frame that rings and a nozzle under pressure.
 //!
-//! [`steps`] plays step events as a trace has them, [`plan`] plays laws of motion without steps, as [`klipper`]'s rules or the
-//! oracle's planner give them; both feed the same [`frame`] and [`nozzle`], and [`measures`] tells how far the nozzle is from
+//! [`steps`] plays step events as a trace has them or as a plan makes them, [`plan`] plays laws of motion without steps; the
+//! plans are those of [`klipper`]'s rules or of the oracle's planner. Both feed the same [`frame`] and [`nozzle`], and [`measures`] tells how far the nozzle is from
 //! the programmed path and how much material is not where it should be. [`shapers`] and [`law`] are the f64 definitions of
 //! shaped motion that the firmware's is held against.
 //!

@@ -1,5 +1,7 @@
 //! Position, speed and acceleration at an instant.
 
+use std::ops::{Add, Sub};
+
 /// How a coordinate moves at an instant; with the acceleration held it is a parabola in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
@@ -39,5 +41,21 @@ impl Motion {
             speed_mm_per_s: self.speed_mm_per_s + factor * other.speed_mm_per_s,
             acceleration_mm_per_s2: self.acceleration_mm_per_s2 + factor * other.acceleration_mm_per_s2,
         }
+    }
+}
+
+impl Add for Motion {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        self.plus(1.0, other)
+    }
+}
+
+impl Sub for Motion {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        self.plus(-1.0, other)
     }
 }

@@ -1,8 +1,9 @@
-//! A plan as laws of X, Y and the filament, and its simulation: position as a function of time, without steps.
+//! A plan as laws of the axes and the filament, and its simulation: position as a function of time, without steps.
 
 mod extruder;
 
 pub use extruder::ExtruderFilter;
+pub(crate) use extruder::ExtruderSamples;
 
 use crate::frame::{Frame, FrameError, FrameSettings};
 use crate::law::{Law, Piece, ShapedCursor, ShapedLaw};
@@ -11,7 +12,6 @@ use crate::motion::Motion;
 use crate::nozzle::{Nozzle, NozzleError, NozzleSettings};
 use crate::path::PathSegment;
 use crate::shapers::Shaper;
-use extruder::ExtruderSamples;
 use ferrostep_oracle::reference::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Move, Trapezoid, UNITS_PER_MM};
 use std::fmt;
 
@@ -81,10 +81,20 @@ impl MoveShape {
 pub struct Plan {
     x: Law,
     y: Law,
+    z: Law,
     filament: Law,
     /// Of each piece, whether pressure advance applies.
     advances: Vec<bool>,
     path: Vec<PathSegment>,
+    ends: Vec<MoveEnd>,
+}
+
+/// The end of a move that a trace has a record of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MoveEnd {
+    pub time_s: f64,
+    /// Its line in the G-code.
+    pub line: u32,
 }
 
 impl Plan {
@@ -118,6 +128,21 @@ impl Plan {
         &self.filament
     }
 
+    /// The laws of X, Y and Z.
+    pub(crate) const fn axes(&self) -> [&Law; 3] {
+        [&self.x, &self.y, &self.z]
+    }
+
+    /// The law of the filament with pressure advance.
+    pub(crate) fn advanced_filament(&self, advance_s: f64) -> Law {
+        self.filament.advanced(advance_s, |index| self.advances[index])
+    }
+
+    /// The ends of its moves, in order.
+    pub(crate) fn ends(&self) -> &[MoveEnd] {
+        &self.ends
+    }
+
     /// The path in X and Y.
     pub fn path(&self) -> &[PathSegment] {
         &self.path
@@ -128,9 +153,11 @@ impl Plan {
 struct Builder {
     filament_mm2: f64,
     time_s: f64,
-    pieces: [Vec<Piece>; 3],
+    /// Of X, Y, Z and the filament.
+    pieces: [Vec<Piece>; 4],
     advances: Vec<bool>,
     path: Vec<PathSegment>,
+    ends: Vec<MoveEnd>,
 }
 
 impl Builder {
@@ -138,22 +165,20 @@ impl Builder {
         Self {
             filament_mm2,
             time_s: 0.0,
-            pieces: [Vec::new(), Vec::new(), Vec::new()],
+            pieces: Default::default(),
             advances: Vec::new(),
             path: Vec::new(),
+            ends: Vec::new(),
         }
     }
 
     fn push(&mut self, one: &Move, speeds: &MoveSpeeds) {
         let shape = MoveShape::of(one);
         let unit = EXTRUDER_FRACTIONS_PER_UNIT as f64 * UNITS_PER_MM as f64;
-        let start_mm = [
-            one.start_10nm[0] as f64 / UNITS_PER_MM as f64,
-            one.start_10nm[1] as f64 / UNITS_PER_MM as f64,
-            one.extruder_start as f64 / unit,
-        ];
-        let [x, y, _] = shape.axes_mm;
-        let shares = [x, y, shape.filament_mm].map(|travel| travel / shape.length_mm);
+        let [x_mm, y_mm, z_mm] = one.start_10nm.map(|units| units as f64 / UNITS_PER_MM as f64);
+        let start_mm = [x_mm, y_mm, z_mm, one.extruder_start as f64 / unit];
+        let [x, y, z] = shape.axes_mm;
+        let shares = [x, y, z, shape.filament_mm].map(|travel| travel / shape.length_mm);
         let bead_mm2 = shape.bead_mm2(self.filament_mm2);
         let start_s = self.time_s;
         let mut along = Motion { position_mm: 0.0, speed_mm_per_s: speeds.entry_mm_per_s, acceleration_mm_per_s2: 0.0 };
@@ -172,16 +197,20 @@ impl Builder {
             self.time_s += duration_s;
         }
         if x != 0.0 || y != 0.0 {
-            let from_mm = [start_mm[0], start_mm[1]];
-            let to_mm = [start_mm[0] + x, start_mm[1] + y];
+            let from_mm = [x_mm, y_mm];
+            let to_mm = [x_mm + x, y_mm + y];
             self.path.push(PathSegment { start_s, end_s: self.time_s, from_mm, to_mm, bead_mm2 });
+        }
+        if one.kind.ends_with_a_record() {
+            self.ends.push(MoveEnd { time_s: self.time_s, line: one.line });
         }
     }
 
     /// Nothing, if nothing moves.
     fn build(self) -> Option<Plan> {
-        let [x, y, filament] = self.pieces.map(|pieces| Law::new(pieces).ok());
-        Some(Plan { x: x?, y: y?, filament: filament?, advances: self.advances, path: self.path })
+        let Self { advances, path, ends, .. } = self;
+        let [x, y, z, filament] = self.pieces.map(|pieces| Law::new(pieces).ok());
+        Some(Plan { x: x?, y: y?, z: z?, filament: filament?, advances, path, ends })
     }
 }
 
@@ -203,6 +232,19 @@ pub struct Filters {
     pub shapers: [Shaper; 2],
     /// What happens to the filament.
     pub extruder: ExtruderFilter,
+}
+
+impl Filters {
+    /// By how much they begin earlier and end later than the plan, s.
+    pub(crate) fn half_length_s(&self) -> f64 {
+        let half_s = |shaper: &Shaper| {
+            let centred = shaper.clone().centred();
+            centred.impulses().iter().map(|one| one.delay_s.abs()).fold(0.0, f64::max)
+        };
+        let [x, y] = &self.shapers;
+        let boxes_s: f64 = self.extruder.boxes_s.iter().sum();
+        half_s(x).max(half_s(y)).max(half_s(&self.extruder.shaper) + 0.5 * boxes_s)
+    }
 }
 
 impl Default for Filters {
@@ -293,7 +335,7 @@ impl Player<'_> {
             .map(|(law, shaper)| ShapedCursor::new(ShapedLaw { law, impulses: shaper.impulses() }));
         let mut time_s = -MARGIN_S;
         let end_s = plan.duration_s() + MARGIN_S;
-        let advanced = plan.filament.advanced(self.filters.extruder.advance_s, |index| plan.advances[index]);
+        let advanced = plan.advanced_filament(self.filters.extruder.advance_s);
         let extruder_shaper = self.filters.extruder.shaper.clone().centred();
         let shaped = ShapedLaw { law: &advanced, impulses: extruder_shaper.impulses() };
         let mut filament = ExtruderSamples::new(shaped, &self.filters.extruder.boxes_s, time_s);

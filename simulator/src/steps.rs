@@ -6,6 +6,7 @@
 
 mod crossings;
 mod path_source;
+mod planned;
 
 pub use path_source::{PathError, PathSource};
 

@@ -30,18 +30,26 @@ pub fn step_times(shaped: &ShapedLaw<'_>, steps_per_mm: f64) -> Vec<StepTime> {
         }
         // The middle is inside one piece of every impulse, which the ends, by rounding, may not be.
         let start = shaped.at(start_s + 0.5 * duration_s).after(-0.5 * duration_s);
-        let mut parts = [0.0, duration_s, duration_s];
-        let turn_s = -start.speed_mm_per_s / start.acceleration_mm_per_s2;
-        if turn_s > 0.0 && turn_s < duration_s {
-            parts[1] = turn_s;
-        }
-        let [from_s, turn_s, to_s] = parts;
-        // What a jump of the position passes is due at once.
-        due(&mut steps, &mut place, start, [0.0, 0.0], start_s, steps_per_mm);
-        due(&mut steps, &mut place, start, [from_s, turn_s], start_s, steps_per_mm);
-        due(&mut steps, &mut place, start, [turn_s, to_s], start_s, steps_per_mm);
+        follow(&mut steps, &mut place, start, [start_s, end_s], steps_per_mm);
     }
     steps
+}
+
+/// Adds the steps of a motor that is at this place, steps, and follows a motion, mm, between two times.
+pub(crate) fn follow(
+    steps: &mut Vec<StepTime>,
+    place: &mut f64,
+    start: Motion,
+    [start_s, end_s]: [f64; 2],
+    steps_per_mm: f64,
+) {
+    let duration_s = end_s - start_s;
+    let turn_s = -start.speed_mm_per_s / start.acceleration_mm_per_s2;
+    let turn_s = if turn_s > 0.0 && turn_s < duration_s { turn_s } else { duration_s };
+    // What a jump of the position passes is due at once.
+    for part in [[0.0, 0.0], [0.0, turn_s], [turn_s, duration_s]] {
+        due(steps, place, start, part, start_s, steps_per_mm);
+    }
 }
 
 /// Steps between two times after `start`, between which the motion has one direction.

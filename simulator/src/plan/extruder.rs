@@ -65,7 +65,7 @@ impl Average {
 }
 
 /// The filament's position at one sample after the other.
-pub(super) struct ExtruderSamples<'a> {
+pub(crate) struct ExtruderSamples<'a> {
     cursor: ShapedCursor<'a>,
     /// How far the law has been read, s.
     read_until_s: f64,
@@ -74,7 +74,7 @@ pub(super) struct ExtruderSamples<'a> {
 
 impl<'a> ExtruderSamples<'a> {
     /// Of a shaped law, after these moving averages; the first sample will be at this time.
-    pub(super) fn new(shaped: ShapedLaw<'a>, boxes_s: &[f64], first_s: f64) -> Self {
+    pub(crate) fn new(shaped: ShapedLaw<'a>, boxes_s: &[f64], first_s: f64) -> Self {
         // Half a length, so that an average is centred at a sample.
         let halves: Vec<usize> = boxes_s
             .iter()
@@ -94,7 +94,7 @@ impl<'a> ExtruderSamples<'a> {
         }
     }
 
-    pub(super) fn next_mm(&mut self) -> f64 {
+    pub(crate) fn next_mm(&mut self) -> f64 {
         if self.averages.is_empty() {
             let position_mm = self.cursor.at(self.read_until_s).position_mm;
             self.read_until_s += SAMPLE_S;

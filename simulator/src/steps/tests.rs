@@ -5,8 +5,8 @@ use crate::frame::FrameSettings;
 use crate::law::{Law, Piece, ShapedLaw, step_times};
 use crate::measures::Report;
 use crate::nozzle::NozzleSettings;
-use crate::plan::{Filters, MoveSpeeds, Plan, simulate};
-use crate::shapers::Shaper;
+use crate::plan::{ExtruderFilter, Filters, MoveSpeeds, Plan, simulate};
+use crate::shapers::{Shaper, ShaperKind};
 use ferrostep_oracle::reference::{InterpretOptions, Job, Kinematics, ReferenceProfile, interpret, plan};
 use ferrostep_oracle::trace::{StepEvent, TraceReader};
 use ferrostep_random_cases::cases;
@@ -37,36 +37,104 @@ fn job() -> (Job, Vec<MoveSpeeds>) {
 /// The records of a job whose motors step where the plan passes the middle between two steps.
 fn records(job: &Job, speeds: &[MoveSpeeds], kinematics: Kinematics, steps_per_mm: f64) -> Vec<Record> {
     let plans = Plan::of_job(job, speeds, FILAMENT_MM2);
-    let plan = &plans[0];
-    let [x, y] = plan.laws();
-    let motors = match kinematics {
-        Kinematics::CoreXy => [sum(x, y, 1.0), sum(x, y, -1.0)],
-        _ => [x.clone(), y.clone()],
+    records_of(&plans[0], &Filters::default(), &header(kinematics, steps_per_mm))
+}
+
+fn records_of(plan: &Plan, filters: &Filters, header: &TraceHeader) -> Vec<Record> {
+    let mut records = Vec::new();
+    let see = |record: &Record| -> Result<(), ()> {
+        records.push(record.clone());
+        Ok(())
     };
-    let identity = Shaper::identity();
-    let mut events = Vec::new();
-    for (motor, law) in motors.iter().chain([plan.filament()]).enumerate() {
-        let motor = if motor == 2 { 3 } else { motor };
-        for step in step_times(&ShapedLaw { law, impulses: identity.impulses() }, steps_per_mm) {
-            let tick = (step.time_s * TICK_HZ as f64).round() as u64;
-            let event = StepEvent { tick, axes: 1 << motor, directions: u8::from(step.negative) << motor };
-            events.push((tick, 0, Record::Step(event)));
-        }
-    }
-    let mut end_s = 0.0;
-    for (one, speeds) in job.moves.iter().zip(speeds) {
-        let length_mm = crate::plan::MoveShape::of(one).length_mm;
-        end_s += crate::plan::phases(speeds, length_mm).map(|(duration_s, _)| duration_s).sum::<f64>();
-        let tick = (end_s * TICK_HZ as f64).round() as u64;
-        events.push((tick, 1, Record::MoveEnd { tick, line: one.line }));
-    }
-    events.sort_by_key(|(tick, order, _)| (*tick, *order));
-    events.into_iter().map(|(_, _, record)| record).collect()
+    planned::records(header, plan, filters, 0.0, see).unwrap();
+    records
 }
 
 fn sum(x: &Law, y: &Law, factor: f64) -> Law {
     let pieces = x.pieces().iter().zip(y.pieces());
     Law::new(pieces.map(|(x, y)| Piece { motion: x.motion.plus(factor, y.motion), ..*x }).collect()).unwrap()
+}
+
+/// Every motor steps when it does in the reference, which has one law for each motor and no windows of time.
+#[test]
+fn a_plan_steps_where_the_reference_does() {
+    let (job, speeds) = job();
+    let plans = Plan::of_job(&job, &speeds, FILAMENT_MM2);
+    let [x, y, z] = plans[0].axes();
+    let zv = Shaper::new(ShaperKind::Zv, 40.0, 0.1).unwrap();
+    let extruder = ExtruderFilter { advance_s: 0.04, ..ExtruderFilter::default() };
+    let filters = Filters { shapers: [zv.clone(), zv.clone()], extruder };
+    let (zv, identity) = (zv.centred(), Shaper::identity());
+    // Half of a shaper's length and a sample; ticks are as good as 12 ns.
+    let begins_s = zv.impulses()[1].delay_s.max(-zv.impulses()[0].delay_s) + SAMPLE_S;
+    for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy, Kinematics::CoreXz] {
+        let records = records_of(&plans[0], &filters, &header(kinematics, 80.0));
+        let laws = match kinematics {
+            Kinematics::Cartesian => [(x.clone(), &zv), (y.clone(), &zv), (z.clone(), &identity)],
+            Kinematics::CoreXy => [(sum(x, y, 1.0), &zv), (sum(x, y, -1.0), &zv), (z.clone(), &identity)],
+            // Z, which has no shaper, does not move.
+            Kinematics::CoreXz => [(sum(x, z, 1.0), &zv), (y.clone(), &zv), (sum(x, z, -1.0), &zv)],
+        };
+        for (motor, (law, shaper)) in laws.iter().enumerate() {
+            let steps = records.iter().filter_map(|record| match record {
+                Record::Step(event) if event.axes == 1 << motor => Some((event.tick, event.directions != 0)),
+                _ => None,
+            });
+            let steps: Vec<_> = steps.collect();
+            let expected = step_times(&ShapedLaw { law, impulses: shaper.impulses() }, 80.0);
+            assert_eq!(steps.len(), expected.len(), "{kinematics:?} {motor}");
+            for ((tick, negative), expected) in steps.into_iter().zip(&expected) {
+                let off_ticks = (expected.time_s + begins_s) * TICK_HZ as f64 - tick as f64;
+                // Where a motor hardly moves, time is known less well than its place.
+                assert!(
+                    off_ticks.abs() < 1000.0 && negative == expected.negative,
+                    "{kinematics:?} {motor}: {off_ticks}"
+                );
+            }
+        }
+        let filament = records.iter().map(|record| match record {
+            Record::Step(StepEvent { axes: 8, directions, .. }) => {
+                if *directions == 0 {
+                    1
+                } else {
+                    -1
+                }
+            }
+            _ => 0,
+        });
+        // 0.75 three times, a retraction and a recovery, and 1.
+        assert_eq!(filament.sum::<i32>(), 260);
+        let ends = records.iter().filter(|record| matches!(record, Record::MoveEnd { .. })).count();
+        assert_eq!(ends, job.moves.len());
+    }
+}
+
+/// A plan by other rules has an extruder of whole steps, as this machine's; fine ones measure as none do.
+#[test]
+fn coarse_steps_of_the_extruder_are_seen_at_a_corner() {
+    let (job, speeds) = job();
+    let plans = Plan::of_job(&job, &speeds, FILAMENT_MM2);
+    let mzv = [50.0, 40.0].map(|hz| Shaper::new(ShaperKind::Mzv, hz, 0.1).unwrap());
+    let filters = Filters { shapers: mzv, extruder: ExtruderFilter::klipper(0.04, 0.04) };
+    let mut measures = Measures::default();
+    let time_s = simulate(&plans, &filters, &Machine::default(), FILAMENT_MM2, &mut measures).unwrap();
+    let (unstepped, _) = measures.finish(time_s);
+    let stepped = |extruder_steps_per_mm: f64| {
+        let mut header = header(Kinematics::Cartesian, 400.0);
+        header.steps_per_mm[3] = extruder_steps_per_mm;
+        let path = PathSource::of_job(&job, &speeds, FILAMENT_MM2);
+        let mut steps =
+            StepSimulation::new(header, &Machine::default(), FILAMENT_MM2, path, Measures::default()).unwrap();
+        assert_eq!(steps.play_plans(&plans, &filters).unwrap(), time_s);
+        steps.finish().unwrap().0.finish(time_s).0
+    };
+    let (fine, coarse) = (stepped(3000.0), stepped(95.0));
+    let corner = |report: &Report| report.bead.corner_volume_mm3;
+    assert!((corner(&fine) - corner(&unstepped)).abs() < 0.001, "{fine:?} {unstepped:?}");
+    assert!(corner(&coarse) > corner(&fine) + 0.004, "{coarse:?} {fine:?}");
+    let error = |report: &Report| report.contour_error_um.p99;
+    assert!((error(&fine) - error(&unstepped)).abs() < 2.0, "{fine:?} {unstepped:?}");
+    assert_eq!((fine.bead.corners, fine.bead.ends), (unstepped.bead.corners, unstepped.bead.ends));
 }
 
 fn play(header: TraceHeader, machine: &Machine, path: PathSource, records: &[Record]) -> Result<Report, StepsError> {
