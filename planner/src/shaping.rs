@@ -3,7 +3,8 @@
 //! A shaper ([`AxisShaper`]) gives a [`Kernel`]: weights and delays. The shaped position of an axis is the weighted sum of its
 //! planned positions at those delays (Singer and Seering 1990).
 //!
-//! The extruder goes through the filters of X and Y, and its advance ([`PressureAdvance`]) is two more delays.
+//! The extruder's filter spreads the flow as the shapers and the frame together spread the path, so that the filament comes where
+//! the nozzle is; its advance ([`PressureAdvance`]) is the mean between two delays.
 
 mod fixed;
 mod kernel;
@@ -32,8 +33,8 @@ pub const MAX_LENGTH_TICKS: u32 = TICKS_PER_SECOND / 10;
 /// The least time over which an advance is averaged unless another is given, s: at a common K the extruder can follow it.
 const LEAST_SMOOTH_TIME_S: f64 = 0.008;
 
-/// An average has the spread of a filter, Var = B^2 / 12, at this B. The least filament is misplaced at corners where it is somewhat
-/// shorter.
+/// An average over B has a variance of B^2 / 12. The least filament is misplaced at corners where B is somewhat shorter than the one
+/// with the path's variance.
 const PART_OF_SPREAD: f64 = 0.9;
 
 /// The filters of a machine.
@@ -43,13 +44,16 @@ pub struct Shaping {
     pub x: Kernel,
     /// That of Y.
     pub y: Kernel,
+    /// By how much the filters and the frame together spread the path of the nozzle, squared ticks: the mean of X's variance and Y's,
+    /// at least 0. The extruder's filter has it too.
+    pub path_variance: f64,
     /// Over how many ticks the extruder's advance is averaged; 0: it has none.
     pub advance_ticks: u32,
 }
 
 impl Shaping {
     /// No filters: every motor follows the plan itself.
-    pub const NONE: Self = Self { x: Kernel::IDENTITY, y: Kernel::IDENTITY, advance_ticks: 0 };
+    pub const NONE: Self = Self { x: Kernel::IDENTITY, y: Kernel::IDENTITY, path_variance: 0.0, advance_ticks: 0 };
 
     /// The filters of these shapers of X and Y, and of this advance.
     ///
@@ -57,7 +61,10 @@ impl Shaping {
     /// The first shaper that cannot be made.
     pub fn new(shapers: &[AxisShaper; 2], advance: &PressureAdvance) -> Result<Self, ShaperError> {
         let [x, y] = shapers;
-        let filters = Self { x: x.kernel()?, y: y.kernel()?, advance_ticks: 0 };
+        let (x_kernel, y_kernel) = (x.kernel()?, y.kernel()?);
+        let variance = 0.5 * (x.path_variance(&x_kernel) + y.path_variance(&y_kernel));
+        let path_variance = if variance > 0.0 { variance } else { 0.0 };
+        let filters = Self { x: x_kernel, y: y_kernel, path_variance, advance_ticks: 0 };
         let advance_ticks = if advance.is_some() { filters.average_ticks(advance.smooth_time_s) } else { 0 };
         Ok(Self { advance_ticks, ..filters })
     }
@@ -67,8 +74,7 @@ impl Shaping {
     fn average_ticks(&self, smooth_time_s: Option<f64>) -> u32 {
         let ticks_per_second = f64::from(TICKS_PER_SECOND);
         let ticks = smooth_time_s.map(|time_s| time_s * ticks_per_second).unwrap_or_else(|| {
-            let variance = 0.5 * (self.x.variance() + self.y.variance());
-            let spread = PART_OF_SPREAD * f64::from(square_root_f32((12.0 * variance) as f32));
+            let spread = PART_OF_SPREAD * f64::from(square_root_f32((12.0 * self.path_variance) as f32));
             let least = LEAST_SMOOTH_TIME_S * ticks_per_second;
             if spread > least { spread } else { least }
         });

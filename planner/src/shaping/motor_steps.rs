@@ -82,8 +82,9 @@ impl MotorSteps {
         // The same motion, forwards.
         let (start, end, sign) =
             if backwards { (start.wrapping_neg(), end.wrapping_neg(), -1.0) } else { (start, end, 1.0) };
-        // Middles up to the end.
-        let count = (end.wrapping_add(fixed::HALF_STEP) >> fixed::STEP_BITS) as u32;
+        // Middles up to the end. One on which the motion rests belongs to the upper step, else the motor went to and fro.
+        let reach = fixed::HALF_STEP.wrapping_sub(i64::from(backwards));
+        let count = (end.wrapping_add(reach) >> fixed::STEP_BITS) as u32;
         self.left = count;
         if count == 0 {
             self.due = NEVER;
@@ -185,4 +186,27 @@ impl MotorSteps {
 fn steps(position: i64) -> f32 {
     const STEPS: f32 = 1.0 / (1_u64 << fixed::STEP_BITS) as f32;
     of_i64(position) * STEPS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motor_that_rests_in_the_middle_between_two_steps_stands() {
+        for middle in [fixed::HALF_STEP, -fixed::HALF_STEP, 7 * fixed::HALF_STEP] {
+            for from in [middle - 2 * fixed::HALF_STEP, middle + 2 * fixed::HALF_STEP] {
+                let mut motor = MotorSteps::standing((from + fixed::HALF_STEP) >> fixed::STEP_BITS);
+                let mut steps = 0;
+                for ends in [[from, middle], [middle, middle], [middle, middle]] {
+                    motor.begin(&WindowMotion { ends, acceleration: 0.0, jerk: 0.0, ticks: 100.0 });
+                    while motor.due != NEVER {
+                        motor.take();
+                        steps += 1;
+                    }
+                }
+                assert!(steps <= 1, "from {from} to {middle}: {steps} steps");
+            }
+        }
+    }
 }

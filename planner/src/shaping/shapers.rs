@@ -107,6 +107,20 @@ impl AxisShaper {
         if frequency_hz <= lowest { lowest } else { f64::from(hundredths.saturating_add(1)) / 100.0 }
     }
 
+    /// By how much this shaper's kernel and the mode that it is made for spread the path together, squared ticks.
+    ///
+    /// The mode 1 / (1 + 2 zeta s / omega + s^2 / omega^2) has the variance -2 (1 - 2 zeta^2) / omega^2, the second derivative of its
+    /// logarithm at s = 0. It is negative: the frame runs wide where the kernel cuts a corner. Without a shaper nothing is known
+    /// of the mode, and the path is not spread.
+    #[cold]
+    pub(super) fn path_variance(&self, kernel: &Kernel) -> f64 {
+        if self.kind == ShaperKind::None {
+            return 0.0;
+        }
+        let radian_ticks = f64::from(TICKS_PER_SECOND) / (core::f64::consts::TAU * self.frequency_hz);
+        kernel.variance() - 2.0 * (1.0 - 2.0 * self.damping * self.damping) * radian_ticks * radian_ticks
+    }
+
     /// The kernel of a frequency and damping in their ranges.
     #[cold]
     #[inline(never)]

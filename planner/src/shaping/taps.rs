@@ -8,15 +8,16 @@ use super::kernel::MAX_IMPULSES;
 use super::plan_ring::{PlanPiece, PlanRing};
 use crate::kinematics::Kinematics;
 use crate::pressure_advance::AdvanceSlope;
+use crate::square_root::square_root_f32;
 
-/// The most delays: those of X, of Y, that of Z, and two of the advance.
+/// The most delays: those of X, of Y, that of Z, and two around it for the extruder.
 const MAX_TAPS: usize = 2 * MAX_IMPULSES + 3;
 
 /// Index of the extruder.
 const EXTRUDER: usize = 3;
 
-/// Half of a whole weight: the extruder has half of X's filter and half of Y's.
-const HALF: u32 = 1 << (WEIGHT_BITS - 1);
+/// A whole weight.
+const WHOLE: u32 = 1 << WEIGHT_BITS;
 
 /// A delay, and what each axis takes of the plan as it was then.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +47,9 @@ pub(super) struct MotorStates {
 
 /// The delays of all axes' filters, each with its place in the plan.
 ///
-/// The filters are moved in time so that at constant speed all axes are equally late. The extruder goes with X and Y: where
-/// their filters differ, with the mean of both. Z and the extruder without them are as late as X and Y. The advance is averaged
-/// around the same time.
+/// The filters are moved in time so that at constant speed all axes are equally late. The extruder's filter has the variance of the
+/// nozzle's path: a weight at that time, and equal ones before and after. These two are where the average of the advance begins and
+/// ends, so that they cost no breakpoints of their own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taps {
     taps: [Tap; MAX_TAPS],
@@ -65,7 +66,7 @@ impl Taps {
     #[cold]
     #[inline(never)]
     pub fn new(shaping: &Shaping, kinematics: Kinematics) -> Self {
-        let Shaping { x, y, advance_ticks } = shaping;
+        let Shaping { x, y, path_variance, advance_ticks } = shaping;
         let mut taps =
             Self { taps: [Tap::NONE; MAX_TAPS], count: 0, kinematics, advance: Mean::NONE, advance_per_tick: 0.0 };
         let (late_x, late_y) = (x.centroid_ticks(), y.centroid_ticks());
@@ -79,19 +80,27 @@ impl Taps {
             let (mut sum, mut before) = (0.0, 0);
             for one in kernel.impulses() {
                 sum += one.weight;
-                let until = whole(sum * f64::from(HALF));
-                let half = until.wrapping_sub(before);
+                let until = whole(sum * f64::from(WHOLE));
+                let weight = until.wrapping_sub(before);
                 before = until;
-                taps.add(one.delay_ticks, if axis == 0 { [half << 1, 0, 0, half] } else { [0, half << 1, 0, half] }, 0);
+                taps.add(one.delay_ticks, if axis == 0 { [weight, 0, 0, 0] } else { [0, weight, 0, 0] }, 0);
             }
         }
         let late = whole(late);
-        taps.add(late, [0, 0, 2 * HALF, 0], 0);
+        let (around, outer) = if half_advance > 0 {
+            // Two weights W, so far before and after, have the variance 2 W times its square. At most all of the weight is there.
+            let half = f64::from(half_advance);
+            (half_advance, whole(0.5 * path_variance / (half * half) * f64::from(WHOLE)).min(WHOLE / 2))
+        } else {
+            (whole(f64::from(square_root_f32(*path_variance as f32))).min(late), WHOLE / 2)
+        };
+        taps.add(late, [0, 0, WHOLE, WHOLE.wrapping_sub(2 * outer)], 0);
+        let sign = i8::from(half_advance > 0);
+        taps.add(late.saturating_sub(around), [0, 0, 0, outer], sign);
+        taps.add(late.saturating_add(around), [0, 0, 0, outer], -sign);
         if half_advance > 0 {
             taps.advance = Mean::over(half_advance.wrapping_mul(2));
             taps.advance_per_tick = 0.5 / half_advance as f32;
-            taps.add(late.saturating_sub(half_advance), [0; 4], 1);
-            taps.add(late.saturating_add(half_advance), [0; 4], -1);
         }
         taps
     }
@@ -254,5 +263,51 @@ mod tests {
                 assert_eq!(tap.motors & 0b11 == 0b11, tap.weights[0] != 0 || tap.weights[1] != 0);
             }
         }
+    }
+
+    /// The extruder's weights: mean delay and variance.
+    fn extruder_moments(taps: &Taps) -> (f64, f64) {
+        let weights =
+            || taps.taps().map(|tap| (f64::from(tap.weights[EXTRUDER]) / f64::from(WHOLE), f64::from(tap.delay_ticks)));
+        let mean: f64 = weights().map(|(weight, delay)| weight * delay).sum();
+        (mean, weights().map(|(weight, delay)| weight * (delay - mean) * (delay - mean)).sum())
+    }
+
+    #[test]
+    fn filament_is_spread_as_the_path_is() {
+        let of = |kind, frequency_hz| AxisShaper { kind, frequency_hz, damping: 0.1 };
+        let advance = |smooth_time_s| PressureAdvance { seconds: 0.04, smooth_time_s, ..PressureAdvance::NONE };
+        let none = AxisShaper::NONE;
+        let mzv = of(ShaperKind::Mzv, 50.0);
+        let squared_second = f64::from(crate::TICKS_PER_SECOND).powi(2);
+        // MZV has 32.6e-6 s^2, and a mode of 50 Hz and a damping of 0.1 takes 19.9e-6 of that back.
+        for (shapers, advance, expected_s2) in [
+            ([mzv, mzv], advance(None), 12.73e-6),
+            ([mzv, mzv], advance(Some(0.03)), 12.73e-6),
+            ([mzv, mzv], PressureAdvance::NONE, 12.73e-6),
+            ([mzv, none], advance(None), 6.36e-6),
+            ([none, none], advance(None), 0.0),
+            // Half an average of 4 ms is the farthest that there is: its square.
+            ([mzv, mzv], advance(Some(0.004)), 4e-6),
+        ] {
+            let shaping = Shaping::new(&shapers, &advance).unwrap();
+            let taps = Taps::new(&shaping, Kinematics::Cartesian);
+            let (mean, variance) = extruder_moments(&taps);
+            let late = taps.taps().find(|tap| tap.weights[2] != 0).unwrap().delay_ticks;
+            assert!((mean - f64::from(late)).abs() < 0.01, "{mean} {late}");
+            let variance_s2 = variance / squared_second;
+            assert!((variance_s2 - expected_s2).abs() < 0.01e-6, "{shapers:?} {advance:?}: {variance_s2}");
+        }
+    }
+
+    #[test]
+    fn the_extruder_has_no_delays_of_its_own_beside_its_advance() {
+        let mzv = AxisShaper { kind: ShaperKind::Mzv, frequency_hz: 50.0, damping: 0.1 };
+        let count = |advance: &PressureAdvance| {
+            Taps::new(&Shaping::new(&[mzv, mzv], advance).unwrap(), Kinematics::Cartesian).count
+        };
+        // Three of MZV, that of Z, and two more.
+        assert_eq!(count(&PressureAdvance { seconds: 0.04, ..PressureAdvance::NONE }), 6);
+        assert_eq!(count(&PressureAdvance::NONE), 6);
     }
 }

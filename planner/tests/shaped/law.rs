@@ -218,14 +218,23 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
         let centroid = centroid(impulses);
         impulses.iter().map(|one| one.weight * (one.delay_s - centroid).powi(2)).sum::<f64>()
     };
+    // What the frame's mode does to 1, t and t^2 / 2: the moments of its answer to an impulse.
+    let of_path = |axis: usize, impulses: &[Impulse]| {
+        let AxisShaper { kind, frequency_hz, damping } = case.shapers[axis];
+        let omega = std::f64::consts::TAU * frequency_hz / second;
+        let lag = 2.0 * damping / omega;
+        let second_moment = 2.0 * (4.0 * damping * damping - 1.0) / (omega * omega);
+        if kind == ShaperKind::None { 0.0 } else { variance(impulses) + second_moment - lag * lag }
+    };
+    let path = (0.5 * (of_path(0, &x) + of_path(1, &y))).max(0.0);
     let PressureAdvance { smooth_time_s, .. } = case.pressure_advance;
-    let spread = 0.9 * f64::from(((6.0 * (variance(&x) + variance(&y))) as f32).sqrt());
+    let spread = 0.9 * f64::from(((12.0 * path) as f32).sqrt());
     let average = smooth_time_s.map_or(spread.max(0.008 * second), |time_s| time_s * second);
     let half = if case.pressure_advance.is_some() { (0.5 * average).round() } else { 0.0 };
     let late = centroid(&x).max(centroid(&y)).max(half);
-    let moved = |impulses: &[Impulse], share: f64| -> Vec<Impulse> {
+    let moved = |impulses: &[Impulse]| -> Vec<Impulse> {
         let by = (late - centroid(impulses)).round();
-        impulses.iter().map(|one| Impulse { weight: share * one.weight, delay_s: one.delay_s + by }).collect()
+        impulses.iter().map(|one| Impulse { delay_s: one.delay_s + by, ..*one }).collect()
     };
     let z = vec![Impulse { weight: 1.0, delay_s: late.round() }];
     let weight = 0.5 / half;
@@ -235,5 +244,16 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
         let [sooner, later] = [late.round() - half, late.round() + half];
         vec![Impulse { weight, delay_s: sooner }, Impulse { weight: -weight, delay_s: later }]
     };
-    [moved(&x, 1.0), moved(&y, 1.0), z, [moved(&x, 0.5), moved(&y, 0.5)].concat(), advance]
+    // Filament has the path's variance: by the part of it that is half an average early, and as much late.
+    let around = if half == 0.0 { path.sqrt().round().min(late.round()) } else { half };
+    let outer = if around == 0.0 {
+        0.0
+    } else if half == 0.0 {
+        0.5
+    } else {
+        (0.5 * path / (around * around)).min(0.5)
+    };
+    let filament = [(-around, outer), (0.0, 1.0 - 2.0 * outer), (around, outer)]
+        .map(|(from_late, weight)| Impulse { weight, delay_s: late.round() + from_late });
+    [moved(&x), moved(&y), z, filament.to_vec(), advance]
 }
