@@ -62,7 +62,7 @@ fn a_value_with_which_the_job_stops_says_why() {
     assert!(warm["print_time_s"].is_f64() && warm["stopped"].is_null(), "{swept}");
     assert!(cold["print_time_s"].is_null(), "{swept}");
     let stopped = cold["stopped"].as_str().unwrap();
-    assert!(stopped.starts_with("line 4: ") && stopped.contains("expected at least 260 C"), "{stopped}");
+    assert!(stopped.starts_with("line 3: ") && stopped.contains("expected at least 260 C"), "{stopped}");
 }
 
 #[test]
