@@ -66,8 +66,8 @@ pub(crate) enum Stop {
 
 impl Stop {
     /// A command of this line ended with a failure: motion was stopped, or it cannot be done.
-    #[cold]
-    #[inline(never)]
+    // Not a call: that takes a copy of the failure, on the stack under all that a line needs.
+    #[inline(always)]
     fn of(failure: Failure, line: u32, frame: u32, offset: u64) -> Self {
         match failure {
             Failure::Command(CommandError::Stopped | CommandError::Halted) => Self::Halted,
