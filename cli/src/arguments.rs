@@ -82,6 +82,9 @@ pub enum Command {
     },
     /// Estimates a file's time with other values of the profile's keys: what a higher acceleration would gain, for one.
     Sweep(SweepArguments),
+    /// Shows a print as it is executed: prints it on the virtual board and writes one HTML page with the path in 3D, coloured by speed,
+    /// flow, pressure and more, with findings and charts; opens it in the browser.
+    Show(ShowArguments),
     /// Measures what the steps of a file, or of a trace, do to a frame that rings and to a nozzle under pressure: contour error,
     /// ringing, misplaced material, true acceleration.
     Simulate(Box<SimulateArguments>),
@@ -103,6 +106,22 @@ pub enum Command {
         #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
         profile: String,
     },
+}
+
+/// Arguments of `show`.
+#[derive(clap::Args)]
+pub struct ShowArguments {
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a prepared job; - is standard input.
+    pub file: PathBuf,
+    /// The page to write [default: the file's name with .html, in this folder].
+    #[arg(short, value_name = "PAGE.html")]
+    pub out: Option<PathBuf>,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
+    pub profile: String,
+    /// Does not open the page.
+    #[arg(long)]
+    pub no_open: bool,
 }
 
 /// Arguments of `send`.

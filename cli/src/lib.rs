@@ -18,6 +18,7 @@ pub mod send;
 #[cfg(unix)]
 pub mod serve;
 pub mod session;
+pub mod show;
 pub mod simulation;
 pub mod sweep;
 pub mod terminal;

@@ -8,6 +8,7 @@ mod sending;
 mod serving;
 #[cfg(unix)]
 mod serving_image;
+mod showing;
 mod simulating;
 mod sweeping;
 
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
         },
         Command::Estimate { job } => estimate(&job),
         Command::Sweep(arguments) => sweeping::run(&arguments),
+        Command::Show(arguments) => showing::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),

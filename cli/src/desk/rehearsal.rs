@@ -49,6 +49,11 @@ impl<O: Observer> Rehearsal<O> {
         self.machine.borrow().motor_steps()
     }
 
+    /// Gives access to the observer of the motors.
+    pub fn with_observer<T>(&self, act: impl FnOnce(&mut O) -> T) -> T {
+        act(self.machine.borrow_mut().queue_mut().observer_mut())
+    }
+
     /// The observer of the motors.
     pub fn into_observer(self) -> O {
         self.machine.into_inner().into_queue().into_observer()

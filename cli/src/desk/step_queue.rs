@@ -81,6 +81,11 @@ impl<O: Observer> VirtualStepQueue<O> {
     }
 
     /// The session's observer.
+    pub fn observer_mut(&mut self) -> &mut O {
+        &mut self.watch.observer
+    }
+
+    /// The session's observer.
     pub fn into_observer(self) -> O {
         self.watch.observer
     }

@@ -1,0 +1,241 @@
+//! Records a print for the page of `ferrostep show`.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use ferrostep_hal_shim::Heater;
+use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
+use ferrostep_planner::kinematics::UNITS_PER_MM;
+use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
+use ferrostep_printer::{Heating, Ports, Printer, Profile, Replies};
+use ferrostep_show::{Finding, LineState, Machine, Recorder, Recording, SourceText, Temperature, Text};
+use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
+
+use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, MotionState};
+use crate::gpre;
+use crate::input::Input;
+use crate::job::{self, JobError, JobProgress, Onlooker};
+use crate::record::Observer;
+use crate::remarks::{Remark, RemarkKind};
+use crate::session::{JobReplies, PrintSession, Session};
+use crate::terminal::code;
+use crate::watch::Watch;
+
+/// Most nodes of a page: about five megabytes.
+pub const MAX_NODES: usize = 500_000;
+/// Most bytes of the job's text in a page: about three megabytes of it, packed.
+pub const MAX_TEXT_BYTES: usize = 12 << 20;
+
+/// Commands that home or probe.
+const HOMING: [&str; 4] = ["G28", "G29", "G30", "G38"];
+/// Commands that wait for a heater.
+const HEATING: [&str; 4] = ["M109", "M116", "M190", "M191"];
+
+/// Hands the steps of a print to the record as they are made.
+struct ShowObserver(Recorder);
+
+impl StepObserver for ShowObserver {
+    #[inline]
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.0.stepped(tick, axes, directions);
+    }
+}
+
+impl Observer for ShowObserver {
+    fn planned(&mut self, filament_100pm: i64, ends_move: bool) {
+        self.0.planned(filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64, ends_move);
+    }
+
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        self.0.redefined(tick, motor_steps);
+    }
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        self.0.move_ended(tick, line);
+    }
+}
+
+/// Notes the state of the file at each line.
+struct Lines<'a, R> {
+    session: &'a PrintSession<ShowObserver, R>,
+    text: Rc<RefCell<Text>>,
+    state: LineState,
+    line: u32,
+    heats: &'a RefCell<Option<bool>>,
+}
+
+impl<R: Replies, P: Ports> Onlooker<P> for Lines<'_, R> {
+    fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
+        self.line = line;
+        let (layer, feature) = self.text.borrow_mut().at(line);
+        let is_one_of = |commands: &[&str]| commands.iter().any(|command| command.eq_ignore_ascii_case(code(text)));
+        self.state = LineState { layer, feature, homes: is_one_of(&HOMING), ..self.state };
+        *self.heats.borrow_mut() = Some(is_one_of(&HEATING));
+        let state = self.state;
+        self.session.desk().with_observer(|observer| {
+            observer.0.executes(line);
+            if state.homes {
+                observer.0.note_state(line, state);
+            }
+        });
+    }
+
+    fn ended(&mut self, printer: &Printer<'_, P>) {
+        self.state.feed_mm_per_s = printer.feed_mm_per_s() as f32;
+        let (line, state) = (self.line, self.state);
+        self.session.desk().with_observer(|observer| observer.0.note_state(line, state));
+    }
+}
+
+/// A print that has been recorded.
+pub struct Shown {
+    /// The motion.
+    pub recording: Recording,
+    /// The job's text.
+    pub text: Text,
+    /// The counts.
+    pub figures: Figures,
+    /// The job's progress at its end.
+    pub done: JobProgress,
+    /// Moves.
+    pub moves: u64,
+    /// Net filament.
+    pub filament_mm: f64,
+    /// Remarks on lines and on the end.
+    pub remarks: Vec<Remark>,
+    /// Why the job stopped early.
+    pub stopped: Option<JobError>,
+}
+
+/// The machine of a profile, as the record sees it.
+fn machine(profile: &Profile, max_nodes: usize) -> Machine {
+    let [a, b, c, extruder] = profile.steps_per_mm.map(|steps| 1.0 / steps.to_f64());
+    let columns = [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]].map(|motors| profile.kinematics.position(motors));
+    Machine {
+        tick_hz: TICKS_PER_SECOND,
+        mm_per_step: std::array::from_fn(|axis| columns.map(|column| column[axis])),
+        filament_mm_per_step: extruder,
+        filament_mm2: filament_mm2(profile),
+        nozzle: NozzleSettings::default(),
+        max_nodes,
+    }
+}
+
+/// Cross-section of a machine's filament.
+pub fn filament_mm2(profile: &Profile) -> f64 {
+    let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 / UNITS_PER_MM as f64;
+    diameter_mm * diameter_mm * std::f64::consts::FRAC_PI_4
+}
+
+/// Prints a job on the virtual board and records it; `look` is called from time to time. A job that stops is recorded up to there.
+///
+/// # Errors
+/// The nozzle's numbers are out of range.
+pub fn record(
+    profile: Profile,
+    input: &mut Input,
+    max_nodes: usize,
+    replies: JobReplies<impl Fn(&str)>,
+    mut look: impl FnMut(&JobProgress, &Figures),
+) -> Result<Shown, NozzleError> {
+    let recorder = Recorder::new(machine(&profile, max_nodes))?;
+    let session = Session::print(profile, LOOK_AHEAD_BLOCKS, ShowObserver(recorder), replies);
+    let mut printer = session.printer();
+    let mut done = JobProgress::default();
+    let mut watch = Watch::new(session.profile(), session.replies().remarks());
+    let heats = RefCell::new(None);
+    let between = |session: &PrintSession<ShowObserver, JobReplies<_>>| note_time(session, *heats.borrow());
+    let look = |done: &JobProgress| look(done, &session.figures());
+    let (outcome, text) = if input.is_prepared() {
+        let played = gpre::play_from(0, input, session.profile(), &mut printer, &mut done, look);
+        (session.run_with(played, between), Rc::default())
+    } else {
+        let mut source = SourceText::new(input, MAX_TEXT_BYTES);
+        let text = source.text();
+        let state = LineState::default();
+        let mut lines = Lines { session: &session, text: Rc::clone(&text), state, line: 0, heats: &heats };
+        let mut onlookers = (&mut watch, &mut lines);
+        let run = job::run_watched(&mut source, &mut printer, &mut done, &mut onlookers, look);
+        (session.run_with(run, between), text)
+    };
+    watch.end(&session.heating());
+    let tally = printer.tally();
+    drop(printer);
+    let (figures, remarks) = (session.figures(), session.replies().remarks().to_vec());
+    Ok(Shown {
+        recording: session.into_observer().0.finish(),
+        text: text.take(),
+        figures,
+        done,
+        moves: tally.moves,
+        filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
+        remarks,
+        stopped: outcome.err(),
+    })
+}
+
+/// Notes waits and temperatures after time has passed.
+fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<bool>) {
+    let now_s = session.clock().now_ns() as f64 * 1e-9;
+    let state = session.desk().state();
+    let (tick, fan_power) = (state.tick(), state.fan_power());
+    let heating = session.heating();
+    let status = Heater::ALL.map(|heater| heating.status(heater));
+    let temperature = Temperature {
+        time_s: now_s,
+        celsius: status.map(|status| status.celsius),
+        target_celsius: status.map(|status| status.target_celsius),
+        fan_power,
+    };
+    // A prepared job does not say what it waits for.
+    let heats =
+        heats.unwrap_or_else(|| status.iter().any(|status| status.target_celsius > status.celsius + 1.0));
+    session.desk().with_observer(|observer| {
+        observer.0.note_temperature(temperature);
+        observer.0.waited(tick, now_s - tick as f64 / f64::from(TICKS_PER_SECOND), heats);
+    });
+}
+
+impl Shown {
+    /// What the page lists, the most important first.
+    pub fn findings(&self) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        if let Some(error) = &self.stopped {
+            let line = crate::report::Stop::from(error).line;
+            let text = format!("The print stops here: {error}");
+            findings.push(Finding { weight: "stop", text, line, time_s: None });
+        }
+        let weight = |kind| match kind {
+            RemarkKind::Corner | RemarkKind::NoEffect => "note",
+            _ => "warning",
+        };
+        let mut remarks: Vec<&Remark> = self.remarks.iter().collect();
+        remarks.sort_by_key(|remark| weight(remark.kind) == "note");
+        findings.extend(remarks.into_iter().map(|remark| Finding {
+            weight: weight(remark.kind),
+            text: remark.to_string(),
+            line: remark.lines.first().copied(),
+            time_s: None,
+        }));
+        let totals = &self.recording.totals;
+        let mut extreme = |extreme: &ferrostep_show::Extreme, text: String| {
+            if extreme.value > 0.0 {
+                let (line, time_s) = (Some(extreme.line), Some(extreme.time_s));
+                findings.push(Finding { weight: "extreme", text, line, time_s });
+            }
+        };
+        let flow = &totals.greatest_flow;
+        extreme(flow, format!("Greatest flow: {:.1} mm³/s", flow.value));
+        let fastest = &totals.fastest_print;
+        extreme(fastest, format!("Fastest printing: {:.0} mm/s", fastest.value));
+        let travel = &totals.longest_travel;
+        extreme(travel, format!("Longest travel: {:.0} mm", travel.value));
+        let pressure = &totals.greatest_pressure;
+        extreme(pressure, format!("Greatest pressure in the nozzle: {:.2} mm³ too much in it", pressure.value));
+        let wait = &totals.longest_wait;
+        if wait.value > 0.5 {
+            extreme(wait, format!("Longest wait that is not for a heater: {:.1} s", wait.value));
+        }
+        findings
+    }
+}

@@ -1,0 +1,115 @@
+//! `ferrostep show`.
+
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal, Read, stderr};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use ferrostep::duration::hms;
+use ferrostep::input::{self, Input};
+use ferrostep::output::{Accepted, Output, Protected};
+use ferrostep::show::{self, MAX_NODES};
+use ferrostep::terminal::{self, tell};
+use ferrostep_planner::kinematics::UNITS_PER_MM;
+use ferrostep_show::{Job, write_page};
+use ferrostep_simulator::nozzle::NozzleSettings;
+
+use crate::arguments::ShowArguments;
+use crate::outcome::exit_code;
+use crate::progress::Progress;
+
+/// How our pages begin.
+const MARK: &[u8] = b"<!doctype html><!-- ferrostep show -->";
+
+/// Prints the job and writes its page.
+pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
+    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let name = input::name(&arguments.file);
+    let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
+    let path = arguments.out.clone().map_or_else(|| default_page(&arguments.file), Ok)?;
+    let mut protected = vec![Protected { path: &arguments.file, what: "the job to be read" }];
+    if ferrostep_profiles::builtin_text(&arguments.profile).is_none() {
+        protected.push(Protected { path: Path::new(&arguments.profile), what: "the profile" });
+    }
+    let out = Output::create(&path, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
+
+    let progress = Progress::new(input.size_bytes());
+    let (started, counter) = (Instant::now(), input.counter());
+    let shown = show::record(profile, &mut input, MAX_NODES, crate::replies(&progress), |done, figures| {
+        progress.show(counter.get(), done, figures, started.elapsed());
+    });
+    progress.end();
+    let shown = shown.map_err(|error| error.to_string())?;
+    let said = input.description().map(|description| &description.figures);
+    let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
+    let job = Job {
+        file: arguments.file.file_name().map_or_else(|| name.clone(), |file| terminal::name(Path::new(file))),
+        profile: profile.name.to_owned(),
+        version: ferrostep::VERSION.to_owned(),
+        print_time_s: shown.figures.print_time_s,
+        slicer_time_s: shown.done.slicer_time_s.or(said.and_then(|said| Some(said.time_s?.into()))),
+        filament_mm: shown.filament_mm,
+        filament_mm2: show::filament_mm2(&profile),
+        lines: shown.done.lines,
+        moves: shown.moves,
+        travel_mm: [profile.lower_end_10nm.map(mm), profile.size_10nm.map(mm)],
+        max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
+        nozzle_time_constant_s: NozzleSettings::default().time_constant_s,
+        chances: Vec::new(),
+        findings: shown.findings(),
+    };
+    let mut out = BufWriter::with_capacity(1 << 16, out);
+    if let Err(error) = write_page(&mut out, &job, &shown.recording, &shown.text) {
+        return Err(out.get_ref().failed(error).to_string());
+    }
+    let target = out.get_ref().target().to_path_buf();
+    Output::keep_buffered(out).map_err(|error| error.to_string())?;
+    let written = terminal::write_result(&format!(
+        "{}: {} in {} moves, {} findings\n",
+        terminal::name(&path),
+        hms(job.print_time_s),
+        job.moves,
+        job.findings.iter().filter(|finding| finding.weight != "extreme").count()
+    ));
+    if !arguments.no_open {
+        open_page(&target);
+    }
+    Ok(match shown.stopped {
+        Some(error) => exit_code(Err(format!("{name}: {error}"))),
+        None => exit_code(written),
+    })
+}
+
+/// The page's name if none is given: an older page of that name may be replaced, another file not.
+fn default_page(file: &Path) -> Result<PathBuf, String> {
+    let stem = if input::is_standard_input(file) { None } else { file.file_name() };
+    let stem = stem.map_or_else(|| "print".to_owned(), |stem| stem.to_string_lossy().into_owned());
+    let stem = [".gz", ".gcode", ".bgcode", ".gpre", ".gco", ".g"]
+        .iter()
+        .fold(stem.as_str(), |stem, end| stem.strip_suffix(end).unwrap_or(stem));
+    let page = PathBuf::from(format!("{stem}.html"));
+    let is_ours = |page: &Path| {
+        let mut start = [0; MARK.len()];
+        File::open(page).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start == MARK
+    };
+    if page.symlink_metadata().is_ok() && !is_ours(&page) {
+        return Err(format!(
+            "{}: the file exists and is no page of ours: choose the page's name with -o",
+            terminal::name(&page)
+        ));
+    }
+    Ok(page)
+}
+
+/// Opens the page where a person sits at a desktop.
+fn open_page(page: &Path) {
+    let has_desktop = !cfg!(all(unix, not(target_os = "macos")))
+        || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()));
+    if !has_desktop || !stderr().is_terminal() || !page.is_file() {
+        return;
+    }
+    if let Err(error) = open::that_detached(page) {
+        tell(format_args!("note: {}: cannot be opened: {error}", terminal::name(page)));
+    }
+}

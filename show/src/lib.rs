@@ -1,0 +1,26 @@
+//! One self-contained page that shows a print as it is executed: the path in space, coloured by what the steps do.
+//!
+//! [`Recorder`] takes the steps as they are made, the ends of moves, waits and temperatures, and keeps [`Node`]s of the path: few
+//! where the motion is even, more where it changes. [`SourceText`] reads what slicers say in comments. [`write_page`] puts the page together: data in
+//! columns, deflated, and the page's own programs (`show/page/`), which fetch nothing.
+
+mod columns;
+mod lines;
+mod motor;
+mod node;
+mod page;
+mod path;
+mod recorder;
+mod reduce;
+mod sampler;
+mod source;
+mod temperatures;
+mod totals;
+
+pub use lines::LineState;
+pub use node::{Kind, Node};
+pub use page::{Finding, Job, write_page};
+pub use recorder::{Machine, Recorder, Recording};
+pub use source::{SourceText, Text};
+pub use temperatures::Temperature;
+pub use totals::{Extreme, Totals};

@@ -1,0 +1,75 @@
+//! The nodes of the executed path.
+
+/// The layer of a node where the file marks none: the record counts them by height.
+pub(crate) const UNMARKED: u32 = u32::MAX;
+
+/// What happens between the node before and this one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Kind {
+    /// The nozzle moves without filament.
+    #[default]
+    Travel = 0,
+    /// The nozzle moves and lays filament.
+    Print = 1,
+    /// The filament alone is drawn back.
+    Retract = 2,
+    /// The filament alone is pushed.
+    Prime = 3,
+    /// The printer homes or probes.
+    Homing = 4,
+    /// The printer waits for a heater.
+    Heating = 5,
+    /// The printer waits for something else.
+    Wait = 6,
+}
+
+impl Kind {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 7] =
+        [Self::Travel, Self::Print, Self::Retract, Self::Prime, Self::Homing, Self::Heating, Self::Wait];
+
+    /// Whether the nozzle moves.
+    pub const fn moves(self) -> bool {
+        matches!(self, Self::Travel | Self::Print | Self::Homing)
+    }
+}
+
+/// The end of a part of the path, which is straight, and whose speed changes evenly along it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Node {
+    /// When it is reached, s from the first line on.
+    pub time_s: f64,
+    /// Where the nozzle is then.
+    pub position_mm: [f32; 3],
+    /// The nozzle's speed then.
+    pub speed_mm_per_s: f32,
+    /// Of a part that prints, or travels while it draws filament back: filament for each mm of path, mm^2; of filament
+    /// alone its length, mm.
+    pub bead: f32,
+    /// The volume that is compressed in the nozzle then, mm^3; negative: the gap after a retraction.
+    pub pressure_mm3: f32,
+    /// The speed that the line asks for, mm/s; 0 if unknown.
+    pub feed_mm_per_s: f32,
+    /// Number of the line in the file.
+    pub line: u32,
+    /// Layer, from 0; 0 also before the first.
+    pub layer: u32,
+    /// What the part is.
+    pub kind: Kind,
+    /// Number of the feature in the list of their names.
+    pub feature: u8,
+}
+
+impl Node {
+    /// Distance to another node, mm.
+    pub(crate) fn distance_mm(&self, other: &Self) -> f64 {
+        let squares = self.position_mm.iter().zip(other.position_mm).map(|(a, b)| f64::from(a - b) * f64::from(a - b));
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// Filament that flows in at this node, mm^3/s.
+    pub fn flow_mm3_per_s(&self) -> f32 {
+        if self.kind == Kind::Print { self.speed_mm_per_s * self.bead } else { 0.0 }
+    }
+}

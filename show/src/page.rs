@@ -1,0 +1,161 @@
+//! The page: its text, styles and programs, with a print's data, in one file.
+
+use std::io::{self, Write};
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use crate::columns::{Column, Columns, base64, packed};
+use crate::recorder::Recording;
+use crate::source::Text;
+use crate::totals::Totals;
+
+const PAGE: &str = include_str!("../page/page.html");
+const STYLE: &str = include_str!("../page/page.css");
+const SCRIPT: &str = concat!(
+    "'use strict';\n(() => {\n",
+    include_str!("../page/data.js"),
+    include_str!("../page/colours.js"),
+    include_str!("../page/camera.js"),
+    include_str!("../page/space.js"),
+    include_str!("../page/flat.js"),
+    include_str!("../page/charts.js"),
+    include_str!("../page/panels.js"),
+    include_str!("../page/main.js"),
+    "})();\n"
+);
+
+/// A remark about the print, with the place that it is about.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// `stop`, `warning`, `note` or `extreme`.
+    pub weight: &'static str,
+    /// A sentence.
+    pub text: String,
+    /// Number of the first line that it is about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u32>,
+    /// When, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<f64>,
+}
+
+/// What is known of the job besides its motion.
+#[derive(Clone, Debug, Serialize)]
+pub struct Job {
+    /// Name of the file.
+    pub file: String,
+    /// Name of the machine.
+    pub profile: String,
+    /// Version of the program.
+    pub version: String,
+    /// Time of the print, s.
+    pub print_time_s: f64,
+    /// The slicer's estimate, s.
+    pub slicer_time_s: Option<f64>,
+    /// Net filament.
+    pub filament_mm: f64,
+    /// Cross-section of the filament.
+    pub filament_mm2: f64,
+    /// Lines that were read.
+    pub lines: u32,
+    /// Moves.
+    pub moves: u64,
+    /// Size of the machine's travel, mm: lower and upper end.
+    pub travel_mm: [[f64; 3]; 2],
+    /// Greatest flow that the nozzle melts, mm^3/s, if the profile says it.
+    pub max_flow_mm3_per_s: Option<f64>,
+    /// The nozzle's time constant, s.
+    pub nozzle_time_constant_s: f64,
+    /// What could be won: words, and the print's time with them, s.
+    pub chances: Vec<(String, f64)>,
+    /// Remarks, the most important first.
+    pub findings: Vec<Finding>,
+}
+
+/// The page's first data: everything but the columns' bytes.
+#[derive(Serialize)]
+struct Description<'a> {
+    job: &'a Job,
+    totals: &'a Totals,
+    features: &'a [String],
+    columns: Vec<Column>,
+    left_out: u64,
+    text_is_cut: bool,
+    has_layers: bool,
+}
+
+/// Writes the page.
+///
+/// # Errors
+/// It cannot be written.
+pub fn write_page(out: &mut impl Write, job: &Job, recording: &Recording, text: &Text) -> io::Result<()> {
+    let (columns, data) = columns(recording).pack()?;
+    let description = Description {
+        job,
+        totals: &recording.totals,
+        features: &text.features,
+        columns,
+        left_out: recording.left_out,
+        text_is_cut: text.is_cut,
+        has_layers: text.has_layers,
+    };
+    // Within an element of a page `<` would begin a tag.
+    let description = serde_json::to_string(&description)?.replace('<', "\\u003c");
+    let lines = packed(&text.kept)?;
+    let hash = |part: &str| base64(&Sha256::digest(part));
+    let policy = format!(
+        "default-src 'none'; base-uri 'none'; form-action 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data:",
+        hash(SCRIPT),
+        hash(STYLE)
+    );
+    let title = escaped(&job.file);
+    let mut rest = PAGE;
+    for (mark, part) in [
+        ("{{policy}}", policy.as_str()),
+        ("{{title}}", &title),
+        ("{{style}}", STYLE),
+        ("{{description}}", &description),
+        ("{{data}}", &data),
+        ("{{lines}}", &lines),
+        ("{{script}}", SCRIPT),
+    ] {
+        let Some((before, after)) = rest.split_once(mark) else {
+            return Err(io::Error::other(format!("the page has no place for {mark}")));
+        };
+        out.write_all(before.as_bytes())?;
+        out.write_all(part.as_bytes())?;
+        rest = after;
+    }
+    out.write_all(rest.as_bytes())
+}
+
+fn columns(recording: &Recording) -> Columns {
+    let nodes = || recording.nodes.iter();
+    let heat = || recording.temperatures.iter();
+    let mut columns = Columns::default();
+    columns.add("time", 1e-4, nodes().map(|node| node.time_s));
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        columns.add(name, 1e-3, nodes().map(|node| node.position_mm[axis].into()));
+    }
+    columns.add("speed", 0.1, nodes().map(|node| node.speed_mm_per_s.into()));
+    columns.add("bead", 1e-4, nodes().map(|node| node.bead.into()));
+    columns.add("pressure", 1e-3, nodes().map(|node| node.pressure_mm3.into()));
+    columns.add("feed", 0.1, nodes().map(|node| node.feed_mm_per_s.into()));
+    columns.add("line", 1.0, nodes().map(|node| node.line.into()));
+    columns.add("layer", 1.0, nodes().map(|node| node.layer.into()));
+    columns.add("kind", 1.0, nodes().map(|node| f64::from(node.kind as u8)));
+    columns.add("feature", 1.0, nodes().map(|node| node.feature.into()));
+    columns.add("heatTime", 0.01, heat().map(|heat| heat.time_s));
+    for (heater, [celsius, target]) in [["nozzle", "nozzleTarget"], ["bed", "bedTarget"]].into_iter().enumerate() {
+        columns.add(celsius, 0.1, heat().map(|heat| heat.celsius[heater].into()));
+        columns.add(target, 0.1, heat().map(|heat| heat.target_celsius[heater].into()));
+    }
+    columns.add("fan", 1.0, heat().map(|heat| heat.fan_power.into()));
+    columns
+}
+
+/// Text as it may stand in an element.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;")
+}

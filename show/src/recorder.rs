@@ -1,0 +1,269 @@
+//! The record of a print: from steps, waits and temperatures to nodes.
+
+use ferrostep_simulator::nozzle::{Nozzle, NozzleError, NozzleSettings};
+
+use crate::lines::{LineState, LineStates};
+use crate::node::{Kind, Node, UNMARKED};
+use crate::path::{Path, Place};
+use crate::reduce::Nodes;
+use crate::sampler::{Sample, Sampler};
+use crate::temperatures::{Temperature, Temperatures};
+use crate::totals::Totals;
+
+/// Where the file marks no layers: a printed move that is higher by more begins one.
+const LAYER_MM: f32 = 0.04;
+
+/// What of a machine the record needs.
+#[derive(Clone, Copy, Debug)]
+pub struct Machine {
+    /// Ticks of the motion clock in a second, at least 1000.
+    pub tick_hz: u32,
+    /// Millimetres of X, Y and Z for a step of each of the three motors.
+    pub mm_per_step: [[f64; 3]; 3],
+    /// Millimetres of filament for a step of the extruder.
+    pub filament_mm_per_step: f64,
+    /// Cross-section of the filament.
+    pub filament_mm2: f64,
+    /// The nozzle.
+    pub nozzle: NozzleSettings,
+    /// Most nodes to keep, at least 16.
+    pub max_nodes: usize,
+}
+
+/// Records a print.
+#[derive(Debug)]
+pub struct Recorder {
+    machine: Machine,
+    sampler: Sampler,
+    path: Path,
+    nozzle: Nozzle,
+    /// Volume in the nozzle beyond what has flowed out, mm^3.
+    pressure_mm3: f64,
+    states: LineStates,
+    /// The line that is being executed.
+    line: u32,
+    idle_s: f64,
+    tick: u64,
+    nodes: Kept,
+    temperatures: Temperatures,
+}
+
+/// A finished record.
+#[derive(Debug)]
+pub struct Recording {
+    /// The path, in the order of time; the first is its beginning.
+    pub nodes: Vec<Node>,
+    /// Nodes that were left out because there were too many.
+    pub left_out: u64,
+    /// Sums over all nodes, also those left out.
+    pub totals: Totals,
+    /// Temperatures in time.
+    pub temperatures: Vec<Temperature>,
+}
+
+/// Nodes and what is counted of them.
+#[derive(Debug)]
+struct Kept {
+    nodes: Nodes,
+    totals: Totals,
+    last: Node,
+    /// Where the file marks no layers: the present one, and its height.
+    by_height: u32,
+    layer_z_mm: Option<f32>,
+}
+
+impl Kept {
+    fn keep(&mut self, mut node: Node) {
+        if node.layer == UNMARKED {
+            let z_mm = node.position_mm[2];
+            if node.kind == Kind::Print && self.layer_z_mm.is_none_or(|below| (z_mm - below).abs() > LAYER_MM) {
+                self.by_height += u32::from(self.layer_z_mm.is_some());
+                self.layer_z_mm = Some(z_mm);
+            }
+            node.layer = self.by_height;
+        }
+        self.totals.note(&self.last, &node);
+        self.last = node;
+        self.nodes.push(node);
+    }
+}
+
+impl Recorder {
+    /// Begins a record with the machine at zero.
+    ///
+    /// # Errors
+    /// The nozzle's numbers are out of range.
+    pub fn new(machine: Machine) -> Result<Self, NozzleError> {
+        let mut nodes = Kept {
+            nodes: Nodes::new(machine.max_nodes.max(16)),
+            totals: Totals::default(),
+            last: Node::default(),
+            by_height: 0,
+            layer_z_mm: None,
+        };
+        nodes.nodes.push(Node::default());
+        Ok(Self {
+            sampler: Sampler::new(machine.tick_hz.max(1000)),
+            path: Path::new(machine.filament_mm2, Place::default()),
+            nozzle: Nozzle::new(machine.nozzle)?,
+            pressure_mm3: 0.0,
+            states: LineStates::default(),
+            line: 0,
+            idle_s: 0.0,
+            tick: 0,
+            nodes,
+            temperatures: Temperatures::default(),
+            machine,
+        })
+    }
+
+    /// A line is being executed; its motion may come later.
+    pub fn executes(&mut self, line: u32) {
+        self.line = line;
+    }
+
+    /// The state of the file from a line on.
+    pub fn note_state(&mut self, line: u32, state: LineState) {
+        self.states.note(line, state);
+    }
+
+    /// Motors step at a tick of the motion clock; bit i of `directions`: motor i steps backwards.
+    #[inline]
+    pub fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.tick = tick;
+        if self.sampler.step(tick, axes, directions) {
+            let settled = self.sampler.settled_tick(tick);
+            self.sample(settled);
+        }
+    }
+
+    /// A move has been planned after the others, with its filament; if it ends its line's move, [`Self::move_ended`] follows.
+    pub fn planned(&mut self, filament_mm: f64, ends_move: bool) {
+        self.path.planned(filament_mm, ends_move);
+    }
+
+    /// The move of a line ends at a tick.
+    pub fn move_ended(&mut self, tick: u64, line: u32) {
+        self.sampler.end_move(tick, line);
+        self.tick = self.tick.max(tick);
+    }
+
+    /// Homing: the motors stand elsewhere from now on.
+    pub fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        self.tick = self.tick.max(tick);
+        self.settle();
+        self.path.broken_off();
+        self.sampler.redefine(tick, motor_steps);
+        let place = self.place(tick, motor_steps.map(|steps| steps as f64));
+        self.path.begin(place);
+        let node = Node {
+            time_s: place.time_s,
+            position_mm: place.position_mm.map(|mm| mm as f32),
+            kind: Kind::Homing,
+            line: self.line,
+            layer: UNMARKED,
+            pressure_mm3: self.pressure_mm3 as f32,
+            ..Node::default()
+        };
+        self.nodes.keep(node);
+    }
+
+    /// The motion clock has reached a tick, and time has passed while it stood there: in all so long since the beginning. `heats`: for a
+    /// heater.
+    pub fn waited(&mut self, tick: u64, idle_s: f64, heats: bool) {
+        if idle_s <= self.idle_s {
+            return;
+        }
+        self.tick = self.tick.max(tick);
+        self.settle();
+        self.idle_s = idle_s;
+        let state = self.states.at(self.line);
+        let kind = if heats { Kind::Heating } else { Kind::Wait };
+        // Pressure goes on falling.
+        let mut place = self.path.last();
+        let time_s = self.time_s(self.tick);
+        self.press(time_s - place.time_s, 0.0);
+        place.time_s = time_s;
+        place.pressure_mm3 = self.pressure_mm3;
+        self.path.begin(place);
+        let node = Node {
+            time_s,
+            speed_mm_per_s: 0.0,
+            bead: 0.0,
+            pressure_mm3: self.pressure_mm3 as f32,
+            feed_mm_per_s: state.feed_mm_per_s,
+            line: self.line,
+            layer: state.layer.unwrap_or(UNMARKED),
+            kind,
+            feature: state.feature,
+            position_mm: place.position_mm.map(|mm| mm as f32),
+        };
+        self.nodes.keep(node);
+    }
+
+    /// Temperatures now.
+    pub fn note_temperature(&mut self, temperature: Temperature) {
+        self.temperatures.note(temperature);
+    }
+
+    /// Ends the record.
+    pub fn finish(mut self) -> Recording {
+        self.settle();
+        let (nodes, left_out) = self.nodes.nodes.finish();
+        Recording { nodes, left_out, totals: self.nodes.totals, temperatures: self.temperatures.finish() }
+    }
+
+    fn time_s(&self, tick: u64) -> f64 {
+        tick as f64 / f64::from(self.machine.tick_hz) + self.idle_s
+    }
+
+    fn place(&self, tick: u64, [a, b, c, extruder]: [f64; 4]) -> Place {
+        let [x, y, z] = self.machine.mm_per_step;
+        let sum = |row: [f64; 3]| row[0] * a + row[1] * b + row[2] * c;
+        Place {
+            time_s: self.time_s(tick),
+            position_mm: [sum(x), sum(y), sum(z)],
+            filament_mm: extruder * self.machine.filament_mm_per_step,
+            pressure_mm3: self.pressure_mm3,
+        }
+    }
+
+    /// Pushes filament into the nozzle for a time.
+    fn press(&mut self, time_s: f64, filament_mm: f64) {
+        if time_s > 0.0 {
+            let volume_mm3 = filament_mm * self.machine.filament_mm2;
+            let out_mm3 = self.nozzle.advance(time_s, volume_mm3 / time_s);
+            self.pressure_mm3 += volume_mm3 - out_mm3;
+        }
+    }
+
+    /// Takes all samples up to a tick.
+    fn sample(&mut self, until: u64) {
+        while let Some(Sample { tick, motors, ends }) = self.sampler.next(until) {
+            let before = self.path.last();
+            let mut place = self.place(tick, motors);
+            self.press(place.time_s - before.time_s, place.filament_mm - before.filament_mm);
+            place.pressure_mm3 = self.pressure_mm3;
+            let Self { path, nodes, states, .. } = self;
+            path.pass(place, &mut |node| nodes.keep(node));
+            if let Some(line) = ends {
+                path.end(line, states, &mut |node| nodes.keep(node));
+            }
+        }
+    }
+
+    /// Takes all samples up to now, when the motors stand.
+    fn settle(&mut self) {
+        self.sample(self.tick);
+        // The rest of a grid's interval.
+        let positions = self.sampler.positions().map(|steps| steps as f64);
+        let place = self.place(self.tick, positions);
+        let before = self.path.last();
+        let filament_mm = place.filament_mm - before.filament_mm;
+        self.press(place.time_s - before.time_s, filament_mm);
+        let place = Place { pressure_mm3: self.pressure_mm3, ..place };
+        let Self { path, nodes, states, line, .. } = self;
+        path.pass(place, &mut |node| nodes.keep(node));
+        path.settle(*line, states, &mut |node| nodes.keep(node));
+    }
+}

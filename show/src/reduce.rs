@@ -1,0 +1,103 @@
+//! Fewer nodes, with the same extremes: for jobs that are too large for a page.
+
+use crate::node::Node;
+
+/// Largest distance at first from the line that replaces a node, mm.
+const FIRST_TOLERANCE_MM: f32 = 0.03;
+
+/// Nodes of a path, at most so many.
+#[derive(Debug)]
+pub(crate) struct Nodes {
+    kept: Vec<Node>,
+    maximum: usize,
+    tolerance_mm: f32,
+    /// Nodes that were left out.
+    left_out: u64,
+}
+
+impl Nodes {
+    pub fn new(maximum: usize) -> Self {
+        Self { kept: Vec::new(), maximum, tolerance_mm: FIRST_TOLERANCE_MM, left_out: 0 }
+    }
+
+    pub fn push(&mut self, node: Node) {
+        if self.kept.len() >= self.maximum {
+            self.reduce();
+        }
+        self.kept.push(node);
+    }
+
+    /// Leaves out at least a third of them.
+    fn reduce(&mut self) {
+        let before = self.kept.len();
+        let enough = before / 3 * 2;
+        // Large steps at the end: parts of another kind are joined only where nothing else helps.
+        while self.kept.len() > enough && self.tolerance_mm < 1000.0 {
+            self.pass(|a, b| a.kind == b.kind && a.layer == b.layer && a.feature == b.feature);
+            self.tolerance_mm *= 2.0;
+        }
+        while self.kept.len() > enough {
+            self.pass(|_, _| true);
+        }
+        self.left_out += (before - self.kept.len()) as u64;
+    }
+
+    /// Joins pairs of parts that may be joined and whose common node is near the line between their ends. A node with a larger speed,
+    /// pressure or flow than both its neighbours stays, and so does one with a smaller speed, unless nothing else helps.
+    fn pass(&mut self, may_join: impl Fn(&Node, &Node) -> bool) {
+        let is_last_resort = self.tolerance_mm >= 1000.0;
+        let tolerance_mm = self.tolerance_mm;
+        let mut written = 1;
+        let mut read = 1;
+        while read < self.kept.len() {
+            let node = self.kept[read];
+            if let Some(&next) = self.kept.get(read + 1) {
+                let before = self.kept[written - 1];
+                let is_near = distance_to_line_mm(&node, &before, &next) <= tolerance_mm;
+                if may_join(&node, &next) && (is_last_resort || is_near && !is_extreme(&before, &node, &next)) {
+                    self.kept[written] = joined(&node, &next);
+                    (written, read) = (written + 1, read + 2);
+                    continue;
+                }
+            }
+            self.kept[written] = node;
+            (written, read) = (written + 1, read + 1);
+        }
+        self.kept.truncate(written);
+    }
+
+    /// All of them, and the number of those that were left out.
+    pub fn finish(self) -> (Vec<Node>, u64) {
+        (self.kept, self.left_out)
+    }
+}
+
+/// Two parts as one: it ends where the second ends, and has the larger bead and pressure of both.
+fn joined(first: &Node, second: &Node) -> Node {
+    let larger = |a: f32, b: f32| if a.abs() > b.abs() { a } else { b };
+    Node {
+        bead: if first.kind == second.kind { larger(first.bead, second.bead) } else { second.bead },
+        pressure_mm3: larger(first.pressure_mm3, second.pressure_mm3),
+        ..*second
+    }
+}
+
+/// Whether a node's speed or flow stands out from both its neighbours by more than a tenth.
+fn is_extreme(before: &Node, node: &Node, next: &Node) -> bool {
+    let stands_out = |value: fn(&Node) -> f32| {
+        let [a, b, c] = [value(before), value(node), value(next)];
+        b > 1.1 * a.max(c) + 1.0 || b < 0.9 * a.min(c) - 1.0
+    };
+    stands_out(|node| node.speed_mm_per_s) || stands_out(|node| 10.0 * node.flow_mm3_per_s())
+}
+
+fn distance_to_line_mm(node: &Node, from: &Node, to: &Node) -> f32 {
+    let [line, point] = [to, node].map(|end| -> [f32; 3] {
+        std::array::from_fn(|axis| end.position_mm[axis] - from.position_mm[axis])
+    });
+    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let length = dot(line, line);
+    let along = if length > 0.0 { (dot(point, line) / length).clamp(0.0, 1.0) } else { 0.0 };
+    let off: [f32; 3] = std::array::from_fn(|axis| point[axis] - along * line[axis]);
+    dot(off, off).sqrt()
+}

@@ -1,0 +1,155 @@
+//! The text of a job as it is read: what slicers say in comments, and the lines themselves for the page.
+
+use std::cell::RefCell;
+use std::io::{self, Read};
+use std::rc::Rc;
+
+use crate::totals::MAX_FEATURES;
+
+/// Most comments that wait for a command after them: a file of nothing but comments must not fill the memory.
+const MAX_WAITING: usize = 1 << 20;
+/// Most bytes of a comment that are looked at.
+const COMMENT_BYTES: usize = 80;
+/// Longest line that is kept for the page whole.
+const LINE_BYTES: usize = 200;
+
+/// What has been read.
+#[derive(Debug, Default)]
+pub struct Text {
+    /// The first lines, each ended by a line feed.
+    pub kept: Vec<u8>,
+    /// Whether later lines were not kept.
+    pub is_cut: bool,
+    /// Names of features, in the order of their first lines; the first is empty, for what has no name.
+    pub features: Vec<String>,
+    /// Whether the file marks its layers.
+    pub has_layers: bool,
+    /// Comments that have been read and whose lines have not been reached: (line, what holds from then on).
+    changes: std::collections::VecDeque<(u32, Change)>,
+    layer: u32,
+    feature: u8,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    Layer,
+    Feature(u8),
+}
+
+impl Text {
+    /// Layer (from 0; `None` where the file marks none) and feature at a line; lines must not go back.
+    pub fn at(&mut self, line: u32) -> (Option<u32>, u8) {
+        while let Some((_, change)) = self.changes.pop_front_if(|(from, _)| *from <= line) {
+            match change {
+                // The first mark begins layer 0.
+                Change::Layer if !self.has_layers => self.has_layers = true,
+                Change::Layer => self.layer += 1,
+                Change::Feature(feature) => self.feature = feature,
+            }
+        }
+        (self.has_layers.then_some(self.layer), self.feature)
+    }
+
+    fn note(&mut self, line: u32, comment: &str) {
+        if self.changes.len() == MAX_WAITING {
+            self.changes.pop_front();
+        }
+        if comment.starts_with(";LAYER_CHANGE") || comment.starts_with(";LAYER:") || comment.starts_with("; CHANGE_LAYER") {
+            self.changes.push_back((line, Change::Layer));
+        } else if let Some(name) = feature_name(comment) {
+            let known = self.features.iter().position(|known| known == name);
+            let number = known.or_else(|| {
+                (self.features.len() < MAX_FEATURES).then(|| {
+                    self.features.push(name.to_owned());
+                    self.features.len() - 1
+                })
+            });
+            self.changes.push_back((line, Change::Feature(number.unwrap_or(0) as u8)));
+        }
+    }
+}
+
+/// `;TYPE:Perimeter` (PrusaSlicer, Cura, Orca), `; FEATURE: Outer wall` (Bambu Studio), `; feature outer perimeter` (Simplify3D).
+fn feature_name(comment: &str) -> Option<&str> {
+    let name = [";TYPE:", "; FEATURE:", ";FEATURE:", "; feature "].iter().find_map(|start| comment.strip_prefix(start))?;
+    let name = name.trim();
+    (!name.is_empty()).then_some(name)
+}
+
+/// Reads a job's text and passes it on.
+pub struct SourceText<R> {
+    inner: R,
+    text: Rc<RefCell<Text>>,
+    max_bytes: usize,
+    line: u32,
+    /// Bytes of the present line, and the first of them if it is a comment.
+    line_bytes: usize,
+    comment: Vec<u8>,
+    is_comment: bool,
+    after_return: bool,
+}
+
+impl<R: Read> SourceText<R> {
+    /// Keeps at most so many bytes of the text.
+    pub fn new(inner: R, max_bytes: usize) -> Self {
+        let text = Text { features: vec![String::new()], ..Text::default() };
+        Self {
+            inner,
+            text: Rc::new(RefCell::new(text)),
+            max_bytes,
+            line: 1,
+            line_bytes: 0,
+            comment: Vec::new(),
+            is_comment: false,
+            after_return: false,
+        }
+    }
+
+    /// What has been read.
+    pub fn text(&self) -> Rc<RefCell<Text>> {
+        Rc::clone(&self.text)
+    }
+
+    fn scan(&mut self, bytes: &[u8]) {
+        let mut text = self.text.borrow_mut();
+        for &byte in bytes {
+            let follows_return = std::mem::take(&mut self.after_return);
+            if byte == b'\n' && follows_return {
+                continue;
+            }
+            if byte == b'\n' || byte == b'\r' {
+                if self.is_comment {
+                    text.note(self.line, &String::from_utf8_lossy(&self.comment));
+                    self.comment.clear();
+                }
+                text.is_cut |= text.kept.len() >= self.max_bytes;
+                if !text.is_cut {
+                    text.kept.push(b'\n');
+                }
+                (self.line, self.line_bytes, self.is_comment) = (self.line.saturating_add(1), 0, false);
+                self.after_return = byte == b'\r';
+                continue;
+            }
+            if self.line_bytes == 0 {
+                self.is_comment = byte == b';';
+                // Only whole lines are kept.
+                text.is_cut |= text.kept.len() + LINE_BYTES + 1 > self.max_bytes;
+            }
+            if self.is_comment && self.comment.len() < COMMENT_BYTES {
+                self.comment.push(byte);
+            }
+            if !text.is_cut && self.line_bytes < LINE_BYTES {
+                text.kept.push(byte);
+            }
+            self.line_bytes += 1;
+        }
+    }
+}
+
+impl<R: Read> Read for SourceText<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(buffer)?;
+        self.scan(buffer.get(..read).unwrap_or_default());
+        Ok(read)
+    }
+}

@@ -1,0 +1,127 @@
+//! Where the time goes, and what is largest: counted before nodes are left out.
+
+use serde::Serialize;
+
+use crate::node::{Kind, Node};
+
+/// Most features that are counted apart.
+pub(crate) const MAX_FEATURES: usize = 64;
+
+/// The largest of something, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Extreme {
+    /// How much.
+    pub value: f64,
+    /// When, s.
+    pub time_s: f64,
+    /// In which line.
+    pub line: u32,
+}
+
+impl Extreme {
+    fn note(&mut self, value: f64, node: &Node) {
+        if value > self.value {
+            *self = Self { value, time_s: node.time_s, line: node.line };
+        }
+    }
+}
+
+/// Times and paths of one kind of motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Share {
+    /// s.
+    pub time_s: f64,
+    /// mm.
+    pub path_mm: f64,
+    /// mm^3.
+    pub volume_mm3: f64,
+}
+
+/// Where the time of a print goes.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Totals {
+    /// By [`Kind`].
+    pub kinds: [Share; 7],
+    /// Printing, by the number of the feature.
+    pub features: Vec<Share>,
+    /// Time of parts of moves that change their speed by more than a tenth of the asked one within them, s.
+    pub changing_s: f64,
+    /// Time that moves take longer than at the speed that their lines ask for, s: while speeds change, at corners, and by limits.
+    pub slower_s: f64,
+    /// Number of retractions.
+    pub retractions: u64,
+    /// Most retractions in one layer, and the layer, from 0.
+    pub most_retractions: (u64, u32),
+    /// Retractions in the present layer.
+    #[serde(skip)]
+    in_layer: (u64, u32),
+    /// Fastest printing, mm/s.
+    pub fastest_print: Extreme,
+    /// Fastest travel, mm/s.
+    pub fastest_travel: Extreme,
+    /// Greatest flow into the nozzle while printing, mm^3/s.
+    pub greatest_flow: Extreme,
+    /// Greatest compressed volume, mm^3.
+    pub greatest_pressure: Extreme,
+    /// Longest travel without a break, mm.
+    pub longest_travel: Extreme,
+    /// Longest wait that is not for a heater, s.
+    pub longest_wait: Extreme,
+    /// Path of the present travel, mm.
+    #[serde(skip)]
+    travel_mm: f64,
+}
+
+impl Totals {
+    /// Counts the part between two nodes.
+    pub(crate) fn note(&mut self, before: &Node, node: &Node) {
+        let time_s = (node.time_s - before.time_s).max(0.0);
+        let path_mm = before.distance_mm(node);
+        let share = Share {
+            time_s,
+            path_mm: if node.kind.moves() { path_mm } else { 0.0 },
+            volume_mm3: if node.kind == Kind::Print { path_mm * f64::from(node.bead) } else { 0.0 },
+        };
+        self.kinds[node.kind as usize].add(share);
+        let feed = f64::from(node.feed_mm_per_s);
+        if matches!(node.kind, Kind::Print | Kind::Travel) && feed > 0.0 {
+            self.slower_s += (time_s - path_mm / feed).max(0.0);
+            if f64::from((node.speed_mm_per_s - before.speed_mm_per_s).abs()) > 0.1 * feed {
+                self.changing_s += time_s;
+            }
+        }
+        self.travel_mm = if node.kind == Kind::Travel { self.travel_mm + path_mm } else { 0.0 };
+        match node.kind {
+            Kind::Print => {
+                let feature = usize::from(node.feature).min(MAX_FEATURES - 1);
+                if self.features.len() <= feature {
+                    self.features.resize(feature + 1, Share::default());
+                }
+                self.features[feature].add(share);
+                self.fastest_print.note(node.speed_mm_per_s.into(), node);
+                self.greatest_flow.note(node.flow_mm3_per_s().into(), node);
+            }
+            Kind::Travel => {
+                self.fastest_travel.note(node.speed_mm_per_s.into(), node);
+                self.longest_travel.note(self.travel_mm, node);
+            }
+            Kind::Retract => {
+                self.retractions += 1;
+                let in_layer = if self.in_layer.1 == node.layer { self.in_layer.0 + 1 } else { 1 };
+                self.in_layer = (in_layer, node.layer);
+                self.most_retractions = self.most_retractions.max(self.in_layer);
+            }
+            Kind::Wait => self.longest_wait.note(time_s, node),
+            Kind::Prime | Kind::Homing | Kind::Heating => {}
+        }
+        self.greatest_pressure.note(node.pressure_mm3.into(), node);
+    }
+}
+
+impl Share {
+    fn add(&mut self, other: Self) {
+        self.time_s += other.time_s;
+        self.path_mm += other.path_mm;
+        self.volume_mm3 += other.volume_mm3;
+    }
+}
