@@ -1,1 +1,458 @@
+// The page's state, its controls, and when it is drawn.
 
+const byId = (id) => document.getElementById(id);
+
+function themeNow() {
+  const style = getComputedStyle(document.documentElement);
+  const get = (name) => style.getPropertyValue(name).trim();
+  const grid = rgb(get('--grid'));
+  return { text: get('--text'), faint: get('--faint'), line: get('--line'), speed: get('--speed'), flow: get('--flow'), nozzle: get('--nozzle'),
+    bed: get('--bed'), warning: get('--warning'), accent: get('--accent'), grid: [...grid, Number(get('--grid-alpha'))], gridCss: get('--grid'),
+    kinds: ['--k-travel', '--k-print', '--k-retract', '--k-prime', '--k-homing', '--k-heating', '--k-wait'].map(get) };
+}
+
+async function main() {
+  const print = await load();
+  const { c, n } = print;
+  const end = c.time[n - 1];
+  let theme = themeNow();
+  const state = { time: end, playing: false, factor: 60, low: 0, high: print.layers - 1, mode: 'speed', hovered: null, last: 0 };
+
+  const canvas = byId('space');
+  const overlay = byId('overlay');
+  const flatOnly = location.hash.includes('flat');
+  const space = (!flatOnly && spaceOn(canvas, print)) || flatOn(canvas, print);
+  const charts = chartsOn(byId('charts'), print);
+  let colours = null;
+  let widths = new Float32Array(n);
+  let box = null;
+
+  showHeader(print);
+  showShares(print, theme);
+  showAbout(print, space.name);
+  showFindings(print, (time) => { stop(); keepLayersAround(time); setTime(time); flash(); });
+  byId('loading').remove();
+
+  // Where something is printed; without it, where the nozzle has been.
+  function bounds() {
+    const low = [Infinity, Infinity, Infinity];
+    const high = [-Infinity, -Infinity, -Infinity];
+    const add = (kinds) => {
+      for (let i = 1; i < n; i++) {
+        if (!kinds.includes(c.kind[i])) continue;
+        [c.x[i], c.y[i], c.z[i]].forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
+      }
+    };
+    // Not a line at the bed's edge that primes the nozzle, if there is more than one layer.
+    if (print.layers > 2) {
+      for (let i = print.layerStart[1] + 1; i < n; i++) {
+        if (c.kind[i] !== KIND.print) continue;
+        [c.x[i], c.y[i], c.z[i]].forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
+      }
+    }
+    if (low[0] > high[0]) add([KIND.print]);
+    if (low[0] > high[0]) add([KIND.travel]);
+    if (low[0] > high[0]) return [[0, 0, 0], [100, 100, 50]];
+    low[2] = Math.min(low[2], 0);
+    return [low, high];
+  }
+
+  function setWidths() {
+    const isTravel = byId('travels').checked;
+    for (let i = 1; i < n; i++) {
+      const kind = c.kind[i];
+      if (kind === KIND.print) widths[i] = Math.min(1.5, Math.max(0.15, c.bead[i] / print.height));
+      else widths[i] = isTravel && (kind === KIND.travel || kind === KIND.homing) ? 0 : -1;
+    }
+    space.widths(widths);
+    changed();
+  }
+
+  function setMode(mode) {
+    state.mode = mode;
+    byId('mode').value = mode;
+    colours = coloured(print, mode);
+    space.colour(colours);
+    showLegend();
+    changed();
+  }
+
+  function showLegend() {
+    const { mode, table } = colours;
+    const scale = byId('scale');
+    const labels = byId('scale-labels');
+    const swatches = byId('swatches');
+    swatches.replaceChildren();
+    labels.replaceChildren();
+    scale.hidden = labels.hidden = Boolean(mode.names);
+    if (mode.names) {
+      const used = new Set();
+      for (let i = 1; i < n; i++) if (c.kind[i] === KIND.print) used.add(c.feature[i]);
+      for (const feature of [...used].sort((a, b) => a - b)) {
+        const row = make('span');
+        const dot = make('i');
+        dot.style.background = FEATURE_COLOURS[feature % FEATURE_COLOURS.length];
+        row.append(dot, document.createTextNode(print.features[feature] || 'printing'));
+        swatches.append(row);
+      }
+      return;
+    }
+    const ratio = window.devicePixelRatio || 1;
+    const [width, height] = [196, 46];
+    scale.width = width * ratio;
+    scale.height = height * ratio;
+    const context = scale.getContext('2d');
+    context.scale(ratio, ratio);
+    const most = Math.max(...colours.bins) || 1;
+    // Above the colours: how long which of them lasts.
+    for (let b = 0; b < 64; b++) {
+      context.fillStyle = css(table, (b + 0.5) / 64);
+      const bar = 32 * Math.sqrt(colours.bins[b] / most);
+      context.fillRect(b * width / 64, 34 - bar, width / 64 + 0.3, bar);
+      context.fillRect(b * width / 64, 36, width / 64 + 0.3, 10);
+    }
+    const label = (value) => make('span', value.toFixed(mode.digits));
+    labels.append(label(colours.low), make('span', mode.unit), label(colours.high));
+    swatches.append(make('span', `from ${colours.least.toFixed(mode.digits)} to ${colours.most.toFixed(mode.digits)}; height: time, as its root`, 'note'));
+  }
+
+  function range() {
+    const first = Math.max(1, print.layerStart[state.low] + 1);
+    const last = print.layerStart[state.high + 1] + 1;
+    const now = stateAt(print, state.time);
+    const begun = Math.min(last, now.i);
+    const started = now.i >= first && now.i < last && now.share < 1 ? { i: now.i, position: now.position } : null;
+    return { first, last: started ? begun : Math.min(last, now.i + 1), started, now };
+  }
+
+  let isDue = false;
+  let drawn = { frames: 0, milliseconds: 0 };
+  function changed() {
+    if (isDue) return;
+    isDue = true;
+    requestAnimationFrame(frame);
+  }
+
+  function frame(at) {
+    isDue = false;
+    if (state.playing) {
+      const passed = state.last ? Math.min(0.25, (at - state.last) / 1000) : 0;
+      state.last = at;
+      state.time = Math.min(end, state.time + passed * state.factor);
+      if (state.time >= end) stop();
+      showTime();
+    }
+    const ratio = Math.min(2, window.devicePixelRatio || 1);
+    const { clientWidth: width, clientHeight: height } = canvas;
+    for (const one of [canvas, overlay]) {
+      if (one.width !== Math.round(width * ratio) || one.height !== Math.round(height * ratio)) {
+        [one.width, one.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+      }
+    }
+    const { first, last, started, now } = range();
+    space.draw(first, last, started, theme, ratio);
+    drawOverlay(width, height, ratio, now);
+    showHere(print, state.hovered ? hoveredState() : now);
+    charts.draw(state.time, theme);
+    drawn.frames += 1;
+    if (state.playing) changed();
+  }
+
+  function hoveredState() {
+    return stateAt(print, state.hovered.time);
+  }
+
+  function drawOverlay(width, height, ratio, now) {
+    const context = overlay.getContext('2d');
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, width, height);
+    const place = projection(width, height);
+    const head = place(...now.position);
+    if (head && state.time < end) {
+      const [x, y] = head;
+      context.beginPath();
+      context.moveTo(x, y);
+      context.lineTo(x - 7, y - 16);
+      context.lineTo(x - 7, y - 26);
+      context.lineTo(x + 7, y - 26);
+      context.lineTo(x + 7, y - 16);
+      context.closePath();
+      context.fillStyle = theme.accent;
+      context.globalAlpha = 0.92;
+      context.fill();
+      context.globalAlpha = 1;
+      context.lineWidth = 1.5;
+      context.strokeStyle = '#fff';
+      context.stroke();
+    }
+    if (state.flash > 0 && head) {
+      context.beginPath();
+      context.arc(head[0], head[1], 10 + 30 * state.flash, 0, 7);
+      context.strokeStyle = theme.accent;
+      context.lineWidth = 3;
+      context.globalAlpha = state.flash;
+      context.stroke();
+      context.globalAlpha = 1;
+    }
+    if (state.hovered) {
+      const { i } = state.hovered;
+      const a = place(c.x[i - 1], c.y[i - 1], c.z[i - 1]);
+      const b = place(c.x[i], c.y[i], c.z[i]);
+      if (a && b) {
+        for (const [colour, line] of [['#000', 6], ['#fff', 3]]) {
+          context.strokeStyle = colour;
+          context.lineWidth = line;
+          context.lineCap = 'round';
+          context.beginPath();
+          context.moveTo(a[0], a[1]);
+          context.lineTo(b[0], b[1]);
+          context.stroke();
+        }
+      }
+    }
+  }
+
+  function flash() {
+    state.flash = 1;
+    const step = () => {
+      state.flash = Math.max(0, state.flash - 0.04);
+      changed();
+      if (state.flash > 0) requestAnimationFrame(step);
+    };
+    step();
+  }
+
+  function setTime(time) {
+    state.time = Math.min(end, Math.max(0, time));
+    showTime();
+    changed();
+  }
+
+  function showTime() {
+    byId('time').value = String(end > 0 ? state.time / end : 0);
+    byId('clock').textContent = `${clock(state.time)} / ${clock(end)}`;
+  }
+
+  function play() {
+    if (state.time >= end) state.time = 0;
+    [state.playing, state.last] = [true, 0];
+    showPlay();
+    changed();
+  }
+
+  function stop() {
+    state.playing = false;
+    showPlay();
+  }
+
+  function showPlay() {
+    byId('play').classList.toggle('playing', state.playing);
+    byId('play').setAttribute('aria-label', state.playing ? 'Pause' : 'Play');
+  }
+
+  function setFactor(power) {
+    state.factor = 10 ** power;
+    byId('factor').value = String(power);
+    const shown = state.factor < 10 ? state.factor.toFixed(1) : String(Math.round(state.factor));
+    byId('factor-text').textContent = `${shown} ×`;
+  }
+
+  // The end of the next move, or of the one before.
+  function step(by) {
+    stop();
+    let { i } = stateAt(print, state.time);
+    const line = c.line[i];
+    if (by > 0) {
+      while (i < n - 1 && (c.line[i] === line || c.time[i] <= state.time)) i++;
+      while (i < n - 1 && c.line[i + 1] === c.line[i]) i++;
+    } else {
+      while (i > 0 && (c.line[i] === line || c.time[i] >= state.time)) i--;
+    }
+    keepLayersAround(c.time[i]);
+    setTime(c.time[i]);
+  }
+
+  function setLayers(low, high) {
+    const top = print.layers - 1;
+    state.high = Math.min(top, Math.max(0, high));
+    state.low = Math.min(state.high, Math.max(0, low));
+    byId('layer-low').value = String(state.low);
+    byId('layer-high').value = String(state.high);
+    const text = (layer) => `${layer + 1} · ${print.layerZ[layer].toFixed(2)} mm`;
+    byId('layer-high-text').textContent = text(state.high);
+    byId('layer-low-text').textContent = state.low === state.high ? '' : text(state.low);
+    changed();
+  }
+
+  // Opens the shown layers so that a time lies in them.
+  function keepLayersAround(time) {
+    const layer = c.layer[stateAt(print, time).i];
+    if (byId('single').checked) setLayers(layer, layer);
+    else if (layer < state.low || layer > state.high) setLayers(Math.min(layer, state.low), Math.max(layer, state.high));
+  }
+
+  // The visible part of the path nearest to a pixel; of those the one nearest to the eye.
+  function pick(px, py) {
+    const { first, last } = range();
+    const place = projection(canvas.clientWidth, canvas.clientHeight);
+    let best = null;
+    let a = null;
+    let aIndex = -1;
+    for (let i = first; i < last; i++) {
+      if (widths[i] < -0.5) continue;
+      if (aIndex !== i - 1) a = place(c.x[i - 1], c.y[i - 1], c.z[i - 1]);
+      const b = place(c.x[i], c.y[i], c.z[i]);
+      const from = a;
+      [a, aIndex] = [b, i];
+      if (!from || !b) continue;
+      const [dx, dy] = [b[0] - from[0], b[1] - from[1]];
+      const squared = dx * dx + dy * dy;
+      const along = squared > 0 ? Math.min(1, Math.max(0, ((px - from[0]) * dx + (py - from[1]) * dy) / squared)) : 0;
+      const off = Math.hypot(px - from[0] - along * dx, py - from[1] - along * dy);
+      const depth = from[2] + (b[2] - from[2]) * along;
+      const reach = Math.max(4, widths[i] * canvas.clientHeight / (4 * FIELD * depth));
+      if (off > reach) continue;
+      if (!best || depth < best.depth - 0.2 || (depth < best.depth + 0.2 && off < best.off)) best = { i, along, depth, off };
+    }
+    if (!best) return null;
+    const duration = c.time[best.i] - c.time[best.i - 1];
+    return { i: best.i, time: c.time[best.i - 1] + Math.max(1e-6, best.along * duration) };
+  }
+
+  function hover(event) {
+    const bounds = canvas.getBoundingClientRect();
+    const [x, y] = [event.clientX - bounds.left, event.clientY - bounds.top];
+    state.hovered = pick(x, y);
+    const tip = byId('tip');
+    tip.hidden = !state.hovered;
+    if (state.hovered) {
+      const at = hoveredState();
+      const { i } = at;
+      const [from, to] = [colours.values[2 * i], colours.values[2 * i + 1]];
+      const value = colours.mode.names ? '' : formatted(colours.mode, from + (to - from) * at.share);
+      const text = print.source.line(c.line[i]);
+      tip.replaceChildren(make('b', `line ${c.line[i]}`), make('code', text === null ? '' : text.slice(0, 60)),
+        make('span', [value, `${at.speed.toFixed(0)} mm/s`, c.kind[i] === KIND.print ? print.features[c.feature[i]] : KIND_NAMES[c.kind[i]]].filter(Boolean).join(' · ')));
+      const [tipWidth, tipHeight] = [tip.offsetWidth, tip.offsetHeight];
+      tip.style.left = `${Math.min(bounds.width - tipWidth - 6, x + 14)}px`;
+      tip.style.top = `${y + 18 + tipHeight > bounds.height ? y - tipHeight - 10 : y + 18}px`;
+    }
+    changed();
+  }
+
+  // Controls.
+  for (const [key, mode] of Object.entries(MODES)) byId('mode').append(new Option(mode.name, key));
+  byId('mode').addEventListener('change', (event) => setMode(event.target.value));
+  byId('travels').addEventListener('change', setWidths);
+  byId('single').addEventListener('change', (event) => {
+    const layer = event.target.checked ? c.layer[stateAt(print, state.time).i] : -1;
+    if (layer >= 0) setLayers(Math.min(layer, state.high), Math.min(layer, state.high)); else setLayers(0, state.high);
+  });
+  byId('play').addEventListener('click', () => (state.playing ? stop() : play()));
+  byId('back').addEventListener('click', () => step(-1));
+  byId('forward').addEventListener('click', () => step(1));
+  byId('time').addEventListener('input', (event) => { stop(); setTime(Number(event.target.value) * end); });
+  byId('factor').addEventListener('input', (event) => setFactor(Number(event.target.value)));
+  for (const [id, isHigh] of [['layer-low', false], ['layer-high', true]]) {
+    byId(id).max = String(print.layers - 1);
+    byId(id).addEventListener('input', (event) => {
+      const layer = Number(event.target.value);
+      if (byId('single').checked) setLayers(layer, layer);
+      else if (isHigh) setLayers(Math.min(state.low, layer), layer);
+      else setLayers(layer, Math.max(state.high, layer));
+    });
+  }
+  byId('layers').hidden = print.layers < 2;
+  for (const button of document.querySelectorAll('[data-view]')) {
+    button.addEventListener('click', () => { look(box, button.dataset.view); changed(); });
+  }
+
+  // Pointers on the view.
+  const pointers = new Map();
+  let moved = 0;
+  canvas.addEventListener('pointerdown', (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    moved = 0;
+  });
+  canvas.addEventListener('pointermove', (event) => {
+    const before = pointers.get(event.pointerId);
+    if (!before) { if (event.pointerType === 'mouse') hover(event); return; }
+    const [dx, dy] = [event.clientX - before[0], event.clientY - before[1]];
+    moved += Math.abs(dx) + Math.abs(dy);
+    if (moved < 4) return;
+    [state.hovered, byId('tip').hidden] = [null, true];
+    const others = [...pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    if (others.length) {
+      const apart = (place) => Math.hypot(place[0] - others[0][0], place[1] - others[0][1]) || 1;
+      zoom(apart(before) / apart([event.clientX, event.clientY]));
+      pan(dx / 2, dy / 2, canvas.clientHeight);
+    } else if (event.shiftKey || event.buttons & 6) pan(dx, dy, canvas.clientHeight);
+    else turn(dx * 0.008, dy * 0.008);
+    changed();
+  });
+  for (const name of ['pointerup', 'pointercancel']) {
+    canvas.addEventListener(name, (event) => {
+      if (pointers.delete(event.pointerId) && moved < 4 && name === 'pointerup') {
+        hover(event);
+        if (state.hovered) { const { time } = state.hovered; stop(); setTime(time); }
+      }
+    });
+  }
+  canvas.addEventListener('pointerleave', () => { state.hovered = null; byId('tip').hidden = true; changed(); });
+  canvas.addEventListener('contextmenu', (event) => event.preventDefault());
+  canvas.addEventListener('wheel', (event) => { event.preventDefault(); zoom(Math.exp(event.deltaY * (event.deltaMode ? 0.05 : 0.0015))); changed(); }, { passive: false });
+  const chart = byId('charts');
+  const chartTime = (event) => { stop(); const time = charts.timeAt(event.clientX - chart.getBoundingClientRect().left); keepLayersAround(time); setTime(time); };
+  chart.addEventListener('pointerdown', (event) => { chart.setPointerCapture(event.pointerId); chartTime(event); });
+  chart.addEventListener('pointermove', (event) => { if (chart.hasPointerCapture(event.pointerId)) chartTime(event); });
+
+  document.addEventListener('keydown', (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const inRange = event.target instanceof HTMLInputElement && event.target.type === 'range';
+    if (event.target instanceof HTMLSelectElement) return;
+    const keys = {
+      ' ': () => { if (event.target instanceof HTMLButtonElement || event.target.tagName === 'SUMMARY' || event.target.type === 'checkbox') return false; if (state.playing) stop(); else play(); },
+      ',': () => step(-1), '.': () => step(1),
+      '[': () => layerStep(-1), ']': () => layerStep(1),
+      '+': () => zoom(0.85), '=': () => zoom(0.85), '-': () => zoom(1 / 0.85),
+      '7': () => look(box, 'top'), '1': () => look(box, 'front'), '3': () => look(box, 'side'),
+      c: () => { const all = Object.keys(MODES); setMode(all[(all.indexOf(state.mode) + 1) % all.length]); },
+      t: () => byId('travels').click(), l: () => byId('single').click(),
+    };
+    if (!inRange) {
+      Object.assign(keys, { ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0), ArrowUp: () => turn(0, 0.1), ArrowDown: () => turn(0, -0.1),
+        Home: () => look(box, 'all') });
+    }
+    const act = keys[event.key] ?? keys[event.key.toLowerCase()];
+    if (!act || act() === false) return;
+    event.preventDefault();
+    changed();
+  });
+  function layerStep(by) {
+    if (byId('single').checked) setLayers(state.high + by, state.high + by); else setLayers(state.low, state.high + by);
+  }
+
+  new ResizeObserver(changed).observe(canvas);
+  new ResizeObserver(changed).observe(chart);
+  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { theme = themeNow(); changed(); });
+
+  box = bounds();
+  look(box, 'all');
+  setFactor(Math.min(4, Math.max(0, Math.log10(Math.max(1, end / 45)))));
+  setWidths();
+  setMode('speed');
+  setLayers(0, print.layers - 1);
+  setTime(end);
+  showPlay();
+  // For tests and the curious.
+  window.ferrostep = { print, state, camera, stateAt: (time) => stateAt(print, time), drawn, draws: space.name, setTime, pick, MODES };
+  document.documentElement.dataset.ready = 'true';
+}
+
+main().catch((error) => {
+  const note = document.getElementById('loading') ?? document.body.appendChild(make('p'));
+  note.textContent = `This page could not be drawn: ${error.message}. It needs a browser of 2023 or newer.`;
+  console.error(error);
+});

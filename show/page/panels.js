@@ -1,1 +1,166 @@
+// The panels of words and numbers.
 
+function showHeader(print) {
+  const { job } = print;
+  document.getElementById('title').textContent = job.file;
+  document.getElementById('subtitle').textContent =
+    `on ${job.profile}, every step of it executed by Ferrostep ${job.version}`;
+  const figures = document.getElementById('figures');
+  const figure = (name, value, note, tone) => {
+    const item = make('div', undefined, tone);
+    item.append(make('dt', name), make('dd', value));
+    if (note) item.append(make('dd', note, 'note'));
+    figures.append(item);
+  };
+  figure('print time', words(job.print_time_s));
+  if (job.slicer_time_s) {
+    const off = job.print_time_s - job.slicer_time_s;
+    const share = 100 * off / job.slicer_time_s;
+    figure('the slicer says', words(job.slicer_time_s),
+      Math.abs(share) < 0.5 ? 'the same' : `${Math.abs(share).toFixed(Math.abs(share) < 10 ? 1 : 0)} % too ${off > 0 ? 'short' : 'long'}`,
+      Math.abs(share) > 10 ? 'warned' : '');
+  }
+  figure('filament', `${(job.filament_mm / 1000).toFixed(2)} m`, `${(job.filament_mm * job.filament_mm2 / 1000).toFixed(1)} cm³`);
+  figure('layers', String(print.layers), `${print.height.toFixed(2)} mm`);
+  figure('moves', job.moves.toLocaleString('en'));
+}
+
+function showFindings(print, jump) {
+  const list = document.getElementById('finding-list');
+  const { findings } = print.job;
+  const marks = { stop: 'Stop', warning: 'Look', note: 'Note', extreme: 'Most' };
+  for (const finding of findings) {
+    const item = make('li', undefined, finding.weight);
+    const time = finding.time_s ?? timeOfLine(print, finding.line);
+    const body = make(time === null ? 'div' : 'button');
+    body.append(make('span', marks[finding.weight], 'mark'), make('span', finding.text, 'text'));
+    if (time !== null) {
+      body.type = 'button';
+      body.append(make('span', finding.line ? `line ${finding.line}, ${clock(time)}` : clock(time), 'where'));
+      body.addEventListener('click', () => jump(time, finding.line));
+    }
+    item.append(body);
+    list.append(item);
+  }
+  if (!findings.some((finding) => finding.weight !== 'extreme' && finding.weight !== 'note')) {
+    list.prepend(make('li', 'Nothing to worry about was found.', 'good'));
+  }
+}
+
+// When a line, or the next one after it that moves, begins; null for lines without a place.
+function timeOfLine(print, line) {
+  if (!line) return null;
+  const { c, n } = print;
+  for (let i = 1; i < n; i++) if (c.line[i] >= line) return c.time[i];
+  return c.time[n - 1];
+}
+
+function showShares(print, theme) {
+  const { totals, features, job } = print;
+  const box = document.getElementById('share-list');
+  const all = totals.kinds.reduce((sum, kind) => sum + kind.time_s, 0) || 1;
+  const rows = totals.features
+    .map((share, k) => ({ name: features[k] || 'printing', time: share.time_s, colour: FEATURE_COLOURS[k % FEATURE_COLOURS.length],
+      note: share.volume_mm3 > 0 ? `${(share.volume_mm3 / 1000).toFixed(2)} cm³, ${(share.path_mm / Math.max(share.time_s, 1e-9)).toFixed(0)} mm/s on average` : '' }));
+  const other = [[KIND.travel, 'Travels'], [KIND.retract, 'Retractions'], [KIND.prime, 'Filament back'], [KIND.heating, 'Heating'], [KIND.homing, 'Homing'], [KIND.wait, 'Other waits']];
+  for (const [kind, name] of other) {
+    const share = totals.kinds[kind];
+    const notes = { [KIND.travel]: `${(share.path_mm / 1000).toFixed(1)} m`, [KIND.retract]: `${totals.retractions} of them` };
+    rows.push({ name, time: share.time_s, colour: theme.kinds[kind], note: notes[kind] ?? '' });
+  }
+  const shown = rows.filter((row) => row.time > 0.0005 * all).sort((a, b) => b.time - a.time);
+  const largest = shown.length ? shown[0].time : 1;
+  for (const row of shown) {
+    const item = make('div', undefined, 'share');
+    item.append(make('span', row.name, 'name'), make('span', `${words(row.time)}`, 'time'), make('span', `${(100 * row.time / all).toFixed(1)} %`, 'part'));
+    const bar = make('span', undefined, 'bar');
+    const fill = make('i');
+    fill.style.width = `${100 * row.time / largest}%`;
+    fill.style.background = row.colour;
+    bar.append(fill);
+    item.append(bar);
+    if (row.note) item.title = row.note;
+    box.append(item);
+  }
+  const chances = document.getElementById('chances');
+  const say = (text) => chances.append(make('p', text));
+  const motion = totals.kinds[KIND.print].time_s + totals.kinds[KIND.travel].time_s;
+  if (motion > 0 && totals.slower_s > 0) {
+    say(`Moves take ${words(totals.slower_s)} longer (${(100 * totals.slower_s / all).toFixed(1)} %) than at the speeds that their lines ask for: ramps, corners and the machine's limits. Nothing that is done to acceleration wins more than that.`);
+  }
+  if (job.chances.length) {
+    const table = make('table');
+    table.append(make('caption', 'What could be won'));
+    for (const [name, time] of job.chances) {
+      const row = make('tr');
+      const won = 100 * (job.print_time_s - time) / job.print_time_s;
+      row.append(make('td', name), make('td', words(time)), make('td', `${won >= 0 ? '−' : '+'}${Math.abs(won).toFixed(1)} %`));
+      table.append(row);
+    }
+    chances.append(table);
+  }
+}
+
+function showAbout(print, how) {
+  const box = document.getElementById('about-text');
+  const say = (text) => box.append(make('p', text));
+  say('The print ran on a virtual board with the code that runs on the printer\'s. The path, its speeds and times are those of the motors\' steps, sampled each millisecond: what the firmware does, not what the file asks for.');
+  say(`Pressure in the nozzle is a model: filament compresses, and flows out with a time constant of ${print.job.nozzle_time_constant_s} s.`);
+  if (print.left_out) {
+    say(`This job is too large for a page: ${print.left_out.toLocaleString('en')} of its points were left out where the path hardly bends and nothing is extreme. Sums, times and extremes are of all.`);
+  }
+  if (print.text_is_cut) say('The G-code of later lines was left out of the page.');
+  if (!print.has_layers) say('The file marks no layers: they are told by the height of printed moves.');
+  say(`Drawn with ${how}. This page fetches nothing from anywhere.`);
+  const keys = make('table');
+  keys.append(make('caption', 'Keys'));
+  for (const [key, what] of [['Space', 'play, pause'], [', .', 'the move before, the next'], ['[ ]', 'a layer down, up'], ['arrows', 'turn'], ['+ −', 'zoom'],
+    ['Home 7 1 3', 'views'], ['C', 'next colour'], ['T', 'travels'], ['L', 'one layer'], ['drag, wheel', 'turn, zoom; with Shift or two fingers: move']]) {
+    const row = make('tr');
+    row.append(make('td', key), make('td', what));
+    keys.append(row);
+  }
+  box.append(keys);
+}
+
+// The place where the nozzle is, in numbers, with its lines.
+function showHere(print, state) {
+  const { c } = print;
+  const { i } = state;
+  const now = document.getElementById('now');
+  const rows = [
+    ['doing', c.kind[i] === KIND.print && print.features[c.feature[i]] ? print.features[c.feature[i]] : KIND_NAMES[c.kind[i]]],
+    ['line', String(c.line[i])],
+    ['layer', `${c.layer[i] + 1} of ${print.layers}`],
+    ['place', state.position.map((v, k) => 'XYZ'[k] + v.toFixed(2)).join(' ')],
+    ['speed', `${state.speed.toFixed(1)} mm/s` + (c.feed[i] > 0 && c.kind[i] < 2 ? ` of ${c.feed[i].toFixed(0)}` : '')],
+    ['change', `${state.acceleration.toFixed(0)} mm/s²`],
+    ['flow', `${state.flow.toFixed(2)} mm³/s`],
+    ['pressure', `${state.pressure.toFixed(3)} mm³`],
+    ['nozzle', `${state.nozzle.toFixed(1)} °C` + (state.nozzleTarget ? ` of ${state.nozzleTarget.toFixed(0)}` : '')],
+    ['bed', `${state.bed.toFixed(1)} °C` + (state.bedTarget ? ` of ${state.bedTarget.toFixed(0)}` : '')],
+  ];
+  if (now.childElementCount !== 2 * rows.length) now.replaceChildren(...rows.flatMap(() => [make('dt'), make('dd')]));
+  rows.forEach(([name, value], k) => {
+    if (now.children[2 * k].textContent !== name) now.children[2 * k].textContent = name;
+    if (now.children[2 * k + 1].textContent !== value) now.children[2 * k + 1].textContent = value;
+  });
+  showSource(print, c.line[i]);
+}
+
+let sourceShown = -1;
+function showSource(print, line) {
+  if (line === sourceShown) return;
+  sourceShown = line;
+  const box = document.getElementById('source');
+  const lines = [];
+  for (let number = line - 3; number <= line + 5; number++) {
+    const text = print.source.line(number);
+    if (text === null) continue;
+    const row = make('span', undefined, number === line ? 'current' : '');
+    row.append(make('b', String(number)), document.createTextNode(` ${text}\n`));
+    lines.push(row);
+  }
+  box.replaceChildren(...lines);
+  box.hidden = !lines.length;
+}
