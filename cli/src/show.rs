@@ -213,7 +213,10 @@ impl Shown {
         remarks.sort_by_key(|remark| weight(remark.kind) == "note");
         findings.extend(remarks.into_iter().map(|remark| Finding {
             weight: weight(remark.kind),
-            text: remark.to_string(),
+            text: match remark.count {
+                0 | 1 => remark.message.clone(),
+                count => format!("{} ({count} lines)", remark.message),
+            },
             line: remark.lines.first().copied(),
             time_s: None,
         }));

@@ -12,12 +12,14 @@ function showHeader(print) {
     if (note) item.append(make('dd', note, 'note'));
     figures.append(item);
   };
-  figure('print time', words(job.print_time_s));
+  const heating = print.totals.kinds[KIND.heating].time_s;
+  figure('print time', words(job.print_time_s), heating > 0.5 ? `${words(heating)} of it heating` : '');
   if (job.slicer_time_s) {
-    const off = job.print_time_s - job.slicer_time_s;
+    // Slicers leave the heating out.
+    const off = job.print_time_s - heating - job.slicer_time_s;
     const share = 100 * off / job.slicer_time_s;
     figure('the slicer says', words(job.slicer_time_s),
-      Math.abs(share) < 0.5 ? 'the same' : `${Math.abs(share).toFixed(Math.abs(share) < 10 ? 1 : 0)} % too ${off > 0 ? 'short' : 'long'}`,
+      Math.abs(share) < 0.5 ? 'right, without heating' : `${Math.abs(share).toFixed(Math.abs(share) < 10 ? 1 : 0)} % too ${off > 0 ? 'short' : 'long'}, without heating`,
       Math.abs(share) > 10 ? 'warned' : '');
   }
   figure('filament', `${(job.filament_mm / 1000).toFixed(2)} m`, `${(job.filament_mm * job.filament_mm2 / 1000).toFixed(1)} cm³`);

@@ -10,6 +10,9 @@ const STRAIGHT_MM: f64 = 0.012;
 /// Largest difference of a sample's speed from the even change between two nodes, mm/s, or this part of it.
 const EVEN_MM_PER_S: f64 = 2.0;
 const EVEN_PART: f64 = 0.03;
+/// The same for the volume that is compressed in the nozzle, mm^3: it changes by itself.
+const PRESSURE_MM3: f64 = 0.02;
+const PRESSURE_PART: f64 = 0.06;
 /// A shorter path is a motor that settles.
 const REST_MM: f64 = 0.03;
 
@@ -64,7 +67,9 @@ pub(crate) struct Path {
     last: Passed,
     /// Speed over the interval before the last sample, and that interval.
     last_interval: (f64, f64),
-    doors: [Door; 4],
+    doors: [Door; 5],
+    /// The last sample that lay on the line from the last node.
+    admitted: Option<Passed>,
     open: Vec<Passed>,
     /// The end of the last move, whose speed is known with the next sample.
     ended: Option<Node>,
@@ -82,7 +87,8 @@ impl Path {
             anchor: start,
             last: start,
             last_interval: (0.0, 1.0),
-            doors: [Door::OPEN; 4],
+            doors: [Door::OPEN; 5],
+            admitted: None,
             open: Vec::new(),
             ended: None,
             planned_mm: VecDeque::new(),
@@ -109,7 +115,8 @@ impl Path {
         let start = Passed { place, ..Passed::default() };
         (self.start, self.anchor, self.last) = (start, start, start);
         self.last_interval = (0.0, 1.0);
-        self.doors = [Door::OPEN; 4];
+        self.doors = [Door::OPEN; 5];
+        self.admitted = None;
         self.open.clear();
     }
 
@@ -143,27 +150,43 @@ impl Path {
         self.last = Passed { place, along_mm: self.last.along_mm + step_mm, speed_mm_per_s: speed };
     }
 
-    /// Keeps a node before the last sample if that does not lie on the line from the last node.
+    /// Keeps a node at the sample before the last one if the last one does not lie on the line from the last node through it.
     fn keep_if_bent(&mut self) {
         let candidate = self.last;
-        let along = candidate.along_mm - self.anchor.along_mm;
-        if along <= 0.0 {
+        if candidate.along_mm <= self.anchor.along_mm {
             self.anchor = candidate;
             return;
         }
+        if !self.admits(&candidate)
+            && let Some(before) = self.admitted
+        {
+            self.open.push(before);
+            self.anchor = before;
+            self.doors = [Door::OPEN; 5];
+            if candidate.along_mm > before.along_mm {
+                self.admits(&candidate);
+            }
+        }
+        self.admitted = Some(candidate);
+    }
+
+    fn admits(&mut self, candidate: &Passed) -> bool {
         let anchor = self.anchor;
-        let tolerance = EVEN_MM_PER_S.max(EVEN_PART * candidate.speed_mm_per_s);
+        let along = candidate.along_mm - anchor.along_mm;
+        let [x, y, z] = std::array::from_fn(|axis| candidate.place.position_mm[axis] - anchor.place.position_mm[axis]);
+        let (speed, pressure) = (candidate.speed_mm_per_s, candidate.place.pressure_mm3);
+        let rises = [
+            (x, STRAIGHT_MM),
+            (y, STRAIGHT_MM),
+            (z, STRAIGHT_MM),
+            (speed - anchor.speed_mm_per_s, EVEN_MM_PER_S.max(EVEN_PART * speed)),
+            (pressure - anchor.place.pressure_mm3, PRESSURE_MM3.max(PRESSURE_PART * pressure.abs())),
+        ];
         let mut fits = true;
-        for axis in 0..3 {
-            let rise = candidate.place.position_mm[axis] - anchor.place.position_mm[axis];
-            fits &= self.doors[axis].admits(along, rise, STRAIGHT_MM);
+        for (door, (rise, tolerance)) in self.doors.iter_mut().zip(rises) {
+            fits &= door.admits(along, rise, tolerance);
         }
-        fits &= self.doors[3].admits(along, candidate.speed_mm_per_s - anchor.speed_mm_per_s, tolerance);
-        if !fits {
-            self.open.push(candidate);
-            self.anchor = candidate;
-            self.doors = [Door::OPEN; 4];
-        }
+        fits
     }
 
     /// The move of a line ends at the last sample. Its nodes go to `keep`.
@@ -209,7 +232,8 @@ impl Path {
         self.open.clear();
         self.last.along_mm = 0.0;
         (self.start, self.anchor) = (self.last, self.last);
-        self.doors = [Door::OPEN; 4];
+        self.doors = [Door::OPEN; 5];
+        self.admitted = None;
     }
 }
 

@@ -13,6 +13,9 @@ use crate::totals::Totals;
 /// Where the file marks no layers: a printed move that is higher by more begins one.
 const LAYER_MM: f32 = 0.04;
 
+/// Shorter waits are a rounding of clocks.
+const SHORTEST_WAIT_S: f64 = 1e-5;
+
 /// What of a machine the record needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
@@ -171,7 +174,7 @@ impl Recorder {
     /// The motion clock has reached a tick, and time has passed while it stood there: in all so long since the beginning. `heats`: for a
     /// heater.
     pub fn waited(&mut self, tick: u64, idle_s: f64, heats: bool) {
-        if idle_s <= self.idle_s {
+        if idle_s <= self.idle_s + SHORTEST_WAIT_S {
             return;
         }
         self.tick = self.tick.max(tick);
