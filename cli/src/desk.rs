@@ -16,7 +16,7 @@ pub use drivers::DeskDrivers;
 pub use figures::Figures;
 pub use heat::{DeskHeat, DeskHeating};
 pub use live::{LiveDesk, LiveMachine};
-pub use plan_reader::{PlanReader, PlannedMotion};
+pub use plan_reader::{LimitFactors, PlanReader, PlannedMotion};
 pub use queue_machine::QueueMachine;
 pub use rehearsal::{DeskMachine, Rehearsal};
 pub use session_motion::{Desk, MotionState};

@@ -17,7 +17,8 @@ use ferrostep_printer::{
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
 use crate::desk::{
-    Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LiveDesk, MotionState, PlanReader, Rehearsal,
+    Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LimitFactors, LiveDesk, MotionState, PlanReader,
+    Rehearsal,
 };
 use crate::record::Observer;
 use crate::remarks::{RemarkKind, RemarkList};
@@ -82,6 +83,13 @@ impl<R: Replies> PlanSession<R> {
     /// A machine that only plans.
     pub fn estimate(profile: Profile, look_ahead: usize, replies: R) -> Self {
         Self::new(profile, replies, |drivers| PlanReader::new(&profile, look_ahead, drivers, false))
+    }
+
+    /// A machine that only plans, with its limits times factors.
+    pub fn estimate_with(profile: Profile, look_ahead: usize, factors: LimitFactors, replies: R) -> Self {
+        Self::new(profile, replies, |drivers| {
+            PlanReader::new(&profile, look_ahead, drivers, false).with_factors(factors)
+        })
     }
 
     /// A machine that only plans, and records its plan.

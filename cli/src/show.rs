@@ -1,6 +1,7 @@
 //! Records a print for the page of `ferrostep show`.
 
 use std::cell::RefCell;
+use std::path::Path;
 use std::rc::Rc;
 
 use ferrostep_hal_shim::Heater;
@@ -11,7 +12,7 @@ use ferrostep_printer::{Heating, Ports, Printer, Profile, Replies};
 use ferrostep_show::{Finding, LineState, Machine, Recorder, Recording, SourceText, Temperature, Text};
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
-use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, MotionState};
+use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
 use crate::gpre;
 use crate::input::Input;
 use crate::job::{self, JobError, JobProgress, Onlooker};
@@ -194,6 +195,33 @@ fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<
         observer.0.note_temperature(temperature);
         observer.0.waited(tick, now_s - tick as f64 / f64::from(TICKS_PER_SECOND), heats);
     });
+}
+
+/// Estimates a file with other limits: words for them, and the print's time, s. None where it stops or cannot be read.
+pub fn chances(profile: Profile, file: &Path) -> Vec<(String, f64)> {
+    let factors = |acceleration, corners| LimitFactors { acceleration, corners };
+    let questions = [
+        ("twice the acceleration", factors(2.0, 1.0)),
+        ("four times the acceleration", factors(4.0, 1.0)),
+        ("half the acceleration", factors(0.5, 1.0)),
+        ("corners rounded four times as far", factors(1.0, 4.0)),
+    ];
+    std::thread::scope(|scope| {
+        let asked = questions.map(|(words, factors)| (words, scope.spawn(move || estimate(profile, file, factors))));
+        let answers = asked.map(|(words, thread)| Some((words.to_owned(), thread.join().ok()??)));
+        answers.into_iter().flatten().collect()
+    })
+}
+
+/// Time of a file's print with other limits, s.
+fn estimate(profile: Profile, file: &Path, factors: LimitFactors) -> Option<f64> {
+    let mut input = Input::open(file).ok().filter(|input| !input.is_prepared())?;
+    let replies = JobReplies::new(|_: &str| {});
+    let session = Session::estimate_with(profile, LOOK_AHEAD_BLOCKS, factors, replies);
+    let mut printer = session.printer();
+    let mut done = JobProgress::default();
+    session.run(job::run(&mut input, &mut printer, &mut done, |_| {})).ok()?;
+    Some(session.figures().print_time_s)
 }
 
 impl Shown {

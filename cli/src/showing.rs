@@ -22,6 +22,9 @@ use crate::progress::Progress;
 /// How our pages begin.
 const MARK: &[u8] = b"<!doctype html><!-- ferrostep show -->";
 
+/// Largest file whose time is estimated with other limits, too.
+const MAX_ASKED_BYTES: u64 = 32 << 20;
+
 /// Prints the job and writes its page.
 pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
@@ -36,11 +39,19 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
 
     let progress = Progress::new(input.size_bytes());
     let (started, counter) = (Instant::now(), input.counter());
-    let shown = show::record(profile, &mut input, MAX_NODES, crate::replies(&progress), |done, figures| {
-        progress.show(counter.get(), done, figures, started.elapsed());
+    // What is read once cannot be asked twice, and a large file should not be.
+    let asks = arguments.file.is_file() && !input.is_prepared() && input.size_bytes() <= MAX_ASKED_BYTES;
+    let (shown, chances) = std::thread::scope(|scope| {
+        let chances = asks.then(|| scope.spawn(|| show::chances(profile, &arguments.file)));
+        let shown = show::record(profile, &mut input, MAX_NODES, crate::replies(&progress), |done, figures| {
+            progress.show(counter.get(), done, figures, started.elapsed());
+        });
+        (shown, chances.and_then(|thread| thread.join().ok()).unwrap_or_default())
     });
     progress.end();
     let shown = shown.map_err(|error| error.to_string())?;
+    // With a stop there is no whole print to compare with.
+    let chances = if shown.stopped.is_some() { Vec::new() } else { chances };
     let said = input.description().map(|description| &description.figures);
     let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
     let job = Job {
@@ -56,7 +67,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
         travel_mm: [profile.lower_end_10nm.map(mm), profile.size_10nm.map(mm)],
         max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
         nozzle_time_constant_s: NozzleSettings::default().time_constant_s,
-        chances: Vec::new(),
+        chances,
         findings: shown.findings(),
     };
     let mut out = BufWriter::with_capacity(1 << 16, out);

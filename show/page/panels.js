@@ -19,7 +19,7 @@ function showHeader(print) {
     const off = job.print_time_s - heating - job.slicer_time_s;
     const share = 100 * off / job.slicer_time_s;
     figure('the slicer says', words(job.slicer_time_s),
-      Math.abs(share) < 0.5 ? 'right, without heating' : `${Math.abs(share).toFixed(Math.abs(share) < 10 ? 1 : 0)} % too ${off > 0 ? 'short' : 'long'}, without heating`,
+      Math.abs(share) < 0.5 ? 'the same, without heating' : `${Math.abs(share).toFixed(Math.abs(share) < 10 ? 1 : 0)} % too ${off > 0 ? 'short' : 'long'}, without heating`,
       Math.abs(share) > 10 ? 'warned' : '');
   }
   figure('filament', `${(job.filament_mm / 1000).toFixed(2)} m`, `${(job.filament_mm * job.filament_mm2 / 1000).toFixed(1)} cm³`);

@@ -150,6 +150,7 @@ function spaceOn(canvas, print) {
         gl.bindBuffer(gl.ARRAY_BUFFER, placeBuffer);
         gl.bufferSubData(gl.ARRAY_BUFFER, 12 * started.i, new Float32Array(started.position));
         parts(started.i, 1);
+        gl.bindBuffer(gl.ARRAY_BUFFER, placeBuffer);
         gl.bufferSubData(gl.ARRAY_BUFFER, 12 * started.i, places.subarray(3 * started.i, 3 * started.i + 3));
       }
     },

@@ -170,9 +170,45 @@ impl StepSink for Seek<'_> {
     fn notice(&mut self, _notice: Notice) {}
 }
 
+/// Factors of a plan's limits, powers of two: for estimates of what another machine would take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimitFactors {
+    /// Of all accelerations.
+    pub acceleration: f64,
+    /// Of the deviation at corners.
+    pub corners: f64,
+}
+
+impl Default for LimitFactors {
+    /// The machine as it is.
+    fn default() -> Self {
+        Self { acceleration: 1.0, corners: 1.0 }
+    }
+}
+
+impl LimitFactors {
+    fn of(self, limits: Limits) -> Limits {
+        let Self { acceleration, corners } = self;
+        Limits {
+            max_feed_mm_per_s: limits.max_feed_mm_per_s,
+            max_acceleration_mm_per_s2: limits.max_acceleration_mm_per_s2.map(|axis| axis * acceleration),
+            print_acceleration_mm_per_s2: limits.print_acceleration_mm_per_s2 * acceleration,
+            travel_acceleration_mm_per_s2: limits.travel_acceleration_mm_per_s2 * acceleration,
+            retract_acceleration_mm_per_s2: limits.retract_acceleration_mm_per_s2 * acceleration,
+            junction_deviation_mm: limits.junction_deviation_mm * corners,
+            instantaneous_corner_velocity_mm_per_s: limits.instantaneous_corner_velocity_mm_per_s,
+        }
+    }
+
+    const fn inverse(self) -> Self {
+        Self { acceleration: 1.0 / self.acceleration, corners: 1.0 / self.corners }
+    }
+}
+
 /// A planner whose blocks are read.
 pub struct PlanReader {
     plan: RefCell<Plan>,
+    factors: LimitFactors,
     time: DeskTime,
     drivers: Rc<DeskDrivers>,
     /// Tick up to which the desk has let time pass.
@@ -197,7 +233,16 @@ impl PlanReader {
             script: is_written.then(Script::default),
         };
         let plan = Plan { planner, reading, homing_time: HomingTime::default(), enabled_motors: 0, fan_power: 0 };
-        Self { plan: RefCell::new(plan), time: DeskTime::default(), drivers, passed_tick: Cell::new(0) }
+        let factors = LimitFactors::default();
+        Self { plan: RefCell::new(plan), factors, time: DeskTime::default(), drivers, passed_tick: Cell::new(0) }
+    }
+
+    /// The same with other limits; commands that read or change them see those without the factors.
+    #[must_use]
+    pub fn with_factors(mut self, factors: LimitFactors) -> Self {
+        let planner = &mut self.plan.get_mut().planner;
+        planner.set_limits(factors.of(*planner.limits()));
+        Self { factors, ..self }
     }
 
     /// Gives access to the record of the plan.
@@ -383,11 +428,11 @@ impl Motion for PlannedMotion<'_> {
     }
 
     fn limits(&self) -> Limits {
-        *self.reader.plan.borrow().planner.limits()
+        self.reader.factors.inverse().of(*self.reader.plan.borrow().planner.limits())
     }
 
     fn set_limits(&mut self, limits: Limits) {
-        self.reader.plan.borrow_mut().planner.set_limits(limits);
+        self.reader.plan.borrow_mut().planner.set_limits(self.reader.factors.of(limits));
     }
 
     fn motion_choice(&self) -> MotionChoice {
