@@ -189,8 +189,7 @@ fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<
         fan_power,
     };
     // A prepared job does not say what it waits for.
-    let heats =
-        heats.unwrap_or_else(|| status.iter().any(|status| status.target_celsius > status.celsius + 1.0));
+    let heats = heats.unwrap_or_else(|| status.iter().any(|status| status.target_celsius > status.celsius + 1.0));
     session.desk().with_observer(|observer| {
         observer.0.note_temperature(temperature);
         observer.0.waited(tick, now_s - tick as f64 / f64::from(TICKS_PER_SECOND), heats);

@@ -116,7 +116,9 @@ fn default_page(file: &Path) -> Result<PathBuf, String> {
 /// Opens the page where a person sits at a desktop.
 fn open_page(page: &Path) {
     let has_desktop = !cfg!(all(unix, not(target_os = "macos")))
-        || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()));
+        || ["DISPLAY", "WAYLAND_DISPLAY"]
+            .iter()
+            .any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()));
     if !has_desktop || !stderr().is_terminal() || !page.is_file() {
         return;
     }

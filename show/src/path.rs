@@ -8,11 +8,13 @@ use crate::node::{Kind, Node, UNMARKED};
 /// Largest distance of a sample from the straight line between two nodes, mm.
 const STRAIGHT_MM: f64 = 0.012;
 /// Largest difference of a sample's speed from the even change between two nodes, mm/s, or this part of it.
-const EVEN_MM_PER_S: f64 = 2.0;
-const EVEN_PART: f64 = 0.03;
+const EVEN_MM_PER_S: f64 = 1.0;
+const EVEN_PART: f64 = 0.015;
 /// The same for the volume that is compressed in the nozzle, mm^3: it changes by itself.
 const PRESSURE_MM3: f64 = 0.02;
 const PRESSURE_PART: f64 = 0.06;
+/// Less filament for each mm of path is none, mm^2: a tenth of a thin line.
+const THINNEST_MM2: f64 = 0.004;
 /// A shorter path is a motor that settles.
 const REST_MM: f64 = 0.03;
 
@@ -192,22 +194,25 @@ impl Path {
     /// The move of a line ends at the last sample. Its nodes go to `keep`.
     pub fn end(&mut self, line: u32, states: &mut LineStates, keep: &mut impl FnMut(Node)) {
         let filament_mm = self.planned_mm.pop_front();
-        self.close(line, states, filament_mm, keep);
+        self.close(line, states.at(line), filament_mm, keep);
     }
 
     /// The motion so far has come to its end without the end of a line's move (homing, waits in between).
-    pub fn settle(&mut self, line: u32, states: &mut LineStates, keep: &mut impl FnMut(Node)) {
-        self.close(line, states, None, keep);
+    pub fn settle(&mut self, line: u32, homes: bool, states: &mut LineStates, keep: &mut impl FnMut(Node)) {
+        let state = states.at(line);
+        self.close(line, LineState { homes: homes || state.homes, ..state }, None, keep);
         if let Some(ended) = self.ended.take() {
             keep(Node { speed_mm_per_s: 0.0, ..ended });
         }
     }
 
-    fn close(&mut self, line: u32, states: &mut LineStates, filament_mm: Option<f64>, keep: &mut impl FnMut(Node)) {
-        let state = states.at(line);
+    fn close(&mut self, line: u32, state: LineState, filament_mm: Option<f64>, keep: &mut impl FnMut(Node)) {
         let pushed_mm = self.last.place.filament_mm - self.start.place.filament_mm;
-        let filament_mm = filament_mm.unwrap_or(pushed_mm);
         let path_mm = self.last.along_mm;
+        // Where moves are not told of (prepared jobs), the extruder's steps say what is pushed, and one of them may belong to a
+        // neighbour.
+        let is_bead = pushed_mm.abs() * self.filament_mm2 > THINNEST_MM2 * path_mm;
+        let filament_mm = filament_mm.unwrap_or(if is_bead { pushed_mm } else { 0.0 });
         let took_s = self.last.place.time_s - self.start.place.time_s;
         if took_s > 0.0 {
             let volume_mm3 = filament_mm * self.filament_mm2;

@@ -86,8 +86,11 @@ impl Kept {
             node.layer = self.by_height;
         }
         self.totals.note(&self.last, &node);
+        let is_longer = matches!(node.kind, Kind::Wait | Kind::Heating)
+            && (self.last.kind, self.last.line, self.last.position_mm) == (node.kind, node.line, node.position_mm);
         self.last = node;
-        self.nodes.push(node);
+        // A long wait comes in pieces.
+        if is_longer { self.nodes.replace_last(node) } else { self.nodes.push(node) }
     }
 }
 
@@ -154,7 +157,7 @@ impl Recorder {
     /// Homing: the motors stand elsewhere from now on.
     pub fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
         self.tick = self.tick.max(tick);
-        self.settle();
+        self.settle(true);
         self.path.broken_off();
         self.sampler.redefine(tick, motor_steps);
         let place = self.place(tick, motor_steps.map(|steps| steps as f64));
@@ -178,7 +181,7 @@ impl Recorder {
             return;
         }
         self.tick = self.tick.max(tick);
-        self.settle();
+        self.settle(false);
         self.idle_s = idle_s;
         let state = self.states.at(self.line);
         let kind = if heats { Kind::Heating } else { Kind::Wait };
@@ -211,7 +214,7 @@ impl Recorder {
 
     /// Ends the record.
     pub fn finish(mut self) -> Recording {
-        self.settle();
+        self.settle(false);
         let (nodes, left_out) = self.nodes.nodes.finish();
         Recording { nodes, left_out, totals: self.nodes.totals, temperatures: self.temperatures.finish() }
     }
@@ -256,7 +259,7 @@ impl Recorder {
     }
 
     /// Takes all samples up to now, when the motors stand.
-    fn settle(&mut self) {
+    fn settle(&mut self, homes: bool) {
         self.sample(self.tick);
         // The rest of a grid's interval.
         let positions = self.sampler.positions().map(|steps| steps as f64);
@@ -267,6 +270,6 @@ impl Recorder {
         let place = Place { pressure_mm3: self.pressure_mm3, ..place };
         let Self { path, nodes, states, line, .. } = self;
         path.pass(place, &mut |node| nodes.keep(node));
-        path.settle(*line, states, &mut |node| nodes.keep(node));
+        path.settle(*line, homes, states, &mut |node| nodes.keep(node));
     }
 }

@@ -27,6 +27,13 @@ impl Nodes {
         self.kept.push(node);
     }
 
+    /// The last part takes longer.
+    pub fn replace_last(&mut self, node: Node) {
+        if let Some(last) = self.kept.last_mut() {
+            *last = node;
+        }
+    }
+
     /// Leaves out at least a third of them.
     fn reduce(&mut self) {
         let before = self.kept.len();
@@ -55,7 +62,7 @@ impl Nodes {
                 let before = self.kept[written - 1];
                 let is_near = distance_to_line_mm(&node, &before, &next) <= tolerance_mm;
                 if may_join(&node, &next) && (is_last_resort || is_near && !is_extreme(&before, &node, &next)) {
-                    self.kept[written] = joined(&node, &next);
+                    self.kept[written] = joined(&node, &next, is_last_resort);
                     (written, read) = (written + 1, read + 2);
                     continue;
                 }
@@ -72,12 +79,19 @@ impl Nodes {
     }
 }
 
-/// Two parts as one: it ends where the second ends, and has the larger bead and pressure of both.
-fn joined(first: &Node, second: &Node) -> Node {
-    let larger = |a: f32, b: f32| if a.abs() > b.abs() { a } else { b };
+/// Two parts as one, which ends where the second ends. As a last resort it has the values of the one that flows more, or is faster.
+fn joined(first: &Node, second: &Node, is_last_resort: bool) -> Node {
+    if !is_last_resort {
+        return *second;
+    }
+    let rank = |node: &Node| (node.flow_mm3_per_s(), node.speed_mm_per_s);
+    let most = if rank(first) > rank(second) { first } else { second };
     Node {
-        bead: if first.kind == second.kind { larger(first.bead, second.bead) } else { second.bead },
-        pressure_mm3: larger(first.pressure_mm3, second.pressure_mm3),
+        speed_mm_per_s: most.speed_mm_per_s,
+        bead: most.bead,
+        kind: most.kind,
+        feature: most.feature,
+        pressure_mm3: first.pressure_mm3.max(second.pressure_mm3),
         ..*second
     }
 }
@@ -88,13 +102,14 @@ fn is_extreme(before: &Node, node: &Node, next: &Node) -> bool {
         let [a, b, c] = [value(before), value(node), value(next)];
         b > 1.1 * a.max(c) + 1.0 || b < 0.9 * a.min(c) - 1.0
     };
-    stands_out(|node| node.speed_mm_per_s) || stands_out(|node| 10.0 * node.flow_mm3_per_s())
+    stands_out(|node| node.speed_mm_per_s)
+        || stands_out(|node| 10.0 * node.flow_mm3_per_s())
+        || stands_out(|node| 50.0 * node.pressure_mm3)
 }
 
 fn distance_to_line_mm(node: &Node, from: &Node, to: &Node) -> f32 {
-    let [line, point] = [to, node].map(|end| -> [f32; 3] {
-        std::array::from_fn(|axis| end.position_mm[axis] - from.position_mm[axis])
-    });
+    let [line, point] = [to, node]
+        .map(|end| -> [f32; 3] { std::array::from_fn(|axis| end.position_mm[axis] - from.position_mm[axis]) });
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let length = dot(line, line);
     let along = if length > 0.0 { (dot(point, line) / length).clamp(0.0, 1.0) } else { 0.0 };

@@ -54,7 +54,10 @@ impl Text {
         if self.changes.len() == MAX_WAITING {
             self.changes.pop_front();
         }
-        if comment.starts_with(";LAYER_CHANGE") || comment.starts_with(";LAYER:") || comment.starts_with("; CHANGE_LAYER") {
+        if comment.starts_with(";LAYER_CHANGE")
+            || comment.starts_with(";LAYER:")
+            || comment.starts_with("; CHANGE_LAYER")
+        {
             self.changes.push_back((line, Change::Layer));
         } else if let Some(name) = feature_name(comment) {
             let known = self.features.iter().position(|known| known == name);
@@ -71,7 +74,8 @@ impl Text {
 
 /// `;TYPE:Perimeter` (PrusaSlicer, Cura, Orca), `; FEATURE: Outer wall` (Bambu Studio), `; feature outer perimeter` (Simplify3D).
 fn feature_name(comment: &str) -> Option<&str> {
-    let name = [";TYPE:", "; FEATURE:", ";FEATURE:", "; feature "].iter().find_map(|start| comment.strip_prefix(start))?;
+    let name =
+        [";TYPE:", "; FEATURE:", ";FEATURE:", "; feature "].iter().find_map(|start| comment.strip_prefix(start))?;
     let name = name.trim();
     (!name.is_empty()).then_some(name)
 }

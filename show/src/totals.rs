@@ -70,6 +70,9 @@ pub struct Totals {
     /// Path of the present travel, mm.
     #[serde(skip)]
     travel_mm: f64,
+    /// Time of the present wait, s.
+    #[serde(skip)]
+    wait_s: f64,
 }
 
 impl Totals {
@@ -90,6 +93,7 @@ impl Totals {
                 self.changing_s += time_s;
             }
         }
+        self.wait_s = if node.kind == Kind::Wait { self.wait_s + time_s } else { 0.0 };
         self.travel_mm = if node.kind == Kind::Travel { self.travel_mm + path_mm } else { 0.0 };
         match node.kind {
             Kind::Print => {
@@ -111,7 +115,7 @@ impl Totals {
                 self.in_layer = (in_layer, node.layer);
                 self.most_retractions = self.most_retractions.max(self.in_layer);
             }
-            Kind::Wait => self.longest_wait.note(time_s, node),
+            Kind::Wait => self.longest_wait.note(self.wait_s, node),
             Kind::Prime | Kind::Homing | Kind::Heating => {}
         }
         self.greatest_pressure.note(node.pressure_mm3.into(), node);

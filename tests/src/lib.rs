@@ -2,7 +2,8 @@
 //!
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
 //! hostile conversations with it of any bytes. [`stress_file`] writes a demanding print, [`feed_chart`] draws the
-//! result. [`host_side`] numbers a host's lines and receives its bytes. [`program`] is the `ferrostep` command. [`step_edges`]
+//! result. [`host_side`] numbers a host's lines and receives its bytes. [`program`] is the `ferrostep` command, [`python`]
+//! runs the hosts and the browser of `tests/hosts/`. [`step_edges`]
 //! plays a trace on the step interrupt's model at its latest. The crate `ferrostep-oracle` judges the results.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
@@ -14,6 +15,7 @@ pub mod host_side;
 pub mod hostile;
 pub mod live_machine;
 pub mod program;
+pub mod python;
 pub mod stack;
 pub mod step_edges;
 pub mod stress_file;

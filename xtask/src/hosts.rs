@@ -1,4 +1,4 @@
-//! Hosts for the tests: OctoPrint and printcore, from PyPI, in a Python environment of their own.
+//! Hosts for the tests: OctoPrint and printcore, and Playwright, which drives a browser, from PyPI, in a Python environment of their own.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,7 +12,7 @@ const WITHOUT_DEPENDENCIES: &str = "tests/hosts/without-dependencies.txt";
 
 /// Makes the environment, unless one from the same files exists. Returns its folder.
 pub fn install(run: &mut Run) -> Result<PathBuf, Failure> {
-    run.step("hosts: OctoPrint, printcore", || {
+    run.step("hosts: OctoPrint, printcore, Playwright", || {
         let folder = system::target_directory().join("hosts");
         let wanted = wanted()?;
         let stamp = folder.join("installed.txt");

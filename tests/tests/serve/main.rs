@@ -9,5 +9,4 @@ mod conversation;
 mod octoprint;
 mod printcore;
 mod printer;
-mod python;
 mod sending;

@@ -3,7 +3,7 @@
 use crate::conversation::part as part_of_the_cube;
 use crate::printcore::printed;
 use crate::printer::Printer;
-use crate::python;
+use ferrostep_tests::python;
 
 /// A value of M797's line.
 fn figure<'a>(line: &'a str, name: &str) -> &'a str {

@@ -3,10 +3,10 @@
 use std::sync::OnceLock;
 
 use ferrostep_tests::program::{program, repository};
+use ferrostep_tests::python;
 use serde_json::{Value, json};
 
 use crate::printer::Printer;
-use crate::python;
 
 const CUBE: &str = "examples/cube.gcode";
 

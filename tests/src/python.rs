@@ -1,10 +1,11 @@
-//! Hosts written in Python.
+//! Hosts and a browser, driven by Python.
+#![allow(clippy::unwrap_used, reason = "without them no test can say anything")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use ferrostep_tests::program::repository;
+use crate::program::repository;
 use serde_json::Value;
 
 /// The hosts' Python.
@@ -21,7 +22,10 @@ fn python() -> &'static Path {
     })
 }
 
-/// Runs a host of `tests/hosts/`; what it has seen.
+/// Runs a script of `tests/hosts/`; what it has seen, the last line of its output.
+///
+/// # Panics
+/// It cannot be run, or fails.
 #[track_caller]
 pub fn run(script: &str, arguments: &[&str]) -> Value {
     let script = repository().join("tests/hosts").join(script);

@@ -1,0 +1,92 @@
+//! Chromium loads the page, turns it, plays it, and jumps from a finding to its place.
+
+use std::path::PathBuf;
+
+use ferrostep_tests::program::repository;
+use ferrostep_tests::python;
+use serde_json::{Value, json};
+
+use crate::pages::show;
+use crate::prints::{ARCS, CUBE, GYROID, Print, WINDOW_S};
+
+/// The browser: `FERROSTEP_CHROMIUM`, or the first of these on the path.
+fn chromium() -> PathBuf {
+    if let Some(named) = std::env::var_os("FERROSTEP_CHROMIUM") {
+        return named.into();
+    }
+    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).collect();
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let found =
+        names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name))).find(|at| at.is_file());
+    found.expect("Chromium is missing: install it (Debian: apt-get install chromium), or name it in FERROSTEP_CHROMIUM")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value}, expected a number"))
+}
+
+fn loads(print: Print) {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let file = repository().join(print.file);
+    let page = folder.path().join("page.html");
+    let arguments = [file.as_os_str(), "-o".as_ref(), page.as_os_str(), "--profile".as_ref(), print.profile.as_ref()];
+    assert!(show(folder.path(), arguments).status.success());
+
+    let places = print.ten_places();
+    let asked = json!(
+        places
+            .iter()
+            .map(|place| json!({"line": place.line, "to_end_s": place.to_end_s, "window_s": WINDOW_S}))
+            .collect::<Vec<_>>()
+    );
+    let (chromium, asked) = (chromium(), asked.to_string());
+    let seen = python::run("show_page.py", &[chromium.to_str().unwrap(), page.to_str().unwrap(), &asked]);
+    assert_eq!(seen["errors"], json!([]), "{seen:#}");
+    assert_eq!(seen["requests"], json!([]), "{seen:#}");
+
+    // What colours the path at ten places is what the steps do there.
+    for (place, shown) in places.iter().zip(seen["places"].as_array().unwrap()) {
+        assert_eq!(shown["line"], place.line);
+        let (speed, expected) = (number(&shown["speed"]), place.speed_mm_per_s);
+        assert!((speed - expected).abs() < 2.5 + 0.05 * expected, "{shown}, expected {place:?}");
+        for axis in 0..3 {
+            let off = (number(&shown["position"][axis]) - place.position_mm[axis]).abs();
+            assert!(off < 0.03 + 0.002 * expected, "{shown}, expected {place:?}");
+        }
+    }
+    for way in ["WebGL", "2D canvas"] {
+        let drawn = &seen["drawn"][way];
+        // The part is in the middle of the picture and fills a good part of it; turned, it looks different.
+        let share = number(&drawn["share"]);
+        assert!((0.04..0.7).contains(&share), "{way}: {drawn}");
+        for middle in drawn["middle"].as_array().unwrap() {
+            assert!((0.25..0.75).contains(&number(middle)), "{way}: {drawn}");
+        }
+        assert!(number(&drawn["colours"]) >= 5.0, "{way}: {drawn}");
+        assert_eq!(drawn["turned"], true, "{way}: {drawn}");
+    }
+    assert!(number(&seen["played"][1]) > number(&seen["played"][0]), "{seen:#}");
+    let jumps = seen["jumps"].as_array().unwrap();
+    assert!(!jumps.is_empty());
+    for jump in jumps {
+        assert!(number(&jump["line"]) >= number(&jump["wanted"]), "{jump}");
+        assert!((number(&jump["time"]) - number(&jump["wanted_time"])).abs() < 1.0, "{jump}");
+    }
+    assert_eq!(seen["modes"], 9);
+    assert!(seen["tip"].as_str().unwrap().contains("line "), "{seen:#}");
+}
+
+#[test]
+fn chromium_shows_the_cube() {
+    loads(CUBE);
+}
+
+#[test]
+fn chromium_shows_the_gyroid() {
+    loads(GYROID);
+}
+
+#[test]
+fn chromium_shows_arcs_on_corexy() {
+    loads(ARCS);
+}
