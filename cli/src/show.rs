@@ -161,7 +161,6 @@ pub fn record(
     };
     watch.end(&session.heating());
     let tally = printer.tally();
-    drop(printer);
     let (figures, remarks) = (session.figures(), session.replies().remarks().to_vec());
     Ok(Shown {
         recording: session.into_observer().0.finish(),

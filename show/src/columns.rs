@@ -41,8 +41,8 @@ impl Columns {
         let differences: Vec<u32> = differences.collect();
         let largest = differences.iter().copied().max().unwrap_or(0);
         let bytes = match largest {
-            ..=0xff => 1,
-            ..=0xffff => 2,
+            0..=0xff => 1,
+            0x100..=0xffff => 2,
             _ => 4,
         };
         for byte in 0..bytes {

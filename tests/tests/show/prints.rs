@@ -35,7 +35,6 @@ impl Print {
         let session = Session::print(profile, LOOK_AHEAD_BLOCKS, observer, JobReplies::new(|_: &str| {}));
         let mut printer = session.printer();
         session.run(job::run(&mut input, &mut printer, &mut JobProgress::default(), |_| {})).unwrap();
-        drop(printer);
         session.into_observer()
     }
 
