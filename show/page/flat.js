@@ -1,6 +1,7 @@
 // The path drawn on a plain canvas, where WebGL is missing: lines, the latest on top, and fewer of them while there are many.
 
 const FLAT_LINES = 60000;
+const QUICK_LINES = 6000;
 
 function flatOn(canvas, print) {
   const context = canvas.getContext('2d');
@@ -12,7 +13,7 @@ function flatOn(canvas, print) {
     name: '2D canvas',
     colour(now) { values = now; },
     widths(now) { widths = now; },
-    draw(first, last, started, theme, ratio) {
+    draw(first, last, started, theme, ratio, isQuick) {
       const { width, height } = canvas;
       const place = projection(width, height);
       context.clearRect(0, 0, width, height);
@@ -40,7 +41,7 @@ function flatOn(canvas, print) {
         line(a, b);
       };
       // The latest parts lie on top.
-      for (let i = Math.max(first, last - FLAT_LINES); i < last; i++) part(i, [c.x[i], c.y[i], c.z[i]]);
+      for (let i = Math.max(first, last - (isQuick ? QUICK_LINES : FLAT_LINES)); i < last; i++) part(i, [c.x[i], c.y[i], c.z[i]]);
       if (started) part(started.i, started.position);
     },
   };

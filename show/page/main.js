@@ -16,7 +16,7 @@ async function main() {
   const { c, n } = print;
   const end = c.time[n - 1];
   let theme = themeNow();
-  const state = { time: end, playing: false, factor: 60, low: 0, high: print.layers - 1, mode: 'speed', hovered: null, last: 0 };
+  const state = { time: end, playing: false, factor: 60, low: 0, high: print.layers - 1, mode: 'speed', hovered: null, last: 0, isSlow: false, touched: -1000, isTouched: false, moved: 0, rest: 0 };
 
   const canvas = byId('space');
   const overlay = byId('overlay');
@@ -126,7 +126,15 @@ async function main() {
   }
 
   let isDue = false;
-  let drawn = { frames: 0, milliseconds: 0 };
+  let drawn = { frames: 0, quick: 0 };
+  let chartsDrawn = '';
+  const chart = byId('charts');
+  // The picture moves.
+  function touched() {
+    [state.touched, state.isTouched] = [performance.now(), true];
+    changed();
+  }
+
   function changed() {
     if (isDue) return;
     isDue = true;
@@ -150,10 +158,22 @@ async function main() {
       }
     }
     const { first, last, started, now } = range();
-    space.draw(first, last, started, theme, ratio);
+    // A slow machine draws a coarse picture while it moves, and all of it when it rests.
+    const moves = state.playing || state.isTouched;
+    state.isTouched = false;
+    const isQuick = state.isSlow && (moves || performance.now() - state.touched < 250);
+    space.draw(first, last, started, theme, ratio, isQuick);
+    // Two whole pictures in a row that took long, while something moved.
+    if (moves && state.moved && !isQuick && at - state.moved > 45) state.isSlow = true;
+    state.moved = moves ? at : 0;
+    clearTimeout(state.rest);
+    if (isQuick && !state.playing) state.rest = setTimeout(changed, 280);
+    drawn.quick += Number(isQuick);
     drawOverlay(width, height, ratio, now);
     showHere(print, state.hovered ? hoveredState() : now);
-    charts.draw(state.time, theme);
+    const chartsNow = [state.time, chart.clientWidth, chart.clientHeight, theme.text].join();
+    if (chartsNow !== chartsDrawn) charts.draw(state.time, theme);
+    chartsDrawn = chartsNow;
     drawn.frames += 1;
     if (state.playing) changed();
   }
@@ -351,7 +371,7 @@ async function main() {
   byId('play').addEventListener('click', () => (state.playing ? stop() : play()));
   byId('back').addEventListener('click', () => step(-1));
   byId('forward').addEventListener('click', () => step(1));
-  byId('time').addEventListener('input', (event) => { stop(); setTime(Number(event.target.value) * end); });
+  byId('time').addEventListener('input', (event) => { stop(); touched(); setTime(Number(event.target.value) * end); });
   byId('factor').addEventListener('input', (event) => setFactor(Number(event.target.value)));
   for (const [id, isHigh] of [['layer-low', false], ['layer-high', true]]) {
     byId(id).max = String(print.layers - 1);
@@ -390,7 +410,7 @@ async function main() {
       pan(dx / 2, dy / 2, canvas.clientHeight);
     } else if (event.shiftKey || event.buttons & 6) pan(dx, dy, canvas.clientHeight);
     else turn(dx * 0.008, dy * 0.008);
-    changed();
+    touched();
   });
   for (const name of ['pointerup', 'pointercancel']) {
     canvas.addEventListener(name, (event) => {
@@ -402,8 +422,7 @@ async function main() {
   }
   canvas.addEventListener('pointerleave', () => { state.hovered = null; byId('tip').hidden = true; changed(); });
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
-  canvas.addEventListener('wheel', (event) => { event.preventDefault(); zoom(Math.exp(event.deltaY * (event.deltaMode ? 0.05 : 0.0015))); changed(); }, { passive: false });
-  const chart = byId('charts');
+  canvas.addEventListener('wheel', (event) => { event.preventDefault(); zoom(Math.exp(event.deltaY * (event.deltaMode ? 0.05 : 0.0015))); touched(); }, { passive: false });
   const chartTime = (event) => { stop(); const time = charts.timeAt(event.clientX - chart.getBoundingClientRect().left); keepLayersAround(time); setTime(time); };
   chart.addEventListener('pointerdown', (event) => { chart.setPointerCapture(event.pointerId); chartTime(event); });
   chart.addEventListener('pointermove', (event) => { if (chart.hasPointerCapture(event.pointerId)) chartTime(event); });
@@ -428,7 +447,7 @@ async function main() {
     const act = keys[event.key] ?? keys[event.key.toLowerCase()];
     if (!act || act() === false) return;
     event.preventDefault();
-    changed();
+    touched();
   });
   function layerStep(by) {
     if (byId('single').checked) setLayers(state.high + by, state.high + by); else setLayers(state.low, state.high + by);
@@ -447,7 +466,7 @@ async function main() {
   setTime(end);
   showPlay();
   // For tests and the curious.
-  window.ferrostep = { print, state, camera, stateAt: (time) => stateAt(print, time), drawn, draws: space.name, setTime, pick, MODES };
+  window.ferrostep = { print, state, camera, stateAt: (time) => stateAt(print, time), drawn, draws: space.name, setTime, pick, touched, MODES };
   document.documentElement.dataset.ready = 'true';
 }
 

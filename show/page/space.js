@@ -56,6 +56,33 @@ void main() {
   colour = vec4(lit, 1.0);
 }`;
 
+// Parts of a coarse path, for pictures in motion on slow machines: some layers, thicker, and chords instead of short parts.
+const COARSE_PARTS = 9000;
+
+function coarsePath({ c, n, layers }) {
+  let stride = Math.max(1, Math.ceil(layers / 90));
+  for (let reach = 0.8; ; reach *= 1.5) {
+    const [from, to] = [[], []];
+    let start = -1;
+    for (let i = 1; i <= n; i++) {
+      const isPart = i < n && c.kind[i] === KIND.print && c.layer[i] % stride === 0;
+      if (start >= 0) {
+        const [ux, uy] = [c.x[i - 1] - c.x[start], c.y[i - 1] - c.y[start]];
+        const length = Math.hypot(ux, uy);
+        const [vx, vy] = isPart ? [c.x[i] - c.x[i - 1], c.y[i] - c.y[i - 1]] : [0, 0];
+        const turns = ux * vx + uy * vy < 0.94 * length * Math.hypot(vx, vy);
+        if (!isPart || length > 4 * reach || turns && length > reach / 4 || c.feature[i] !== c.feature[start + 1]) {
+          if (length > reach / 4) { from.push(start); to.push(i - 1); }
+          start = -1;
+        }
+      }
+      if (start < 0 && isPart) start = i - 1;
+    }
+    if (to.length <= COARSE_PARTS || reach > 50) return { stride, from: Int32Array.from(from), to: Int32Array.from(to) };
+    if (stride < layers / 40) stride += 1;
+  }
+}
+
 function spaceOn(canvas, print) {
   const gl = canvas.getContext('webgl2', { antialias: true, alpha: true, powerPreference: 'high-performance' });
   if (!gl) return null;
@@ -96,6 +123,15 @@ function spaceOn(canvas, print) {
   const gridBuffer = buffer(grid);
   const gridCount = grid.length / 6;
   let range = [0, 1];
+  const coarse = coarsePath(print);
+  const count = coarse.to.length;
+  const coarsePlaces = new Float32Array(6 * count);
+  for (let k = 0; k < count; k++) {
+    [coarse.from[k], coarse.to[k]].forEach((i, end) => coarsePlaces.set([c.x[i], c.y[i], c.z[i]], 6 * k + 3 * end));
+  }
+  const coarsePlaceBuffer = buffer(coarsePlaces);
+  const coarseValueBuffer = buffer(new Float32Array(2 * count));
+  const coarseWidthBuffer = buffer(new Float32Array(count));
 
   const instanced = (location, from, size, stride, offset) => {
     gl.bindBuffer(gl.ARRAY_BUFFER, from);
@@ -110,14 +146,20 @@ function spaceOn(canvas, print) {
       range = [values.low, values.high];
       gl.bindBuffer(gl.ARRAY_BUFFER, valueBuffer);
       gl.bufferData(gl.ARRAY_BUFFER, values.values, gl.STATIC_DRAW);
+      const few = new Float32Array(2 * count);
+      for (let k = 0; k < count; k++) few.set([values.values[2 * coarse.from[k] + 2], values.values[2 * coarse.to[k] + 1]], 2 * k);
+      gl.bindBuffer(gl.ARRAY_BUFFER, coarseValueBuffer);
+      gl.bufferData(gl.ARRAY_BUFFER, few, gl.STATIC_DRAW);
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, values.table);
     },
     widths(widths) {
       gl.bindBuffer(gl.ARRAY_BUFFER, widthBuffer);
       gl.bufferData(gl.ARRAY_BUFFER, widths, gl.STATIC_DRAW);
+      gl.bindBuffer(gl.ARRAY_BUFFER, coarseWidthBuffer);
+      gl.bufferData(gl.ARRAY_BUFFER, Float32Array.from(coarse.to, (i) => widths[i]), gl.STATIC_DRAW);
     },
     // Draws the parts that end at nodes from `first` to before `last`, and a started one up to a place.
-    draw(first, last, started, theme, ratio) {
+    draw(first, last, started, theme, ratio, isQuick) {
       gl.viewport(0, 0, canvas.width, canvas.height);
       gl.clearColor(0, 0, 0, 0);
       gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -145,7 +187,15 @@ function spaceOn(canvas, print) {
         instanced(3, widthBuffer, 1, 4, 4 * start);
         gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
       };
-      if (last > first) parts(first, last - first);
+      if (isQuick) {
+        const [begin, end] = [lowerBound(coarse.to, first), lowerBound(coarse.to, last)];
+        gl.uniform3f(at.sizes, print.height * coarse.stride, pixel, ratio);
+        instanced(0, coarsePlaceBuffer, 3, 24, 24 * begin);
+        instanced(1, coarsePlaceBuffer, 3, 24, 24 * begin + 12);
+        instanced(2, coarseValueBuffer, 2, 8, 8 * begin);
+        instanced(3, coarseWidthBuffer, 1, 4, 4 * begin);
+        if (end > begin) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, end - begin);
+      } else if (last > first) parts(first, last - first);
       if (started) {
         gl.bindBuffer(gl.ARRAY_BUFFER, placeBuffer);
         gl.bufferSubData(gl.ARRAY_BUFFER, 12 * started.i, new Float32Array(started.position));
