@@ -22,10 +22,10 @@ use crate::session::{JobReplies, PrintSession, Session};
 use crate::terminal::code;
 use crate::watch::Watch;
 
-/// Most nodes of a page: about five megabytes.
-pub const MAX_NODES: usize = 500_000;
-/// Most bytes of the job's text in a page: about three megabytes of it, packed.
-pub const MAX_TEXT_BYTES: usize = 12 << 20;
+/// Most nodes of a page: about seven megabytes.
+pub const MAX_NODES: usize = 700_000;
+/// Most bytes of the job's text in a page: about two megabytes of it, packed.
+pub const MAX_TEXT_BYTES: usize = 8 << 20;
 
 /// Commands that home or probe.
 const HOMING: [&str; 4] = ["G28", "G29", "G30", "G38"];

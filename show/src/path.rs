@@ -8,8 +8,8 @@ use crate::node::{Kind, Node, UNMARKED};
 /// Largest distance of a sample from the straight line between two nodes, mm.
 const STRAIGHT_MM: f64 = 0.012;
 /// Largest difference of a sample's speed from the even change between two nodes, mm/s, or this part of it.
-const EVEN_MM_PER_S: f64 = 1.0;
-const EVEN_PART: f64 = 0.015;
+const EVEN_MM_PER_S: f64 = 1.5;
+const EVEN_PART: f64 = 0.02;
 /// The same for the volume that is compressed in the nozzle, mm^3: it changes by itself.
 const PRESSURE_MM3: f64 = 0.02;
 const PRESSURE_PART: f64 = 0.06;

@@ -5,6 +5,9 @@ use crate::node::Node;
 /// Largest distance at first from the line that replaces a node, mm.
 const FIRST_TOLERANCE_MM: f32 = 0.03;
 
+/// The same for its speed, as a part of it; grows with the distance.
+const SPEED_PART: f32 = 0.05;
+
 /// Nodes of a path, at most so many.
 #[derive(Debug)]
 pub(crate) struct Nodes {
@@ -60,7 +63,8 @@ impl Nodes {
             let node = self.kept[read];
             if let Some(&next) = self.kept.get(read + 1) {
                 let before = self.kept[written - 1];
-                let is_near = distance_to_line_mm(&node, &before, &next) <= tolerance_mm;
+                let is_near = distance_to_line_mm(&node, &before, &next) <= tolerance_mm
+                    && speed_off(&node, &before, &next) <= SPEED_PART * tolerance_mm / FIRST_TOLERANCE_MM;
                 if may_join(&node, &next) && (is_last_resort || is_near && !is_extreme(&before, &node, &next)) {
                     self.kept[written] = joined(&node, &next, is_last_resort);
                     (written, read) = (written + 1, read + 2);
@@ -105,6 +109,14 @@ fn is_extreme(before: &Node, node: &Node, next: &Node) -> bool {
     stands_out(|node| node.speed_mm_per_s)
         || stands_out(|node| 10.0 * node.flow_mm3_per_s())
         || stands_out(|node| 50.0 * node.pressure_mm3)
+}
+
+/// How far a node's speed is from the even change between its neighbours', as a part of it.
+fn speed_off(node: &Node, from: &Node, to: &Node) -> f32 {
+    let whole_s = to.time_s - from.time_s;
+    let share = if whole_s > 0.0 { ((node.time_s - from.time_s) / whole_s) as f32 } else { 0.0 };
+    let even = from.speed_mm_per_s + (to.speed_mm_per_s - from.speed_mm_per_s) * share;
+    (node.speed_mm_per_s - even).abs() / node.speed_mm_per_s.max(10.0)
 }
 
 fn distance_to_line_mm(node: &Node, from: &Node, to: &Node) -> f32 {

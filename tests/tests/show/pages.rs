@@ -129,7 +129,8 @@ fn a_prepared_job_is_shown() {
     let [text, prepared] = ["job.gcode", "job.gpre"]
         .map(|name| crate::prints::shown(&folder.path().join(name), "cartesian", 1000).recording.totals);
     let off = (text.kinds[1].time_s - prepared.kinds[1].time_s).abs();
-    assert!(off < 0.01 && text.kinds[1].time_s > 2.0, "{:?}, expected {:?}", prepared.kinds, text.kinds);
+    // A short move of Z between two prints may count as printing.
+    assert!(off < 0.1 && text.kinds[1].time_s > 2.0, "{:?}, expected {:?}", prepared.kinds, text.kinds);
     let off = (text.kinds[1].volume_mm3 - prepared.kinds[1].volume_mm3).abs();
     assert!(off < 0.01 * text.kinds[1].volume_mm3, "{:?}, expected {:?}", prepared.kinds, text.kinds);
 }
