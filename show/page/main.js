@@ -22,6 +22,7 @@ async function main() {
   const overlay = byId('overlay');
   const flatOnly = location.hash.includes('flat');
   const space = (!flatOnly && spaceOn(canvas, print)) || flatOn(canvas, print);
+  state.isSlow = Boolean(space.isSlow);
   const charts = chartsOn(byId('charts'), print);
   let colours = null;
   let widths = new Float32Array(n);
@@ -465,6 +466,7 @@ async function main() {
   setLayers(0, print.layers - 1);
   setTime(end);
   showPlay();
+  touched();
   // For tests and the curious.
   window.ferrostep = { print, state, camera, stateAt: (time) => stateAt(print, time), drawn, draws: space.name, setTime, pick, touched, MODES };
   document.documentElement.dataset.ready = 'true';

@@ -140,8 +140,11 @@ function spaceOn(canvas, print) {
     gl.vertexAttribDivisor(location, 1);
   };
 
+  const told = gl.getExtension('WEBGL_debug_renderer_info');
+  const renderer = told ? String(gl.getParameter(told.UNMASKED_RENDERER_WEBGL)) : '';
   return {
     name: 'WebGL',
+    isSlow: /swiftshader|llvmpipe|software/i.test(renderer),
     colour(values) {
       range = [values.low, values.high];
       gl.bindBuffer(gl.ARRAY_BUFFER, valueBuffer);
