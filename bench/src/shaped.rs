@@ -12,7 +12,7 @@ use crate::pieces::{Goal, Outcome, advance};
 use crate::queue::PrintQueue;
 use crate::span::Counter;
 
-/// What rings: X at 50 Hz, Y at 40 Hz. Three impulses each; Z, late by their mean, makes a seventh delay.
+/// What rings: X at 50 Hz, Y at 40 Hz. Three impulses each; Z and the extruder, late by their mean, make a seventh delay.
 const FREQUENCIES_HZ: [f64; 2] = [50.0, 40.0];
 
 /// Delays of these filters.

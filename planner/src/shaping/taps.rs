@@ -8,9 +8,8 @@ use super::kernel::MAX_IMPULSES;
 use super::plan_ring::{PlanPiece, PlanRing};
 use crate::kinematics::Kinematics;
 use crate::pressure_advance::AdvanceSlope;
-use crate::square_root::square_root_f32;
 
-/// The most delays: those of X, of Y, that of Z, and two around it for the extruder.
+/// The most delays: those of X, of Y, that of Z, and the two of the extruder's advance.
 const MAX_TAPS: usize = 2 * MAX_IMPULSES + 3;
 
 /// Index of the extruder.
@@ -47,9 +46,10 @@ pub(super) struct MotorStates {
 
 /// The delays of all axes' filters, each with its place in the plan.
 ///
-/// The filters are moved in time so that at constant speed all axes are equally late. The extruder's filter has the variance of the
-/// nozzle's path: a weight at that time, and equal ones before and after. These two are where the average of the advance begins and
-/// ends, so that they cost no breakpoints of their own.
+/// The filters are moved in time so that at constant speed all axes are equally late. With an advance the extruder's filter has the
+/// variance of the nozzle's path: a weight at that time, and equal ones before and after. These two are where the average of the
+/// advance begins and ends, so that they cost no breakpoints of their own. Without an advance, which leaves far more filament in the
+/// wrong place than the variance does, the extruder is only as late as the rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taps {
     taps: [Tap; MAX_TAPS],
@@ -87,18 +87,17 @@ impl Taps {
             }
         }
         let late = whole(late);
-        let (around, outer) = if half_advance > 0 {
+        let outer = if half_advance > 0 {
             // Two weights W, so far before and after, have the variance 2 W times its square. At most all of the weight is there.
             let half = f64::from(half_advance);
-            (half_advance, whole(0.5 * path_variance / (half * half) * f64::from(WHOLE)).min(WHOLE / 2))
+            whole(0.5 * path_variance / (half * half) * f64::from(WHOLE)).min(WHOLE / 2)
         } else {
-            (whole(f64::from(square_root_f32(*path_variance as f32))).min(late), WHOLE / 2)
+            0
         };
         taps.add(late, [0, 0, WHOLE, WHOLE.wrapping_sub(2 * outer)], 0);
-        let sign = i8::from(half_advance > 0);
-        taps.add(late.saturating_sub(around), [0, 0, 0, outer], sign);
-        taps.add(late.saturating_add(around), [0, 0, 0, outer], -sign);
         if half_advance > 0 {
+            taps.add(late.saturating_sub(half_advance), [0, 0, 0, outer], 1);
+            taps.add(late.saturating_add(half_advance), [0, 0, 0, outer], -1);
             taps.advance = Mean::over(half_advance.wrapping_mul(2));
             taps.advance_per_tick = 0.5 / half_advance as f32;
         }
@@ -284,7 +283,7 @@ mod tests {
         for (shapers, advance, expected_s2) in [
             ([mzv, mzv], advance(None), 12.73e-6),
             ([mzv, mzv], advance(Some(0.03)), 12.73e-6),
-            ([mzv, mzv], PressureAdvance::NONE, 12.73e-6),
+            ([mzv, mzv], PressureAdvance::NONE, 0.0),
             ([mzv, none], advance(None), 6.36e-6),
             ([none, none], advance(None), 0.0),
             // Half an average of 4 ms is the farthest that there is: its square.
@@ -306,8 +305,8 @@ mod tests {
         let count = |advance: &PressureAdvance| {
             Taps::new(&Shaping::new(&[mzv, mzv], advance).unwrap(), Kinematics::Cartesian).count
         };
-        // Three of MZV, that of Z, and two more.
+        // Three of MZV, that of Z, and two of the advance.
         assert_eq!(count(&PressureAdvance { seconds: 0.04, ..PressureAdvance::NONE }), 6);
-        assert_eq!(count(&PressureAdvance::NONE), 6);
+        assert_eq!(count(&PressureAdvance::NONE), 4);
     }
 }

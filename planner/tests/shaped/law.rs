@@ -245,15 +245,8 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
         vec![Impulse { weight, delay_s: sooner }, Impulse { weight: -weight, delay_s: later }]
     };
     // Filament has the path's variance: by the part of it that is half an average early, and as much late.
-    let around = if half == 0.0 { path.sqrt().round().min(late.round()) } else { half };
-    let outer = if around == 0.0 {
-        0.0
-    } else if half == 0.0 {
-        0.5
-    } else {
-        (0.5 * path / (around * around)).min(0.5)
-    };
-    let filament = [(-around, outer), (0.0, 1.0 - 2.0 * outer), (around, outer)]
+    let outer = if half == 0.0 { 0.0 } else { (0.5 * path / (half * half)).min(0.5) };
+    let filament = [(-half, outer), (0.0, 1.0 - 2.0 * outer), (half, outer)]
         .map(|(from_late, weight)| Impulse { weight, delay_s: late.round() + from_late });
     [moved(&x), moved(&y), z, filament.to_vec(), advance]
 }
