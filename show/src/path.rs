@@ -13,7 +13,7 @@ const EVEN_PART: f64 = 0.02;
 /// The same for the volume that is compressed in the nozzle, mm^3: it changes by itself.
 const PRESSURE_MM3: f64 = 0.02;
 const PRESSURE_PART: f64 = 0.06;
-/// Less filament for each mm of path is none, mm^2: a tenth of a thin line.
+/// With less filament for each mm of path than this, mm^2, a move prints nothing: a tenth of a thin line.
 const THINNEST_MM2: f64 = 0.004;
 /// A shorter path is a motor that settles.
 const REST_MM: f64 = 0.03;

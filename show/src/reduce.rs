@@ -8,7 +8,7 @@ const FIRST_TOLERANCE_MM: f32 = 0.03;
 /// The same for its speed, as a part of it; grows with the distance.
 const SPEED_PART: f32 = 0.05;
 
-/// Nodes of a path, at most so many.
+/// Nodes of a path, at most `maximum`.
 #[derive(Debug)]
 pub(crate) struct Nodes {
     kept: Vec<Node>,

@@ -94,7 +94,7 @@ pub struct SourceText<R> {
 }
 
 impl<R: Read> SourceText<R> {
-    /// Keeps at most so many bytes of the text.
+    /// Keeps at most `max_bytes` of the text.
     pub fn new(inner: R, max_bytes: usize) -> Self {
         let text = Text { features: vec![String::new()], ..Text::default() };
         Self {
