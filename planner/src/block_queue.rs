@@ -88,7 +88,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.is_first_final()
     }
 
-    /// See [`LookAhead::foresee`].
+    /// See `LookAhead::foresee`.
     pub fn foresee(&mut self, block: &Block, corner: Speed) {
         if let Speeds::LookAhead(plan) = &self.speeds {
             plan.foresee(&mut self.ring, block, corner);
