@@ -116,13 +116,16 @@ fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
 }
 
 /// The files that a job is read from: no output may replace them.
-fn inputs(job: &JobArguments) -> Vec<Protected<'_>> {
-    let profile = Path::new(&job.profile);
-    let mut inputs = vec![Protected { path: &job.file, what: "the job to be read" }];
-    if ferrostep_profiles::builtin_text(&job.profile).is_none() {
-        inputs.push(Protected { path: profile, what: "the profile" });
-    }
+fn inputs<'a>(job: &'a Path, profile: &'a str) -> Vec<Protected<'a>> {
+    let mut inputs = vec![Protected { path: job, what: "the job to be read" }];
+    inputs.extend(profile_file(profile));
     inputs
+}
+
+/// The file of a profile, if it is not built in.
+fn profile_file(profile: &str) -> Option<Protected<'_>> {
+    let is_file = ferrostep_profiles::builtin_text(profile).is_none();
+    is_file.then(|| Protected { path: Path::new(profile), what: "the profile" })
 }
 
 fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
@@ -172,7 +175,7 @@ fn print(
         return Ok(run(job, input, &session, &progress, from));
     }
     let mut recorder = Recorder::default();
-    let mut protected = inputs(job);
+    let mut protected = inputs(&job.file, &job.profile);
     // The waveform must not replace the trace, so the trace's name is protected before the waveform is opened.
     let trace = trace.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
     let trace = trace.map_err(|error| error.to_string())?;
@@ -203,7 +206,8 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
         Format::Wide => Encoding::Wide,
     };
     // The header is written last, at the beginning of the file, which a pipe cannot do.
-    let part = Output::create(out, Accepted::File, &inputs(job)).map_err(|error| error.to_string())?;
+    let part =
+        Output::create(out, Accepted::File, &inputs(&job.file, &job.profile)).map_err(|error| error.to_string())?;
     let mut part = BufWriter::new(part);
     let progress = Progress::new(input.size_bytes());
     let replies = replies(&progress);

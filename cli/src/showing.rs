@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use ferrostep::duration::hms;
 use ferrostep::input::{self, Input};
-use ferrostep::output::{Accepted, Output, Protected};
+use ferrostep::output::{Accepted, Output};
 use ferrostep::show::{self, MAX_NODES};
 use ferrostep::terminal::{self, tell};
 use ferrostep_planner::kinematics::UNITS_PER_MM;
@@ -31,10 +31,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let name = input::name(&arguments.file);
     let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
     let path = arguments.out.clone().map_or_else(|| default_page(&arguments.file), Ok)?;
-    let mut protected = vec![Protected { path: &arguments.file, what: "the job to be read" }];
-    if ferrostep_profiles::builtin_text(&arguments.profile).is_none() {
-        protected.push(Protected { path: Path::new(&arguments.profile), what: "the profile" });
-    }
+    let protected = crate::inputs(&arguments.file, &arguments.profile);
     let out = Output::create(&path, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
 
     let progress = Progress::new(input.size_bytes());

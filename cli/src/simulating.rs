@@ -84,9 +84,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
 fn plot_output(plot: &Path, arguments: &SimulateArguments) -> Result<Output, String> {
     let mut protected = vec![Protected { path: &arguments.file, what: "the file to be read" }];
     protected.extend(arguments.path.as_deref().map(|path| Protected { path, what: "the G-code of the path" }));
-    if ferrostep_profiles::builtin_text(&arguments.profile).is_none() {
-        protected.push(Protected { path: Path::new(&arguments.profile), what: "the profile" });
-    }
+    protected.extend(crate::profile_file(&arguments.profile));
     Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ferrostep::input;
-use ferrostep::output::{Accepted, Output, Protected};
+use ferrostep::output::{Accepted, Output};
 use ferrostep::sweep::{self, ACCELERATION_KEYS, Sweep, Values, chart};
 
 use crate::arguments::SweepArguments;
@@ -50,9 +50,6 @@ pub fn key_and_values(text: &str) -> Result<(String, Values), String> {
 
 /// The chart, which must not replace what is read.
 fn plot_output(plot: &Path, arguments: &SweepArguments) -> Result<Output, String> {
-    let mut protected = vec![Protected { path: &arguments.file, what: "the job to be read" }];
-    if ferrostep_profiles::builtin_text(&arguments.profile).is_none() {
-        protected.push(Protected { path: Path::new(&arguments.profile), what: "the profile" });
-    }
+    let protected = crate::inputs(&arguments.file, &arguments.profile);
     Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
 }
