@@ -119,7 +119,20 @@ impl<'r> Section<'r> {
     pub fn word<T: Choice, const N: usize>(&self, key: &'static str, choices: [(&'static str, T); N]) -> Field<'r, T> {
         let words = one_of(choices.iter().map(|(word, _)| word));
         let book = one_of_in_book(&choices);
-        self.word_as(key, choices, words, book)
+        self.word_as(key, choices, words, book, |_| None)
+    }
+
+    /// One of some words, each with its meaning, or a text such as `example` that `read` knows.
+    pub fn word_or<T: Choice, const N: usize>(
+        &self,
+        key: &'static str,
+        choices: [(&'static str, T); N],
+        example: &'static str,
+        read: impl Fn(&str) -> Option<T>,
+    ) -> Field<'r, T> {
+        let words = format!("{} or such as \"{example}\"", one_of(choices.iter().map(|(word, _)| word)));
+        let book = format!("{} or such as `\"{example}\"`", one_of_in_book(&choices));
+        self.word_as(key, choices, words, book, read)
     }
 
     fn word_as<T: Choice, const N: usize>(
@@ -128,10 +141,11 @@ impl<'r> Section<'r> {
         choices: [(&'static str, T); N],
         words: String,
         book: String,
+        read: impl Fn(&str) -> Option<T>,
     ) -> Field<'r, T> {
         self.declare(key);
         let value = self.value(key).and_then(|value| {
-            let chosen = value.get_ref().as_str().and_then(|text| meaning(&choices, text));
+            let chosen = value.get_ref().as_str().and_then(|text| meaning(&choices, text).or_else(|| read(text)));
             chosen.or_else(|| self.wrong_type(&self.path(key), value, &words))
         });
         let (_, first) = choices[0];
@@ -172,7 +186,7 @@ impl<'r> Section<'r> {
         let book = format!("{} or a table such as `{example}`", one_of_in_book(&choices));
         let table = self.table.and_then(|table| table.get(key)).and_then(|value| value.get_ref().as_table());
         if table.is_none() && !self.is_describing() {
-            return self.word_as(key, choices, words, book);
+            return self.word_as(key, choices, words, book, |_| None);
         }
         self.declare(key);
         self.value(key);

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use ferrostep::printer_line::Address;
 #[cfg(unix)]
@@ -236,7 +235,7 @@ pub struct SimulateArguments {
     pub detune: Option<f64>,
     /// The input shaper of X and Y, in place of the profile's, and of the compared plan too; it is made for --shaper-frequency, else
     /// for the profile's frequencies, else for the frame's. M593 and SET_INPUT_SHAPER in the job change it as on the board.
-    #[arg(long, value_name = "NAME", value_parser = input_shaper())]
+    #[arg(long, value_name = "NAME", value_parser = input_shaper)]
     pub input_shaper: Option<InputShaperKind>,
     /// Damping ratio of the frame, 0 to 0.95.
     #[arg(long, value_name = "RATIO", default_value_t = 0.06)]
@@ -283,11 +282,11 @@ pub struct SimulateArguments {
     pub plot: Option<PathBuf>,
 }
 
-/// The kinds of input shaper by their names.
-fn input_shaper() -> impl TypedValueParser<Value = InputShaperKind> {
-    PossibleValuesParser::new(InputShaperKind::ALL.map(InputShaperKind::name)).map(|name| {
-        // The parser knows no other names.
-        InputShaperKind::ALL.into_iter().find(|kind| kind.name() == name).unwrap_or_default()
+/// The kind of input shaper of this name.
+fn input_shaper(name: &str) -> Result<InputShaperKind, String> {
+    InputShaperKind::from_name(name).ok_or_else(|| {
+        let names = InputShaperKind::NAMED.map(|(name, _)| name).join(", ");
+        format!("expected {names}, or as mzv(5,0.9)")
     })
 }
 

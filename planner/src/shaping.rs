@@ -6,6 +6,7 @@
 //! The extruder's filter spreads the flow as the shapers and the frame together spread the path, so that the filament comes where
 //! the nozzle is; its advance ([`PressureAdvance`]) is the mean between two delays.
 
+mod even_spacing;
 mod fixed;
 mod kernel;
 mod motor_steps;
@@ -16,6 +17,7 @@ mod shapers;
 mod stepper;
 mod taps;
 
+pub use even_spacing::EvenSpacing;
 pub use kernel::{Impulse, Kernel, MAX_IMPULSES};
 pub use shapers::{AxisShaper, ShaperError, ShaperKind};
 

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use ferrostep_gcode::Real;
-use ferrostep_planner::{AxisShaper, ChoiceError, ShaperError, ShaperKind};
+use ferrostep_planner::{AxisShaper, ChoiceError, EvenSpacing, ShaperError, ShaperKind};
 
 use crate::axis_names::AXIS_NAMES;
 
@@ -12,11 +12,13 @@ pub(crate) struct KnownShapers;
 
 impl fmt::Display for KnownShapers {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for kind in ShaperKind::ALL {
-            out.write_str(kind.name())?;
+        for (name, _) in ShaperKind::NAMED {
+            out.write_str(name)?;
             out.write_str(", ")?;
         }
-        out.write_str("ei2 (2hump_ei) or ei3 (3hump_ei) in M593 P or SHAPER_TYPE")
+        out.write_str(
+            "mzv(N,T) with N impulses over T periods, ei2 (2hump_ei) or ei3 (3hump_ei) in M593 P or SHAPER_TYPE",
+        )
     }
 }
 
@@ -38,6 +40,7 @@ impl fmt::Display for ShaperRefusal {
         match self.error {
             ShaperError::Frequency => self.write_frequency(out, axis),
             ShaperError::Damping => self.write_damping(out, axis),
+            ShaperError::Spacing => self.write_spacing(out),
             ShaperError::TooLong { lowest_hundredths_hz } => {
                 self.write_too_long(out, axis, f64::from(lowest_hundredths_hz) / 100.0)
             }
@@ -66,14 +69,19 @@ impl ShaperRefusal {
     fn write_damping(&self, out: &mut fmt::Formatter<'_>, axis: char) -> fmt::Result {
         let AxisShaper { kind, damping, .. } = self.shaper;
         let [damping, most] = [damping, kind.max_damping()].map(|ratio| Real::short(ratio, 6));
-        write!(out, "a damping ratio of {damping} is out of range, expected 0 to {most} for {}", kind.name())?;
+        write!(out, "a damping ratio of {damping} is out of range, expected 0 to {most} for {kind}")?;
         write!(out, " (M593 D or S, DAMPING_RATIO_{axis})")
+    }
+
+    #[inline(never)]
+    fn write_spacing(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "there is no {}, expected in mzv(N,T) {}", self.shaper.kind, EvenSpacing::RULE)
     }
 
     #[inline(never)]
     fn write_too_long(&self, out: &mut fmt::Formatter<'_>, axis: char, lowest_hz: f64) -> fmt::Result {
         let AxisShaper { kind, frequency_hz, damping } = self.shaper;
-        write!(out, "{} for {} Hz", kind.name(), Real::short(frequency_hz, 6))?;
+        write!(out, "{kind} for {} Hz", Real::short(frequency_hz, 6))?;
         write!(out, " and a damping ratio of {} is longer than 100 ms", Real::short(damping, 6))?;
         write!(out, ", expected at least {} Hz", Real::short(lowest_hz, 6))?;
         write!(out, " (M593 F, SHAPER_FREQ_{axis}) or a shorter kind")
@@ -88,7 +96,11 @@ pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
         }
         ChoiceError::InMotion => "input shapers and pressure advance change at standstill only, expected M400 before",
         ChoiceError::Shaper(
-            ShaperError::Methods | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong { .. },
+            ShaperError::Methods
+            | ShaperError::Frequency
+            | ShaperError::Damping
+            | ShaperError::Spacing
+            | ShaperError::TooLong { .. },
         )
         | ChoiceError::NotContained
         | ChoiceError::Parameter

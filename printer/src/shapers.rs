@@ -1,5 +1,7 @@
 //! M593 and SET_INPUT_SHAPER: the filters of X and Y.
 
+use core::fmt::Write as _;
+
 use ferrostep_gcode::{Reply, ShaperState, ShaperWords, ShortText};
 use ferrostep_planner::{AxisShaper, ShaperError, ShaperKind};
 
@@ -13,9 +15,18 @@ const OTHER_NAMES: [(&str, ShaperKind); 2] = [("ei2", ShaperKind::TwoHumpEi), ("
 
 /// The kind of this name, in upper or lower case.
 fn kind_of(name: &str) -> Result<ShaperKind, CommandError> {
-    let names = ShaperKind::ALL.map(|kind| (kind.name(), kind)).into_iter().chain(OTHER_NAMES);
-    let mut found = names.filter(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, kind)| kind);
-    found.next().ok_or_else(|| CommandError::UnknownShaper(ShortText::new(name)))
+    let mut others =
+        OTHER_NAMES.into_iter().filter(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, kind)| kind);
+    let kind = ShaperKind::from_name(name).or_else(|| others.next());
+    kind.ok_or_else(|| CommandError::UnknownShaper(ShortText::new(name)))
+}
+
+/// The name of a kind: at most `mzv(6,2.499)`.
+fn name_of(kind: ShaperKind) -> heapless::String<12> {
+    let mut name = heapless::String::new();
+    // It has room for every name.
+    let _ = write!(name, "{kind}");
+    name
 }
 
 /// What becomes of an axis's filter; `usual` is the kind where it has none and gets a frequency.
@@ -56,12 +67,14 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn shape(&mut self, axes: &[ShaperWords<'_>; 2], usual: &str) -> Result<(), CommandError> {
         let mut choice = self.motion.motion_choice();
         if *axes == [ShaperWords::default(); 2] {
-            let state = |shaper: AxisShaper| ShaperState {
-                kind: shaper.kind.name(),
+            let kinds = choice.shapers.map(|shaper| name_of(shaper.kind));
+            let [x, y] = &choice.shapers;
+            let [kind_x, kind_y] = &kinds;
+            self.replies.send(Reply::InputShaper([(kind_x, x), (kind_y, y)].map(|(kind, shaper)| ShaperState {
+                kind,
                 frequency_hz: shaper.frequency_hz,
                 damping: shaper.damping,
-            };
-            self.replies.send(Reply::InputShaper(choice.shapers.map(state)));
+            })));
             return Ok(());
         }
         let usual = kind_of(usual)?;

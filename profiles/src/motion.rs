@@ -3,7 +3,7 @@
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_papers::table::FrequencyTable;
 use ferrostep_planner::{
-    AccelerationProfile, AxisShaper, DualRatePeriods, Interpolation, MotionChoice, PressureAdvance,
+    AccelerationProfile, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation, MotionChoice, PressureAdvance,
     SCurveTableSettings, SecondSlope, ShaperError, ShaperKind,
 };
 
@@ -85,7 +85,7 @@ fn shapers(keys: &Section<'_>) -> [AxisShaper; 2] {
 /// The shaper of one axis, with a filter that is not too long.
 fn shaper(table: &Section<'_>) -> AxisShaper {
     let kind = table
-        .word("kind", ShaperKind::ALL.map(|kind| (kind.name(), kind)))
+        .word_or("kind", ShaperKind::NAMED, "mzv(5,0.9)", ShaperKind::from_name)
         .required("which filter ([which one](input-shaping.md#which-one))");
     let frequency_hz = table
         .number("frequency_hz", SHAPER_FREQUENCY)
@@ -95,12 +95,13 @@ fn shaper(table: &Section<'_>) -> AxisShaper {
         "ratio of the ringing; `\"ei\"` to 0.4, `\"2hump_ei\"` to 0.3, `\"3hump_ei\"` to 0.2",
     );
     let shaper = AxisShaper { kind, frequency_hz, damping };
-    let name = kind.name();
+    let name = kind.to_string();
     match shaper.kernel() {
         Ok(_) => {}
         // The range above has refused the first; the others are no filter's own.
         Err(ShaperError::Frequency | ShaperError::Methods | ShaperError::UnequalMotors) => {}
         Err(ShaperError::Damping) => table.refuse("damping", format!("0 to {} for {name:?}", kind.max_damping())),
+        Err(ShaperError::Spacing) => table.refuse("kind", format!("in mzv(N,T) {}", EvenSpacing::RULE)),
         Err(ShaperError::TooLong { .. }) => {
             let lowest_hz = shaper.lowest_frequency_hz();
             let expected = format!(

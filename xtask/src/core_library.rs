@@ -69,8 +69,8 @@ pub fn compiler_version() -> Result<String, Failure> {
 
 /// Packages that are optimised for speed on the desk and for size in an image, and their level there.
 const IMAGE_LEVELS: [(&str, &str); 6] = [
-    ("ferrostep-card", "\"s\""),
-    ("ferrostep-gcode", "\"s\""),
+    ("ferrostep-card", "\"z\""),
+    ("ferrostep-gcode", "\"z\""),
     ("ferrostep-gpre", "\"s\""),
     ("ferrostep-planner", "\"s\""),
     // Smaller frames on the stack than "s": texts are written within texts.

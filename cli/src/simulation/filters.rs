@@ -3,7 +3,7 @@
 use std::fmt;
 
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{AxisShaper, ChoiceError, MotionChoice, Planner, ShaperError, ShaperKind};
+use ferrostep_planner::{AxisShaper, ChoiceError, EvenSpacing, MotionChoice, Planner, ShaperError, ShaperKind};
 use ferrostep_printer::Profile;
 use ferrostep_simulator::frame::FrameSettings;
 use ferrostep_simulator::shapers::ShaperKind as ComparedKind;
@@ -97,8 +97,7 @@ impl fmt::Display for FilterError {
             ),
             Self::NotKlippers(kind) => write!(
                 out,
-                "--input-shaper {}: Klipper has no such filter; say with --shaper which one its plan has",
-                kind.name()
+                "--input-shaper {kind}: Klipper has no such filter; say with --shaper which one its plan has",
             ),
             Self::FrameTwice => out.write_str(
                 "--detune moves the frame away from the filters' frequencies: give those with --shaper-frequency X,Y, and \
@@ -124,7 +123,6 @@ impl fmt::Display for FilterError {
 
 fn write_shaper(out: &mut fmt::Formatter<'_>, axis: char, shaper: &AxisShaper, error: ShaperError) -> fmt::Result {
     let AxisShaper { kind, frequency_hz, damping } = *shaper;
-    let name = kind.name();
     match error {
         ShaperError::Frequency => {
             let [lowest, highest] = AxisShaper::FREQUENCY_HZ;
@@ -135,12 +133,15 @@ fn write_shaper(out: &mut fmt::Formatter<'_>, axis: char, shaper: &AxisShaper, e
         }
         ShaperError::Damping => write!(
             out,
-            "the filter of {axis} is made for a damping ratio of {damping}, expected 0 to {} for {name} (--shaper-damping)",
+            "the filter of {axis} is made for a damping ratio of {damping}, expected 0 to {} for {kind} (--shaper-damping)",
             kind.max_damping()
         ),
+        ShaperError::Spacing => {
+            write!(out, "the filter of {axis} is {kind}, which does not exist, expected in mzv(N,T) {}", EvenSpacing::RULE)
+        }
         ShaperError::TooLong { lowest_hundredths_hz } => write!(
             out,
-            "the filter of {axis}, {name} for {frequency_hz} Hz, lasts longer than 100 ms, expected at least {} Hz \
+            "the filter of {axis}, {kind} for {frequency_hz} Hz, lasts longer than 100 ms, expected at least {} Hz \
              (--shaper-frequency) or a shorter kind",
             f64::from(lowest_hundredths_hz) / 100.0
         ),
@@ -216,7 +217,7 @@ impl FilterWords {
         match (self.compared, self.input_shaper) {
             (Some(kind), _) => Ok(kind),
             (None, Some(kind)) if self.is_compared => {
-                let klippers = kind.name().parse().ok().filter(|_| kind != ShaperKind::Zvdd);
+                let klippers = kind.to_string().parse().ok().filter(|_| kind != ShaperKind::Zvdd);
                 klippers.ok_or(FilterError::NotKlippers(kind))
             }
             (None, _) => Ok(COMPARED),

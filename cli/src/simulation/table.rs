@@ -42,7 +42,7 @@ impl From<&Machine> for SimulatedMachine {
 #[derive(Clone, Debug, Serialize)]
 pub struct SimulatedFilter {
     /// The kinds of X and Y.
-    pub shaper: [&'static str; 2],
+    pub shaper: [String; 2],
     /// The frequencies that they are made for, Hz.
     pub shaper_frequency_hz: [f64; 2],
 }
@@ -51,7 +51,7 @@ impl SimulatedFilter {
     /// These filters, if there are any.
     pub fn of(shapers: &[AxisShaper; 2]) -> Option<Self> {
         shapers.iter().any(|shaper| shaper.kind != ShaperKind::None).then(|| Self {
-            shaper: shapers.map(|shaper| shaper.kind.name()),
+            shaper: shapers.map(|shaper| shaper.kind.to_string()),
             shaper_frequency_hz: shapers.map(|shaper| shaper.frequency_hz),
         })
     }

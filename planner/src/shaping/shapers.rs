@@ -6,6 +6,7 @@
 use core::fmt;
 
 use super::MAX_LENGTH_TICKS;
+use super::even_spacing::EvenSpacing;
 use super::kernel::Kernel;
 use crate::square_root::square_root;
 use crate::time_units::TICKS_PER_SECOND;
@@ -20,6 +21,8 @@ pub enum ShaperKind {
     Zv,
     /// Klipper's modified zero vibration: three impulses over three quarters of a period.
     Mzv,
+    /// The same with another number of impulses over another time (Klipper since 2026).
+    EvenMzv(EvenSpacing),
     /// Zero vibration and derivative: three impulses.
     Zvd,
     // ANCHOR: zvdd_kind
@@ -54,6 +57,8 @@ pub enum ShaperError {
     Frequency,
     /// The damping ratio is negative or above [`ShaperKind::max_damping`].
     Damping,
+    /// There are no such impulses at equal distances, or one of them would be negative.
+    Spacing,
     /// The filter is longer than [`MAX_LENGTH_TICKS`]: the frequency is too low for this shaper.
     TooLong {
         /// The lowest frequency at which it is not, 1/100 Hz.
@@ -87,6 +92,11 @@ impl AxisShaper {
         }
         if !(self.damping >= 0.0 && self.damping <= self.kind.max_damping()) {
             return Err(ShaperError::Damping);
+        }
+        if let ShaperKind::EvenMzv(spacing) = self.kind
+            && spacing.weights().is_none()
+        {
+            return Err(ShaperError::Spacing);
         }
         let kernel = self.of_any_length();
         if kernel.length_ticks() <= MAX_LENGTH_TICKS {
@@ -138,6 +148,10 @@ impl AxisShaper {
                 let outer = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
                 mode.equal_distances(0.375, &[outer, core::f64::consts::SQRT_2 - 1.0, outer])
             }
+            ShaperKind::EvenMzv(spacing) => match spacing.weights() {
+                Some(weights) => mode.equal_distances(spacing.distance_periods(), weights.as_slice()),
+                None => Kernel::IDENTITY,
+            },
             ShaperKind::Ei => mode.fitted_ei(),
             ShaperKind::TwoHumpEi => mode.fitted(&TWO_HUMP_EI),
             ShaperKind::ThreeHumpEi => mode.fitted(&THREE_HUMP_EI),
@@ -148,32 +162,38 @@ impl AxisShaper {
 }
 
 impl ShaperKind {
-    /// All of them.
-    pub const ALL: [Self; 9] = [
-        Self::None,
-        Self::Zv,
-        Self::Mzv,
-        Self::Zvd,
-        Self::Zvdd,
-        Self::Ei,
-        Self::EiOld,
-        Self::TwoHumpEi,
-        Self::ThreeHumpEi,
+    /// Those that need no numbers, with their names in profiles and in `SET_INPUT_SHAPER`.
+    pub const NAMED: [(&'static str, Self); 9] = [
+        ("none", Self::None),
+        ("zv", Self::Zv),
+        ("mzv", Self::Mzv),
+        ("zvd", Self::Zvd),
+        ("zvdd", Self::Zvdd),
+        ("ei", Self::Ei),
+        ("ei_old", Self::EiOld),
+        ("2hump_ei", Self::TwoHumpEi),
+        ("3hump_ei", Self::ThreeHumpEi),
     ];
 
-    /// The name in profiles and in `SET_INPUT_SHAPER`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Zv => "zv",
-            Self::Mzv => "mzv",
-            Self::Zvd => "zvd",
-            Self::Zvdd => "zvdd",
-            Self::Ei => "ei",
-            Self::EiOld => "ei_old",
-            Self::TwoHumpEi => "2hump_ei",
-            Self::ThreeHumpEi => "3hump_ei",
+    /// One of each kind.
+    pub const EXAMPLES: [Self; 10] = {
+        let mut kinds = [Self::EvenMzv(EvenSpacing { impulses: 5, period_thousandths: 1100 }); 10];
+        let mut index = 0;
+        while index < Self::NAMED.len() {
+            kinds[index] = Self::NAMED[index].1;
+            index += 1;
         }
+        kinds
+    };
+
+    /// The kind of this name, in upper or lower case: one of [`Self::NAMED`], or as `mzv(5,0.9)` and `mzv(n=5,t=0.9)` with the number
+    /// of impulses and the periods that they last.
+    pub fn from_name(name: &str) -> Option<Self> {
+        if let Some((_, kind)) = Self::NAMED.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
+            return Some(*kind);
+        }
+        let (kind, numbers) = name.strip_suffix(')')?.split_once('(')?;
+        kind.eq_ignore_ascii_case("mzv").then(|| EvenSpacing::from_text(numbers).map(Self::EvenMzv)).flatten()
     }
 
     /// Largest damping ratio; the fitted shapers hold no farther than they were fitted.
@@ -182,8 +202,19 @@ impl ShaperKind {
             Self::Ei => 0.4,
             Self::TwoHumpEi => 0.3,
             Self::ThreeHumpEi => 0.2,
-            Self::None | Self::Zv | Self::Mzv | Self::Zvd | Self::Zvdd | Self::EiOld => 0.99,
+            Self::None | Self::Zv | Self::Mzv | Self::EvenMzv(_) | Self::Zvd | Self::Zvdd | Self::EiOld => 0.99,
         }
+    }
+}
+
+impl fmt::Display for ShaperKind {
+    /// The name that [`Self::from_name`] knows.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Self::EvenMzv(EvenSpacing { impulses, period_thousandths }) = self {
+            return write!(out, "mzv({impulses},{}.{:03})", period_thousandths / 1000, period_thousandths % 1000);
+        }
+        let name = Self::NAMED.iter().find(|(_, kind)| kind == self).map_or("", |(name, _)| name);
+        out.pad(name)
     }
 }
 
@@ -194,6 +225,7 @@ impl fmt::Debug for ShaperKind {
             Self::None => "ShaperKind::None",
             Self::Zv => "ShaperKind::Zv",
             Self::Mzv => "ShaperKind::Mzv",
+            Self::EvenMzv(spacing) => return write!(out, "ShaperKind::EvenMzv({spacing:?})"),
             Self::Zvd => "ShaperKind::Zvd",
             Self::Zvdd => "ShaperKind::Zvdd",
             Self::Ei => "ShaperKind::Ei",

@@ -137,7 +137,7 @@ fn advance(random: &mut Random) -> PressureAdvance {
 pub fn case(random: &mut Random) -> Case {
     let kinematics = if random.next().is_multiple_of(3) { Kinematics::CoreXy } else { Kinematics::Cartesian };
     let shaper = |random: &mut Random| AxisShaper {
-        kind: ShaperKind::ALL[random.next() as usize % ShaperKind::ALL.len()],
+        kind: ShaperKind::EXAMPLES[random.next() as usize % ShaperKind::EXAMPLES.len()],
         frequency_hz: random.magnitude(22.0, 120.0),
         damping: 0.19 * random.share(),
     };

@@ -205,7 +205,7 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
         let AxisShaper { kind, frequency_hz, damping } = case.shapers[axis];
         match kind {
             ShaperKind::None => Shaper::identity(),
-            kind => Shaper::new(kind.name().parse().unwrap(), frequency_hz, damping).unwrap(),
+            kind => Shaper::new(kind.to_string().parse().unwrap(), frequency_hz, damping).unwrap(),
         }
     };
     let second = f64::from(TICKS_PER_SECOND);

@@ -4,7 +4,7 @@
 use std::format;
 use std::string::{String, ToString};
 
-use ferrostep_planner::{AxisShaper, ShaperKind};
+use ferrostep_planner::{AxisShaper, EvenSpacing, ShaperKind};
 
 use crate::homing::tests::rig::{Rig, RigPrinter, execute};
 
@@ -35,6 +35,7 @@ fn after(lines: &[&str]) -> [AxisShaper; 2] {
 fn each_firmwares_words_set_the_axes_that_they_name() {
     use ShaperKind::*;
     let none = AxisShaper::NONE;
+    let even = EvenMzv(EvenSpacing { impulses: 6, period_thousandths: 900 });
     for (lines, x, y) in [
         (&["M593 F42 D0.15"][..], shaper(Zv, 42.0, 0.15), shaper(Zv, 42.0, 0.15)),
         (&["M593 X F42"], shaper(Zv, 42.0, 0.1), none),
@@ -52,12 +53,18 @@ fn each_firmwares_words_set_the_axes_that_they_name() {
             shaper(Ei, 60.0, 0.1),
             shaper(Ei, 30.0, 0.4),
         ),
+        (
+            &["SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=6,t=0.9) SHAPER_FREQ_X=60"],
+            shaper(even, 60.0, 0.1),
+            shaper(even, 40.0, 0.1),
+        ),
+        (&["M593 P\"mzv(6,0.9)\" F42"], shaper(even, 42.0, 0.1), shaper(even, 42.0, 0.1)),
         (&["SET_INPUT_SHAPER SHAPER_TYPE_X=Ei_Old SHAPER_TYPE_Y=zvdd SHAPER_FREQ_Y=0"], shaper(EiOld, 40.0, 0.1), none),
     ] {
         assert_eq!(after(lines), [x, y], "{lines:?}");
     }
-    for kind in ShaperKind::ALL {
-        let shapers = after(&[&format!("M593 P\"{}\" F60", kind.name())]);
+    for kind in ShaperKind::EXAMPLES {
+        let shapers = after(&[&format!("M593 P\"{kind}\" F60")]);
         assert_eq!(shapers, [shaper(kind, 60.0, 0.1); 2]);
     }
 }
@@ -69,6 +76,7 @@ fn an_answer_sets_what_it_says() {
     let said = "echo:SET_INPUT_SHAPER SHAPER_TYPE_X=none SHAPER_FREQ_X=40 DAMPING_RATIO_X=0.1 SHAPER_TYPE_Y=ei_old \
                 SHAPER_FREQ_Y=38.625 DAMPING_RATIO_Y=0.06";
     assert_eq!(state(&rig, &mut printer), said);
+    execute(&mut printer, "M593 Y P\"mzv(5,1.25)\"").unwrap();
     execute(&mut printer, "M593 X P\"3hump_ei\" F123.456789012 S0.123456789").unwrap();
     let shapers = rig.choice().shapers;
     let said = state(&rig, &mut printer);
@@ -111,8 +119,8 @@ fn what_cannot_be_made_is_refused_with_its_numbers_and_the_filters_stay() {
     execute(&mut printer, "SET_INPUT_SHAPER SHAPER_TYPE_X=mzv SHAPER_FREQ_X=52 SHAPER_TYPE_Y=zvd SHAPER_FREQ_Y=38")
         .unwrap();
     let good = rig.choice();
-    let names = "expected none, zv, mzv, zvd, zvdd, ei, ei_old, 2hump_ei, 3hump_ei, ei2 (2hump_ei) or ei3 (3hump_ei) in M593 P \
-                 or SHAPER_TYPE";
+    let names = "expected none, zv, mzv, zvd, zvdd, ei, ei_old, 2hump_ei, 3hump_ei, mzv(N,T) with N impulses over T periods, ei2 \
+                 (2hump_ei) or ei3 (3hump_ei) in M593 P or SHAPER_TYPE";
     let frequency = |value: &str, axis: char| {
         format!(
             "input shaper of {axis}: {value} Hz is out of range, expected 5 to 500 Hz, or 0 for none (M593 F, SHAPER_FREQ_{axis})"
@@ -144,7 +152,13 @@ fn what_cannot_be_made_is_refused_with_its_numbers_and_the_filters_stay() {
         ),
         ("M593 P\"zvddd\" F40", format!("\"zvddd\" is no input shaper of this machine, {names}")),
         ("M593 P\"custom\"", format!("\"custom\" is no input shaper of this machine, {names}")),
-        ("SET_INPUT_SHAPER SHAPER_TYPE=mzv(5,0.9)", format!("\"mzv(5,0.9)\" is no input shaper of this machine, {names}")),
+        ("SET_INPUT_SHAPER SHAPER_TYPE=mzv(5;0.9)", format!("\"mzv(5;0.9)\" is no input shaper of this machine, {names}")),
+        (
+            "SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=9,t=0.9)",
+            "input shaper of X: there is no mzv(9,0.900), expected in mzv(N,T) N from 3 to 6, and T below (N-1)/2 but not so small \
+             that an impulse would be negative"
+                .to_string(),
+        ),
         ("SET_INPUT_SHAPER SHAPER_TYPE_Y=", format!("\"\" is no input shaper of this machine, {names}")),
     ] {
         let error = execute(&mut printer, line).unwrap_err();

@@ -19,8 +19,8 @@ mod names {
     pub const inf: f64 = f64::INFINITY;
 
     pub use ferrostep_planner::{
-        AccelerationProfile::*, AxisShaper, DualRatePeriods, Interpolation::*, Kinematics::*, Limits, MotionChoice,
-        PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
+        AccelerationProfile::*, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation::*, Kinematics::*, Limits,
+        MotionChoice, PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
         AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*,

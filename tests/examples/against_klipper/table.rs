@@ -201,7 +201,7 @@ pub fn table(cases: &[Case], threads: usize) -> String {
 
 /// How a row begins.
 pub fn row_start(name: &str, plan: Plan, kind: ShaperKind) -> String {
-    format!("| {name} | {} | `{}` |", plan.name(), kind.name())
+    format!("| {name} | {} | `{kind}` |", plan.name())
 }
 
 fn row_of(name: &str, plan: Plan, kind: ShaperKind, figures: &[Figures]) -> String {
