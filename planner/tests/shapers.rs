@@ -18,7 +18,7 @@ fn reference(kind: ShaperKind) -> ReferenceKind {
 /// All kinds, and some of the numbers that MZV takes.
 fn kinds() -> [ShaperKind; 12] {
     let even = |impulses, period_thousandths| ShaperKind::EvenMzv(EvenSpacing { impulses, period_thousandths });
-    let mut kinds = [even(3, 600), even(4, 1100), even(6, 900)].into_iter();
+    let mut kinds = [even(3, 600), even(4, 1100), even(5, 900)].into_iter();
     std::array::from_fn(|index| match ShaperKind::NAMED.get(index) {
         Some((_, kind)) => *kind,
         None => kinds.next().unwrap(),
@@ -82,7 +82,7 @@ fn mzv_of_any_number_and_length_is_the_simulators() {
             let shaper = AxisShaper { kind, frequency_hz: 60.0, damping: 0.1 };
             let name = kind.to_string();
             assert_eq!(ShaperKind::from_name(&name), Some(kind));
-            if impulses <= 6 && name.parse::<ReferenceKind>().is_ok() {
+            if impulses <= 5 && name.parse::<ReferenceKind>().is_ok() {
                 compare(&shaper);
                 made += 1;
             } else {
@@ -90,7 +90,7 @@ fn mzv_of_any_number_and_length_is_the_simulators() {
             }
         }
     }
-    assert!(made > 400, "{made}");
+    assert!(made > 200, "{made}");
 }
 
 #[test]
@@ -99,6 +99,7 @@ fn names_of_mzv_have_their_numbers_in_several_ways() {
     for (name, kind) in [
         ("mzv(5,0.9)", of(5, 900)),
         ("MZV(n=6,t=.9)", of(6, 900)),
+        ("mzv(n=5,t=.9)", of(5, 900)),
         ("mzv(4,1.)", of(4, 1000)),
         ("mzv(4,1)", of(4, 1000)),
         ("mzv(4.0,1)", of(4, 1000)),

@@ -21,7 +21,7 @@ fn kind_of(name: &str) -> Result<ShaperKind, CommandError> {
     kind.ok_or_else(|| CommandError::UnknownShaper(ShortText::new(name)))
 }
 
-/// The name of a kind: at most `mzv(6,2.499)`.
+/// The name of a kind: at most `mzv(5,1.999)`.
 fn name_of(kind: ShaperKind) -> heapless::String<12> {
     let mut name = heapless::String::new();
     // It has room for every name.

@@ -22,7 +22,7 @@ pub struct EvenSpacing {
 impl EvenSpacing {
     /// Which numbers there are, in words.
     pub const RULE: &'static str =
-        "N from 3 to 6, and T below (N-1)/2 but not so small that an impulse would be negative";
+        "N from 3 to 5, and T below (N-1)/2 but not so small that an impulse would be negative";
 
     /// What a name such as `mzv(5,0.9)` or, in Klipper's way, `mzv(n=5,t=0.9)` has in its parentheses.
     #[cold]

@@ -1,7 +1,7 @@
 //! Weights and delays.
 
-/// The most impulses of a shaper: three humps have five.
-pub const MAX_IMPULSES: usize = 6;
+/// The most impulses of a shaper: those of three humps.
+pub const MAX_IMPULSES: usize = 5;
 
 /// An impulse of a shaper.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -35,7 +35,7 @@ fn after(lines: &[&str]) -> [AxisShaper; 2] {
 fn each_firmwares_words_set_the_axes_that_they_name() {
     use ShaperKind::*;
     let none = AxisShaper::NONE;
-    let even = EvenMzv(EvenSpacing { impulses: 6, period_thousandths: 900 });
+    let even = EvenMzv(EvenSpacing { impulses: 5, period_thousandths: 900 });
     for (lines, x, y) in [
         (&["M593 F42 D0.15"][..], shaper(Zv, 42.0, 0.15), shaper(Zv, 42.0, 0.15)),
         (&["M593 X F42"], shaper(Zv, 42.0, 0.1), none),
@@ -54,11 +54,11 @@ fn each_firmwares_words_set_the_axes_that_they_name() {
             shaper(Ei, 30.0, 0.4),
         ),
         (
-            &["SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=6,t=0.9) SHAPER_FREQ_X=60"],
+            &["SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=5,t=0.9) SHAPER_FREQ_X=60"],
             shaper(even, 60.0, 0.1),
             shaper(even, 40.0, 0.1),
         ),
-        (&["M593 P\"mzv(6,0.9)\" F42"], shaper(even, 42.0, 0.1), shaper(even, 42.0, 0.1)),
+        (&["M593 P\"mzv(5,0.9)\" F42"], shaper(even, 42.0, 0.1), shaper(even, 42.0, 0.1)),
         (&["SET_INPUT_SHAPER SHAPER_TYPE_X=Ei_Old SHAPER_TYPE_Y=zvdd SHAPER_FREQ_Y=0"], shaper(EiOld, 40.0, 0.1), none),
     ] {
         assert_eq!(after(lines), [x, y], "{lines:?}");
@@ -155,7 +155,7 @@ fn what_cannot_be_made_is_refused_with_its_numbers_and_the_filters_stay() {
         ("SET_INPUT_SHAPER SHAPER_TYPE=mzv(5;0.9)", format!("\"mzv(5;0.9)\" is no input shaper of this machine, {names}")),
         (
             "SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=9,t=0.9)",
-            "input shaper of X: there is no mzv(9,0.900), expected in mzv(N,T) N from 3 to 6, and T below (N-1)/2 but not so small \
+            "input shaper of X: there is no mzv(9,0.900), expected in mzv(N,T) N from 3 to 5, and T below (N-1)/2 but not so small \
              that an impulse would be negative"
                 .to_string(),
         ),

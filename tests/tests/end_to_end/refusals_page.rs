@@ -75,7 +75,7 @@ const LINES: &[&str] = &[
     "M593 P\"zvddd\" F40",
     "M593 Pmzv F40",
     "M593 Z F40",
-    "SET_INPUT_SHAPER SHAPER_TYPE=mzv(5,0.9)",
+    "SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=6,t=0.9)",
     "SET_INPUT_SHAPER SHAPER_FREQ_X=4",
     "SET_INPUT_SHAPER SHAPER_FREQUENCY_X=40",
     "M900 K2.5",

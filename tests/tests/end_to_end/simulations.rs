@@ -208,7 +208,7 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
             &[job, "--input-shaper", "mzx"],
             "expected none, zv, mzv, zvd, zvdd, ei, ei_old, 2hump_ei, 3hump_ei, or as mzv(5,0.9)",
         ),
-        (&[job, "--input-shaper", "mzv(4,1.5)"], "which does not exist, expected in mzv(N,T) N from 3 to 6"),
+        (&[job, "--input-shaper", "mzv(4,1.5)"], "which does not exist, expected in mzv(N,T) N from 3 to 5"),
         (&[job, "--input-shaper", "zv", "--shaper-frequency", "5,40"], "expected at least 5.03 Hz"),
         (&[job, "--shaper-frequency", "50,40"], "--input-shaper"),
     ];
