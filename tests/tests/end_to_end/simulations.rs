@@ -178,7 +178,7 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
     let cut = named("cut.trace", &bytes[..header + 12 * 100 + 5]);
     let text = String::from_utf8(bytes[..header].to_vec()).unwrap();
     let delta = named("delta.trace", text.replace("cartesian", "delta").as_bytes());
-    let rows: [(&[&str], &str); 19] = [
+    let rows: [(&[&str], &str); 20] = [
         (&[&cut], "trace ends inside the record at byte"),
         (&[&delta], "trace header: kinematics is missing or not supported"),
         (&[trace, "--path", other], "is the trace of this file?"),
