@@ -87,6 +87,12 @@ pub enum Command {
     /// Measures what the steps of a file, or of a trace, do to a frame that rings and to a nozzle under pressure: contour error,
     /// ringing, misplaced material, true acceleration.
     Simulate(Box<SimulateArguments>),
+    /// Turns measurements of a printer into keys of its profile.
+    Calibrate {
+        /// What is measured.
+        #[command(subcommand)]
+        calibration: Calibration,
+    },
     /// Computes the tables and figures of the papers behind the motion code again, beside ours; of all papers if none is named.
     Papers {
         /// The paper.
@@ -105,6 +111,62 @@ pub enum Command {
         #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
         profile: String,
     },
+}
+
+/// What `calibrate` measures.
+#[derive(Subcommand)]
+pub enum Calibration {
+    /// The frequency of the frame and the input shaper for it: from a record of an accelerometer, as Klipper's TEST_RESONANCES (raw_data)
+    /// and RepRapFirmware's M956 write it, or from waves behind a corner of a print.
+    Shaper(CalibrateShaperArguments),
+}
+
+/// Arguments of `calibrate shaper`.
+#[derive(clap::Args)]
+pub struct CalibrateShaperArguments {
+    /// The record (CSV): time, X, Y and Z.
+    #[arg(conflicts_with_all = ["waves", "over_mm", "speed"])]
+    pub record: Option<PathBuf>,
+    /// The axis that was shaken.
+    #[arg(long, value_enum, default_value_t = ShakenAxis::X)]
+    pub axis: ShakenAxis,
+    /// How many waves were counted on a print.
+    #[arg(long, value_name = "NUMBER")]
+    pub waves: Option<f64>,
+    /// Over which length, mm.
+    #[arg(long, value_name = "MM")]
+    pub over_mm: Option<f64>,
+    /// How well the length was read, mm.
+    #[arg(long, value_name = "MM", default_value_t = 0.3)]
+    pub reading_mm: f64,
+    /// The speed of the nozzle there, mm/s.
+    #[arg(long, value_name = "MM_PER_S")]
+    pub speed: Option<f64>,
+    /// Prints the result as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+    /// Draws the record's spectrum, and what the recommended shaper leaves of it.
+    #[arg(long, value_name = "OUT.svg")]
+    pub plot: Option<PathBuf>,
+}
+
+/// An axis with a shaper.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum ShakenAxis {
+    /// X.
+    X,
+    /// Y.
+    Y,
+}
+
+impl ShakenAxis {
+    /// Its index.
+    pub const fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+        }
+    }
 }
 
 /// Arguments of `show`.

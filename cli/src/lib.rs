@@ -1,6 +1,7 @@
 //! The desk: the whole machine in virtual time, and the parts of the `ferrostep` command.
 
 #[cfg(unix)]
+pub mod calibrate;
 pub mod card_image;
 mod comments;
 pub mod desk;

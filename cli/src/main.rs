@@ -1,6 +1,7 @@
 //! The `ferrostep` command.
 
 mod arguments;
+mod calibrating;
 mod outcome;
 mod progress;
 mod sending;
@@ -70,6 +71,7 @@ fn main() -> ExitCode {
         Command::Sweep(arguments) => sweeping::run(&arguments),
         Command::Show(arguments) => showing::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
+        Command::Calibrate { calibration } => calibrating::run(&calibration),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),
     };

@@ -1,0 +1,193 @@
+//! The frame's mode that shows in a spectrum.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::least_squares::fit;
+use crate::spectrum::Spectrum;
+
+/// Frequencies among which the mode is looked for, Hz.
+const SEARCH_HZ: [f64; 2] = [10.0, 200.0];
+
+/// The curve is laid through the lines from this part of the peak's frequency to that.
+const AROUND: [f64; 2] = [0.72, 1.35];
+
+/// A peak has at least this many times the density of its surroundings, the mean at its frequency times and by [`BESIDE`].
+const LEAST_PEAK: f64 = 3.0;
+const BESIDE: f64 = 1.6;
+
+/// Another peak with this part of the strongest one's density is named.
+pub const SECOND_PEAK_SHARE: f64 = 0.1;
+
+/// What Hann's window makes of the power of one frequency, at halves of a line from it.
+const WINDOW: [(f64, f64); 7] =
+    [(-1.5, 0.0144), (-1.0, 0.25), (-0.5, 0.7205), (0.0, 1.0), (0.5, 0.7205), (1.0, 0.25), (1.5, 0.0144)];
+
+/// Lines beside each other are not independent under Hann's window, and a sweep passes a frequency only once: the interval is as
+/// much wider than that of independent lines.
+const WIDER: f64 = 2.0;
+
+/// Frequency and damping are known no better than to these parts, since a frame has more modes than one: a second one at 1.7 times the
+/// frequency with a quarter of the motion moves them by as much.
+const ONE_MODE: [f64; 2] = [0.004, 0.2];
+
+/// The damping ratio of a printer whose damping is not known.
+const USUAL_DAMPING: f64 = 0.1;
+
+/// Half of an interval that holds 95 of 100, in standard deviations.
+const TWO_SIDED_95: f64 = 1.96;
+
+/// A mode, with the halves of intervals that hold 95 of 100 measurements.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mode {
+    /// Undamped frequency, Hz.
+    pub frequency_hz: f64,
+    /// It lies within this of the truth, Hz.
+    pub frequency_uncertainty_hz: f64,
+    /// Damping ratio.
+    pub damping: f64,
+    /// It lies within this of the truth.
+    pub damping_uncertainty: f64,
+    /// Other peaks with at least [`SECOND_PEAK_SHARE`] of the density: frequency, Hz, and that part.
+    pub others: Vec<[f64; 2]>,
+}
+
+/// No mode shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModeError {
+    /// Nothing stands out between the lowest and the highest frequency.
+    NoPeak,
+    /// The peak has not the shape of a mode.
+    Shape,
+    /// Waves on a print that no frame makes.
+    Waves,
+}
+
+impl fmt::Display for ModeError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = SEARCH_HZ;
+        match self {
+            Self::NoPeak => write!(
+                out,
+                "no frequency between {low} and {high} Hz stands out: shake the axis harder, or fasten the accelerometer"
+            ),
+            Self::Shape => out.write_str(
+                "the peak has not the shape of one mode; record the axis again, moved over more frequencies or for longer",
+            ),
+            Self::Waves => write!(
+                out,
+                "these waves are no frequency between {low} and {high} Hz known to a half, expected the number of waves, the length \
+                 over which they were counted, and the speed of the nozzle there"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for ModeError {}
+
+impl Mode {
+    /// The mode that leaves `waves` waves over `over_mm` behind a corner passed at `speed_mm_per_s`; the length is read to `reading_mm`.
+    /// A print does not show the damping well: it is taken to be usual.
+    ///
+    /// # Errors
+    /// [`ModeError::Waves`].
+    pub fn of_waves(waves: f64, over_mm: f64, reading_mm: f64, speed_mm_per_s: f64) -> Result<Self, ModeError> {
+        let [low, high] = SEARCH_HZ;
+        let frequency_hz = speed_mm_per_s * waves / over_mm;
+        let part = reading_mm / over_mm;
+        // NaN is in no range.
+        if !(frequency_hz >= low && frequency_hz <= high && part >= 0.0 && part <= 0.5) {
+            return Err(ModeError::Waves);
+        }
+        Ok(Self {
+            frequency_hz,
+            frequency_uncertainty_hz: part.max(ONE_MODE[0]) * frequency_hz,
+            damping: USUAL_DAMPING,
+            damping_uncertainty: USUAL_DAMPING,
+            others: Vec::new(),
+        })
+    }
+
+    /// The strongest mode of a spectrum.
+    ///
+    /// The density of the acceleration of a mass on a spring that is moved at its other end is that of the movement times
+    /// (1 + (2 zeta r)^2) / ((1 - r^2)^2 + (2 zeta r)^2), with r = f / f0. How the movement is spread over frequencies is taken to be a
+    /// power of f.
+    ///
+    /// # Errors
+    /// [`ModeError`].
+    pub fn of(spectrum: &Spectrum) -> Result<Self, ModeError> {
+        let floor = spectrum.floor();
+        let search = spectrum.lines(SEARCH_HZ);
+        let smooth = |line: usize| {
+            let around = line.saturating_sub(1)..(line + 2).min(spectrum.density.len());
+            let count = around.len() as f64;
+            spectrum.density[around].iter().sum::<f64>() / count
+        };
+        // How much a line stands out of its surroundings, whatever power of the frequency these follow.
+        let beside = |line: usize, times: f64| smooth(((line as f64 * times) as usize).min(spectrum.density.len() - 1));
+        let stands_out =
+            |line: usize| smooth(line) / (beside(line, BESIDE) * beside(line, 1.0 / BESIDE)).sqrt().max(floor);
+        let is_highest = |line: usize| {
+            let reach = 2 + line / 10;
+            let around = line.saturating_sub(reach)..(line + reach + 1).min(spectrum.density.len());
+            around.into_iter().all(|other| smooth(other) <= smooth(line))
+        };
+        let peaks: Vec<usize> = search.filter(|line| stands_out(*line) > LEAST_PEAK && is_highest(*line)).collect();
+        let highest = peaks.iter().copied().max_by(|a, b| smooth(*a).total_cmp(&smooth(*b)));
+        let peak = highest.ok_or(ModeError::NoPeak)?;
+        let peak_hz = spectrum.frequency_hz(peak);
+        let lines = spectrum.lines(AROUND.map(|part| part * peak_hz));
+        let start = [smooth(peak).ln() - 5.0, 2.0, peak_hz.ln(), 0.08f64.ln()];
+        let residuals = |parameters: &[f64; 4]| -> Vec<f64> {
+            let lines = lines.clone();
+            let curve = |line: usize| (density(parameters, peak_hz, spectrum, line) + floor).ln();
+            lines.map(|line| curve(line) - spectrum.density[line].max(f64::MIN_POSITIVE).ln()).collect()
+        };
+        let fit = fit(start, residuals).ok_or(ModeError::Shape)?;
+        let [_, _, log_frequency, log_damping] = fit.parameters;
+        let (frequency_hz, damping) = (log_frequency.exp(), log_damping.exp());
+        let half = |index: usize| WIDER * TWO_SIDED_95 * fit.covariance[index][index].sqrt();
+        let (frequency_part, damping_part) = (half(2), half(3));
+        let [frequency_least, damping_least] = ONE_MODE;
+        let near = (frequency_hz / peak_hz - 1.0).abs() < 0.2;
+        if !near || !(damping < 0.7) || !(frequency_part < 0.2) {
+            return Err(ModeError::Shape);
+        }
+        let others = peaks
+            .into_iter()
+            .filter(|line| !lines.contains(line))
+            .map(|line| [spectrum.frequency_hz(line), smooth(line) / smooth(peak)])
+            .filter(|[_, share]| *share >= SECOND_PEAK_SHARE)
+            .collect();
+        Ok(Self {
+            frequency_hz,
+            frequency_uncertainty_hz: frequency_part.max(frequency_least) * frequency_hz,
+            damping,
+            damping_uncertainty: damping_part.max(damping_least) * damping,
+            others,
+        })
+    }
+}
+
+/// The density that a mode has at a line, as the window shows it.
+fn density(
+    [log_scale, power, log_frequency, log_damping]: &[f64; 4],
+    peak_hz: f64,
+    spectrum: &Spectrum,
+    line: usize,
+) -> f64 {
+    let (mode_hz, damping) = (log_frequency.exp(), log_damping.exp());
+    let mut sum = 0.0;
+    let mut weights = 0.0;
+    for (offset, weight) in WINDOW {
+        let frequency_hz = (line as f64 + offset) * spectrum.step_hz;
+        let r = frequency_hz / mode_hz;
+        let twice = (2.0 * damping * r).powi(2);
+        let response = (1.0 + twice) / ((1.0 - r * r).powi(2) + twice);
+        sum += weight * (log_scale + power * (frequency_hz / peak_hz).ln()).exp() * response;
+        weights += weight;
+    }
+    sum / weights
+}

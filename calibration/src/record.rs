@@ -1,0 +1,178 @@
+//! Records of an accelerometer, as Klipper and RepRapFirmware write them.
+
+use std::fmt;
+
+/// The axes of a record, in the order of its columns.
+pub const AXES: [char; 3] = ['X', 'Y', 'Z'];
+
+/// Standard gravity, in which RepRapFirmware writes accelerations; mm/s^2.
+const GRAVITY_MM_PER_S2: f64 = 9806.65;
+
+/// An interval longer than this many usual ones is a gap.
+const GAP: f64 = 3.0;
+
+/// Accelerations at equal times.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Accelerations of X, Y and Z, mm/s^2, all as many.
+    pub acceleration_mm_per_s2: [Vec<f64>; 3],
+}
+
+/// A record cannot be read.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RecordError {
+    /// Neither Klipper's nor RepRapFirmware's first line.
+    Unknown {
+        /// The first line.
+        first_line: String,
+    },
+    /// A line has other columns than the first.
+    Line {
+        /// Counted from 1.
+        line: usize,
+        /// Its text.
+        text: String,
+    },
+    /// Samples are missing.
+    Gap {
+        /// Line of the first sample after the gap, counted from 1.
+        line: usize,
+        /// Time since the sample before, s; not above 0 if time goes back.
+        interval_s: f64,
+    },
+    /// RepRapFirmware's last line, which has the rate, is missing.
+    NoRate,
+    /// RepRapFirmware lost samples.
+    Overflows(u32),
+    /// There are fewer than two samples.
+    Empty,
+}
+
+impl fmt::Display for RecordError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown { first_line } => write!(
+                out,
+                "line 1: {first_line:?}: expected a record of an accelerometer, which begins with `#time,accel_x,accel_y,accel_z` \
+                 (Klipper) or `Sample,X,Y,Z` (RepRapFirmware)"
+            ),
+            Self::Line { line, text } => {
+                write!(out, "line {line}: {text:?}: expected four numbers with commas between them")
+            }
+            Self::Gap { line, interval_s } if *interval_s > 0.0 => write!(
+                out,
+                "line {line}: no sample for {interval_s:.4} s before this one: samples were lost, record it again"
+            ),
+            Self::Gap { line, .. } => {
+                write!(out, "line {line}: its time is not after that of the line before: two records in one file?")
+            }
+            Self::NoRate => out.write_str("the last line is missing, expected one such as `Rate 1344, overflows 0`"),
+            Self::Overflows(count) => {
+                write!(out, "the accelerometer overflowed {count} times: samples were lost, record it again")
+            }
+            Self::Empty => out.write_str("there are no samples in it"),
+        }
+    }
+}
+
+impl std::error::Error for RecordError {}
+
+impl Record {
+    /// Reads a record.
+    ///
+    /// Klipper's lines have the time in seconds and accelerations in mm/s^2, RepRapFirmware's a number and accelerations in g, with
+    /// the rate in the last line.
+    ///
+    /// # Errors
+    /// [`RecordError`], with the line.
+    pub fn parse(text: &str) -> Result<Self, RecordError> {
+        let mut lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
+        let (_, first) = lines.next().unwrap_or((1, ""));
+        let lower = first.trim_start_matches('\u{feff}').to_ascii_lowercase();
+        if lower.starts_with("#time,accel_x,accel_y,accel_z") {
+            klipper(lines)
+        } else if lower.starts_with("sample,x,y,z") {
+            reprapfirmware(lines)
+        } else {
+            Err(RecordError::Unknown { first_line: first.chars().take(60).collect() })
+        }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.acceleration_mm_per_s2[0].len()
+    }
+
+    /// Whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How long it lasts, s.
+    pub fn duration_s(&self) -> f64 {
+        self.len() as f64 / self.rate_hz
+    }
+
+    fn of(rate_hz: f64, samples: &[[f64; 3]]) -> Self {
+        let axis = |axis: usize| samples.iter().map(|sample| sample[axis]).collect();
+        Self { rate_hz, acceleration_mm_per_s2: [axis(0), axis(1), axis(2)] }
+    }
+}
+
+/// Four numbers.
+fn numbers(line: usize, text: &str) -> Result<[f64; 4], RecordError> {
+    let mut fields = text.split(',').map(|field| field.trim().parse::<f64>().ok().filter(|number| number.is_finite()));
+    let found = [fields.next(), fields.next(), fields.next(), fields.next()].map(Option::flatten);
+    match (found, fields.next()) {
+        ([Some(a), Some(b), Some(c), Some(d)], None) => Ok([a, b, c, d]),
+        _ => Err(RecordError::Line { line, text: text.chars().take(60).collect() }),
+    }
+}
+
+fn klipper<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<Record, RecordError> {
+    let mut times: Vec<(usize, f64)> = Vec::new();
+    let mut samples = Vec::new();
+    for (line, text) in lines.filter(|(_, text)| !text.is_empty() && !text.starts_with('#')) {
+        let [time_s, sample @ ..] = numbers(line, text)?;
+        times.push((line, time_s));
+        samples.push(sample);
+    }
+    let ([(_, begin_s), .., (_, end_s)], true) = (times.as_slice(), times.len() > 1) else {
+        return Err(RecordError::Empty);
+    };
+    let usual_s = (end_s - begin_s) / (times.len() - 1) as f64;
+    for pair in times.windows(2) {
+        let ((_, before_s), (line, at_s)) = (pair[0], pair[1]);
+        let interval_s = at_s - before_s;
+        if !(interval_s > 0.0 && interval_s < GAP * usual_s) {
+            return Err(RecordError::Gap { line, interval_s });
+        }
+    }
+    Ok(Record::of(1.0 / usual_s, &samples))
+}
+
+fn reprapfirmware<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<Record, RecordError> {
+    let mut samples = Vec::new();
+    let mut rate_hz = None;
+    for (line, text) in lines.filter(|(_, text)| !text.is_empty()) {
+        if let Some(rest) = text.strip_prefix("Rate ") {
+            let (rate, overflows) = rest.split_once(", overflows ").unwrap_or((rest, "0"));
+            let parsed =
+                (rate.trim().parse::<f64>().ok().filter(|rate| *rate > 0.0), overflows.trim().parse::<u32>().ok());
+            let (Some(rate), Some(overflows)) = parsed else {
+                return Err(RecordError::Line { line, text: text.chars().take(60).collect() });
+            };
+            if overflows > 0 {
+                return Err(RecordError::Overflows(overflows));
+            }
+            rate_hz = Some(rate);
+            continue;
+        }
+        let [_, sample @ ..] = numbers(line, text)?;
+        samples.push(sample.map(|gravities| gravities * GRAVITY_MM_PER_S2));
+    }
+    let rate_hz = rate_hz.ok_or(RecordError::NoRate)?;
+    if samples.len() < 2 { Err(RecordError::Empty) } else { Ok(Record::of(rate_hz, &samples)) }
+}
