@@ -13,36 +13,47 @@ function flatOn(canvas, print) {
     name: '2D canvas',
     colour(now) { values = now; },
     widths(now) { widths = now; },
-    draw(first, last, started, theme, ratio, isQuick) {
-      const { width, height } = canvas;
-      const place = projection(width, height);
-      context.clearRect(0, 0, width, height);
-      const line = (a, b) => {
-        if (!a || !b) return;
-        context.beginPath();
-        context.moveTo(a[0], a[1]);
-        context.lineTo(b[0], b[1]);
-        context.stroke();
-      };
-      context.lineCap = 'round';
-      context.lineWidth = ratio;
-      context.strokeStyle = theme.gridCss;
-      for (let i = 0; i < grid.length; i += 6) {
-        line(place(grid[i], grid[i + 1], grid[i + 2]), place(grid[i + 3], grid[i + 4], grid[i + 5]));
-      }
-      const part = (i, end) => {
-        if (widths[i] < -0.5) return;
-        const a = place(c.x[i - 1], c.y[i - 1], c.z[i - 1]);
-        const b = place(...end);
-        if (!a || !b) return;
-        const value = (values.values[2 * i] + values.values[2 * i + 1]) / 2;
-        context.strokeStyle = css(values.table, (value - values.low) / (values.high - values.low));
-        context.lineWidth = Math.max(ratio, widths[i] * height / (2 * FIELD * b[2]));
-        line(a, b);
-      };
-      // The latest parts lie on top.
-      for (let i = Math.max(first, last - (isQuick ? QUICK_LINES : FLAT_LINES)); i < last; i++) part(i, [c.x[i], c.y[i], c.z[i]]);
-      if (started) part(started.i, started.position);
+    coarse(first, last, started, theme, ratio, drawn) {
+      draw(first, last, started, theme, ratio, QUICK_LINES);
+      drawn();
+    },
+    whole(first, last, started, theme, ratio, how, drawn) {
+      draw(first, last, started, theme, ratio, FLAT_LINES);
+      drawn();
+      return true;
     },
   };
+
+  function draw(first, last, started, theme, ratio, most) {
+    setPixels(canvas, ratio);
+    const { width, height } = canvas;
+    const place = projection(width, height);
+    context.clearRect(0, 0, width, height);
+    const line = (a, b) => {
+      if (!a || !b) return;
+      context.beginPath();
+      context.moveTo(a[0], a[1]);
+      context.lineTo(b[0], b[1]);
+      context.stroke();
+    };
+    context.lineCap = 'round';
+    context.lineWidth = ratio;
+    context.strokeStyle = theme.gridCss;
+    for (let i = 0; i < grid.length; i += 6) {
+      line(place(grid[i], grid[i + 1], grid[i + 2]), place(grid[i + 3], grid[i + 4], grid[i + 5]));
+    }
+    const part = (i, end) => {
+      if (widths[i] < -0.5) return;
+      const a = place(c.x[i - 1], c.y[i - 1], c.z[i - 1]);
+      const b = place(...end);
+      if (!a || !b) return;
+      const value = (values.values[2 * i] + values.values[2 * i + 1]) / 2;
+      context.strokeStyle = css(values.table, (value - values.low) / (values.high - values.low));
+      context.lineWidth = Math.max(ratio, widths[i] * height / (2 * FIELD * b[2]));
+      line(a, b);
+    };
+    // The latest parts lie on top.
+    for (let i = Math.max(first, last - most); i < last; i++) part(i, [c.x[i], c.y[i], c.z[i]]);
+    if (started) part(started.i, started.position);
+  }
 }

@@ -122,12 +122,13 @@ async function main() {
     const last = print.layerStart[state.high + 1] + 1;
     const now = stateAt(print, state.time);
     const begun = Math.min(last, now.i);
-    const started = now.i >= first && now.i < last && now.share < 1 ? { i: now.i, position: now.position } : null;
+    const started = now.i >= first && now.i < last && now.share < 1 ? { i: now.i, position: now.position, share: now.share } : null;
     return { first, last: started ? begun : Math.min(last, now.i + 1), started, now };
   }
 
   let isDue = false;
-  let drawn = { frames: 0, quick: 0 };
+  let drawing = 0;
+  const drawn = { frames: 0, quick: 0, isWhole: false };
   let chartsDrawn = '';
   const chart = byId('charts');
   // The picture moves.
@@ -136,10 +137,20 @@ async function main() {
     changed();
   }
 
+  // A frame begins when of the pictures before it all but one are drawn: a slow machine would collect them, and answer late.
   function changed() {
     if (isDue) return;
     isDue = true;
-    requestAnimationFrame(frame);
+    if (drawing < 2) requestAnimationFrame(frame);
+  }
+
+  // What to call when a picture is drawn.
+  function startDrawing() {
+    drawing += 1;
+    return () => {
+      drawing -= 1;
+      if (isDue && drawing === 1) requestAnimationFrame(frame);
+    };
   }
 
   function frame(at) {
@@ -153,23 +164,25 @@ async function main() {
     }
     const ratio = Math.min(2, window.devicePixelRatio || 1);
     const { clientWidth: width, clientHeight: height } = canvas;
-    for (const one of [canvas, overlay]) {
-      if (one.width !== Math.round(width * ratio) || one.height !== Math.round(height * ratio)) {
-        [one.width, one.height] = [Math.round(width * ratio), Math.round(height * ratio)];
-      }
-    }
+    setPixels(overlay, ratio);
     const { first, last, started, now } = range();
-    // A slow machine draws a coarse picture while it moves, and all of it when it rests.
+    // A slow machine draws a coarse picture while something moves, and the whole one when it rests, some parts in each frame.
     const moves = state.playing || state.isTouched;
+    const isQuick = state.isSlow && (state.isTouched || performance.now() - state.touched < 250);
     state.isTouched = false;
-    const isQuick = state.isSlow && (moves || performance.now() - state.touched < 250);
-    space.draw(first, last, started, theme, ratio, isQuick);
+    let isComplete = false;
+    if (!isQuick) isComplete = space.whole(first, last, started, theme, ratio, { isSlow: state.isSlow, isPlaying: state.playing }, startDrawing());
+    if (isQuick || state.playing && !isComplete) {
+      space.coarse(first, last, started, theme, ratio, startDrawing());
+      drawn.quick += 1;
+    }
+    drawn.isWhole = isComplete;
     // Two whole pictures in a row that took long, while something moved.
     if (moves && state.moved && !isQuick && at - state.moved > 45) state.isSlow = true;
     state.moved = moves ? at : 0;
     clearTimeout(state.rest);
     if (isQuick && !state.playing) state.rest = setTimeout(changed, 280);
-    drawn.quick += Number(isQuick);
+    if (!isQuick && !isComplete) changed();
     drawOverlay(width, height, ratio, now);
     showHere(print, state.hovered ? hoveredState() : now);
     const chartsNow = [state.time, chart.clientWidth, chart.clientHeight, theme.text].join();
@@ -468,7 +481,7 @@ async function main() {
   showPlay();
   touched();
   // For tests and the curious.
-  window.ferrostep = { print, state, camera, stateAt: (time) => stateAt(print, time), drawn, draws: space.name, setTime, pick, touched, MODES };
+  window.ferrostep = { print, state, camera, stateAt: (time) => stateAt(print, time), drawn, detail: space.detail, draws: space.name, setTime, pick, touched, MODES, isUpToDate: () => !isDue };
   document.documentElement.dataset.ready = 'true';
 }
 

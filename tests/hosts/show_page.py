@@ -41,11 +41,22 @@ LOOK = """async (picture) => {
     middle: [(box[0] + box[2]) / 2 / image.width, (box[1] + box[3]) / 2 / image.height] };
 }"""
 
-FRAMES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done))))"
+# A frame after this number has been drawn, or all is drawn.
+DRAWN = "(frames) => ferrostep.drawn.frames > frames || ferrostep.isUpToDate()"
+
+# The browser's word about its own reading of pictures where no graphics card shows them.
+READING = "GPU stall due to ReadPixels"
+
+
+def drawn(page):
+    """Waits for a frame that shows what has been done."""
+    page.wait_for_function(DRAWN, arg=page.evaluate("() => ferrostep.drawn.frames"))
 
 
 def picture(page):
-    page.evaluate(FRAMES)
+    """The view, once all of it is drawn: a slow machine draws some of it in each frame."""
+    drawn(page)
+    page.wait_for_function("() => ferrostep.drawn.isWhole && ferrostep.isUpToDate()")
     return base64.b64encode(page.locator("#view").screenshot()).decode()
 
 
@@ -53,7 +64,7 @@ def main():
     browser_path, file, places = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
     seen = {"errors": [], "requests": [], "drawn": {}, "jumps": []}
     # Root has no sandbox; without a graphics card WebGL is computed.
-    arguments = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    arguments = ["--enable-unsafe-swiftshader"]
     if os.geteuid() == 0:
         arguments.append("--no-sandbox")
     with sync_playwright() as playwright:
@@ -62,7 +73,12 @@ def main():
         def opened(mark=""):
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.set_default_timeout(120_000)
-            page.on("console", lambda said: seen["errors"].append(said.text) if said.type in ("error", "warning") else None)
+            page.on(
+                "console",
+                lambda said: seen["errors"].append(said.text)
+                if said.type in ("error", "warning") and READING not in said.text
+                else None,
+            )
             page.on("pageerror", lambda error: seen["errors"].append(str(error)))
             page.on(
                 "request",
@@ -76,12 +92,16 @@ def main():
             page = opened(mark)
             way = page.evaluate("() => ferrostep.draws")
             before = picture(page)
-            drawn = page.evaluate(LOOK, before)
+            look = page.evaluate(LOOK, before)
             page.focus("#space")
             for _ in range(4):
                 page.keyboard.press("ArrowLeft")
-            drawn["turned"] = picture(page) != before
-            seen["drawn"][way] = drawn
+            look["coarse"] = page.evaluate("() => ferrostep.drawn.quick > 0")
+            look["turned"] = picture(page) != before
+            for _ in range(4):
+                page.keyboard.press("ArrowRight")
+            look["turned_back"] = picture(page) == before
+            seen["drawn"][way] = look
             if mark:
                 page.close()
 
@@ -114,7 +134,7 @@ def main():
             if "line" not in finding or button.count() == 0:
                 continue
             button.click()
-            page.evaluate(FRAMES)
+            drawn(page)
             place = page.evaluate("() => ({ time: ferrostep.state.time, line: ferrostep.print.c.line[ferrostep.stateAt(ferrostep.state.time).i] })")
             text = page.locator("#now").inner_text()
             assert str(place["line"]) in text, text
@@ -126,12 +146,12 @@ def main():
         seen["modes"] = options.count()
         for number in range(options.count()):
             page.select_option("#mode", index=number)
-            page.evaluate(FRAMES)
+            drawn(page)
 
         # All of the print again; the pointer on a part of it, by its own projection.
         page.evaluate("() => ferrostep.setTime(Infinity)")
         page.click('[data-view="top"]')
-        page.evaluate(FRAMES)
+        drawn(page)
         box = page.locator("#space").bounding_box()
         spot = page.evaluate(
             """() => {
