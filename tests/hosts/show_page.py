@@ -91,16 +91,16 @@ def main():
         for mark in ("#flat", ""):
             page = opened(mark)
             way = page.evaluate("() => ferrostep.draws")
+            page.focus("#space")
             before = picture(page)
             look = page.evaluate(LOOK, before)
-            page.focus("#space")
             for _ in range(4):
                 page.keyboard.press("ArrowLeft")
             look["coarse"] = page.evaluate("() => ferrostep.drawn.quick > 0")
             look["turned"] = picture(page) != before
             for _ in range(4):
                 page.keyboard.press("ArrowRight")
-            look["turned_back"] = picture(page) == before
+            look["turned_back"] = page.evaluate(LOOK, picture(page))["share"]
             seen["drawn"][way] = look
             if mark:
                 page.close()

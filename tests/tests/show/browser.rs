@@ -65,8 +65,8 @@ fn loads(print: Print) {
         assert!(number(&drawn["colours"]) >= 5.0, "{way}: {drawn}");
         assert_eq!(drawn["turned"], true, "{way}: {drawn}");
         // Where WebGL is computed, a coarse picture is drawn while it moves; at rest the whole one is there again.
-        assert_eq!(drawn["coarse"], way == "WebGL", "{way}: {drawn}");
-        assert_eq!(drawn["turned_back"], true, "{way}: {drawn}");
+        assert!(way != "WebGL" || drawn["coarse"] == true, "{way}: {drawn}");
+        assert!((number(&drawn["turned_back"]) / share - 1.0).abs() < 0.005, "{way}: {drawn}");
     }
     assert!(number(&seen["played"][1]) > number(&seen["played"][0]), "{seen:#}");
     let jumps = seen["jumps"].as_array().unwrap();

@@ -1,6 +1,8 @@
 //! Prints for the page.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::input::Input;
@@ -38,8 +40,15 @@ impl Print {
         session.into_observer()
     }
 
-    /// Ten moves that take long enough to measure a speed within them, and the motors' places there: by counting steps.
-    pub fn ten_places(self) -> Vec<Place> {
+    /// Ten moves that take long enough to measure a speed within them, and the motors' places there: by counting steps, once for all
+    /// tests.
+    pub fn ten_places(self) -> Arc<Vec<Place>> {
+        static KNOWN: Mutex<BTreeMap<&str, Arc<OnceLock<Arc<Vec<Place>>>>>> = Mutex::new(BTreeMap::new());
+        let known = Arc::clone(KNOWN.lock().unwrap().entry(self.file).or_default());
+        Arc::clone(known.get_or_init(|| Arc::new(self.count_places())))
+    }
+
+    fn count_places(self) -> Vec<Place> {
         let ends = self.watched(Ends::default()).long;
         assert!(ends.len() >= 10, "{} has {} long moves", self.file, ends.len());
         let chosen = (0..10).map(|number| ends[(2 * number + 1) * ends.len() / 20]);

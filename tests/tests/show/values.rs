@@ -23,7 +23,7 @@ fn check(print: Print) {
     assert!(shown.stopped.is_none());
     let nodes = &shown.recording.nodes;
     assert!(nodes.windows(2).all(|pair| pair[0].time_s <= pair[1].time_s));
-    for place in print.ten_places() {
+    for place in print.ten_places().iter() {
         let of_line = |node: &&Node| node.line == place.line && node.kind.moves();
         let end = nodes.iter().rfind(of_line).unwrap_or_else(|| panic!("no node of line {}", place.line));
         let middle_s = end.time_s - place.to_end_s;
