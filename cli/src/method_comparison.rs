@@ -6,9 +6,8 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use ferrostep_planner::StepObserver;
 use ferrostep_planner::kinematics::Kinematics;
-use ferrostep_planner::{AccelerationProfile, EXTRUDER, Interpolation, TICKS_PER_SECOND};
+use ferrostep_planner::{AccelerationProfile, EXTRUDER, Interpolation, Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::Profile;
 
 use crate::desk::LOOK_AHEAD_BLOCKS;
@@ -260,8 +259,8 @@ impl Observer for Watch {
         self.changes.begin_anew(tick);
     }
 
-    fn planned(&mut self, filament_100pm: i64, ends_move: bool) {
-        self.extruder.planned(filament_100pm, ends_move);
+    fn planned(&mut self, taken: &Move, _slowed_moves: u64) {
+        self.extruder.planned(taken.filament_100pm, taken.ends_move);
     }
 
     fn move_ended(&mut self, tick: u64, _line: u32) {

@@ -7,15 +7,15 @@ mod vcd;
 pub use trace::TraceWriter;
 pub use vcd::VcdWriter;
 
-use ferrostep_planner::StepObserver;
+use ferrostep_planner::{Move, StepObserver};
 
 use crate::output::OutputError;
 
 /// Observes every step and every event of the motion.
 pub trait Observer: StepObserver {
-    /// A move was queued, with its filament in units of 0.1 nm. `ends_move`: the source line's move ends with it, and
-    /// [`Self::move_ended`] follows when it has been executed.
-    fn planned(&mut self, _filament_100pm: i64, _ends_move: bool) {}
+    /// A move was queued. If the source line's move ends with it, [`Self::move_ended`] follows when it has been executed.
+    /// `slowed_moves`: how many of all moves were slowed so far because the board could not keep up with them.
+    fn planned(&mut self, _taken: &Move, _slowed_moves: u64) {}
     /// The motors' positions are redefined (homing).
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]);
     /// A move has ended.

@@ -7,9 +7,9 @@ use std::rc::Rc;
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
-use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
+use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{Heating, Ports, Printer, Profile, Replies};
-use ferrostep_show::{Finding, LineState, Machine, Recorder, Recording, SourceText, Temperature, Text};
+use ferrostep_show::{Finding, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text};
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
 use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
@@ -43,8 +43,14 @@ impl StepObserver for ShowObserver {
 }
 
 impl Observer for ShowObserver {
-    fn planned(&mut self, filament_100pm: i64, ends_move: bool) {
-        self.0.planned(filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64, ends_move);
+    fn planned(&mut self, taken: &Move, slowed_moves: u64) {
+        self.0.planned(&PlannedMove {
+            target_mm: taken.target_10nm.map(|units| units as f64 / UNITS_PER_MM as f64),
+            filament_mm: taken.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
+            line: taken.line,
+            ends_move: taken.ends_move,
+            slowed_moves,
+        });
     }
 
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
@@ -247,6 +253,23 @@ impl Shown {
             time_s: None,
         }));
         let totals = &self.recording.totals;
+        let mut place = |weight, place: &ferrostep_show::Extreme, text: String| {
+            findings.push(Finding { weight, text, line: Some(place.line), time_s: Some(place.time_s) });
+        };
+        let slowed = self.figures.slowed_moves;
+        if slowed > 0 && totals.first_slowed.value > 0.0 {
+            let moves = if slowed == 1 { "1 move is" } else { &format!("{slowed} moves are") };
+            let text = format!(
+                "{moves} slowed, for the board cannot keep up with them: {:.1} s of the print. This is the first",
+                totals.slowed_s
+            );
+            place("warning", &totals.first_slowed, text);
+        }
+        if totals.retractions > 0 {
+            let count = totals.retractions;
+            let retractions = if count == 1 { "The only retraction" } else { &format!("The first of {count} retractions") };
+            place("place", &totals.first_retraction, format!("{retractions}: {:.2} mm", totals.first_retraction.value));
+        }
         let mut extreme = |extreme: &ferrostep_show::Extreme, text: String| {
             if extreme.value > 0.0 {
                 let (line, time_s) = (Some(extreme.line), Some(extreme.time_s));
@@ -259,6 +282,12 @@ impl Shown {
         extreme(fastest, format!("Fastest printing: {:.0} mm/s", fastest.value));
         let travel = &totals.longest_travel;
         extreme(travel, format!("Longest travel: {:.0} mm", travel.value));
+        let retraction = &totals.longest_retraction;
+        if totals.retractions > 1 {
+            extreme(retraction, format!("Longest retraction: {:.2} mm", retraction.value));
+        }
+        let deviation = &totals.greatest_deviation;
+        extreme(deviation, format!("Farthest from the path asked for: {:.3} mm", deviation.value));
         let pressure = &totals.greatest_pressure;
         extreme(pressure, format!("Greatest pressure in the nozzle: {:.2} mm³ too much in it", pressure.value));
         let wait = &totals.longest_wait;

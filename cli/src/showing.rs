@@ -73,12 +73,13 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     }
     let target = out.get_ref().target().to_path_buf();
     Output::keep_buffered(out).map_err(|error| error.to_string())?;
+    let findings = job.findings.iter().filter(|finding| !matches!(finding.weight, "extreme" | "place"));
     let written = terminal::write_result(&format!(
-        "{}: {} in {} moves, {} findings\n",
+        "{}: {} in {}, {}\n",
         terminal::name(&path),
         hms(job.print_time_s),
-        job.moves,
-        job.findings.iter().filter(|finding| finding.weight != "extreme").count()
+        counted(job.moves, "move"),
+        counted(findings.count() as u64, "finding")
     ));
     if !arguments.no_open {
         open_page(&target);
@@ -87,6 +88,11 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
         Some(error) => exit_code(Err(format!("{name}: {error}"))),
         None => exit_code(written),
     })
+}
+
+/// A number and its noun: 1 finding, 2 findings.
+fn counted(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The page's name if none is given: an older page of that name may be replaced, another file not.

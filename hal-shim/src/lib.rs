@@ -5,7 +5,7 @@
 
 pub mod card;
 
-use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
+use ferrostep_planner::{Move, StepDigests, StepEntry, StepObserver};
 pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 
 /// A heater with its thermometer.
@@ -153,8 +153,9 @@ pub trait PlanningClock {
 pub trait MotionWatch: StepObserver {
     /// Digests of the steps so far. A board digests them as they are queued; virtual motors as they make them.
     fn digests(&self) -> StepDigests;
-    /// A move was taken, with this much filament in units of 0.1 nm; whether its source line's move ends with it.
-    fn move_taken(&mut self, _filament_100pm: i64, _ends_move: bool) {}
+    /// A move was taken. `slowed_moves`: how many of all moves were slowed because the board could not keep up with them; a block is
+    /// slowed when the move after it has been taken, or when it is full.
+    fn move_taken(&mut self, _taken: &Move, _slowed_moves: u64) {}
     /// After the entries added so far, a move of this source line ends at this tick.
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
     /// Motion stands still, all of it has been played or dropped, and the motion clock goes on from this tick.

@@ -97,6 +97,7 @@ function stateAt(print, time) {
     acceleration: moves && duration > 0 ? (to - from) / duration : 0,
     flow: c.kind[i] === KIND.print ? speed * c.bead[i] : 0,
     pressure: c.pressure[i - 1] + (c.pressure[i] - c.pressure[i - 1]) * passed,
+    deviation: moves ? mix(c.deviation) : 0,
     ...heatAt(print, time),
   };
 }

@@ -30,7 +30,7 @@ function showHeader(print) {
 function showFindings(print, jump) {
   const list = document.getElementById('finding-list');
   const { findings } = print.job;
-  const marks = { stop: 'Stop', warning: 'Look', note: 'Note', extreme: 'Most' };
+  const marks = { stop: 'Stop', warning: 'Look', note: 'Note', extreme: 'Most', place: 'Place' };
   for (const finding of findings) {
     const item = make('li', undefined, finding.weight);
     const time = finding.time_s ?? timeOfLine(print, finding.line);
@@ -44,7 +44,7 @@ function showFindings(print, jump) {
     item.append(body);
     list.append(item);
   }
-  if (!findings.some((finding) => finding.weight !== 'extreme' && finding.weight !== 'note')) {
+  if (!findings.some((finding) => finding.weight === 'stop' || finding.weight === 'warning')) {
     list.prepend(make('li', 'Nothing to worry about was found.', 'good'));
   }
 }
@@ -139,6 +139,7 @@ function showHere(print, state) {
     ['change', `${state.acceleration.toFixed(0)} mm/s²`],
     ['flow', `${state.flow.toFixed(2)} mm³/s`],
     ['pressure', `${state.pressure.toFixed(3)} mm³`],
+    ['off the path', `${state.deviation.toFixed(3)} mm` + (c.slowed[i] ? ', slowed for the board' : '')],
     ['nozzle', `${state.nozzle.toFixed(1)} °C` + (state.nozzleTarget ? ` of ${state.nozzleTarget.toFixed(0)}` : '')],
     ['bed', `${state.bed.toFixed(1)} °C` + (state.bedTarget ? ` of ${state.bedTarget.toFixed(0)}` : '')],
   ];

@@ -5,6 +5,7 @@
 //! columns, deflated, and the page's own programs (`show/page/`), which fetch nothing.
 
 mod columns;
+mod commanded;
 mod lines;
 mod motor;
 mod node;
@@ -17,6 +18,7 @@ mod source;
 mod temperatures;
 mod totals;
 
+pub use commanded::PlannedMove;
 pub use lines::LineState;
 pub use node::{Kind, Node};
 pub use page::{Finding, Job, write_page};

@@ -49,6 +49,10 @@ pub struct Node {
     pub bead: f32,
     /// The volume that is compressed in the nozzle then, mm^3; negative: the gap after a retraction.
     pub pressure_mm3: f32,
+    /// Distance from the path that the lines ask for, mm: what input shaping and corners take off. 0 if that path is unknown.
+    pub deviation_mm: f32,
+    /// Whether the part's move was slowed because the board could not keep up with it.
+    pub is_slowed: bool,
     /// The speed that the line asks for, mm/s; 0 if unknown.
     pub feed_mm_per_s: f32,
     /// Number of the line in the file.

@@ -28,7 +28,7 @@ const SCRIPT: &str = concat!(
 /// A remark about the print, with the place that it is about.
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
-    /// `stop`, `warning`, `note` or `extreme`.
+    /// `stop`, `warning`, `note`, `extreme` or `place`.
     pub weight: &'static str,
     /// A sentence.
     pub text: String,
@@ -141,6 +141,8 @@ fn columns(recording: &Recording) -> Columns {
     columns.add("speed", 0.1, nodes().map(|node| node.speed_mm_per_s.into()));
     columns.add("bead", 1e-4, nodes().map(|node| node.bead.into()));
     columns.add("pressure", 1e-3, nodes().map(|node| node.pressure_mm3.into()));
+    columns.add("deviation", 1e-4, nodes().map(|node| node.deviation_mm.into()));
+    columns.add("slowed", 1.0, nodes().map(|node| f64::from(u8::from(node.is_slowed))));
     columns.add("feed", 0.1, nodes().map(|node| node.feed_mm_per_s.into()));
     columns.add("line", 1.0, nodes().map(|node| node.line.into()));
     columns.add("layer", 1.0, nodes().map(|node| node.layer.into()));

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use crate::commanded::{Commanded, PlannedMove, SlowedLines};
 use crate::lines::{LineState, LineStates};
 use crate::node::{Kind, Node, UNMARKED};
 
@@ -36,6 +37,8 @@ struct Passed {
     along_mm: f64,
     /// Speed at the place: between those before and after it.
     speed_mm_per_s: f64,
+    /// Distance from the path that the lines ask for.
+    deviation_mm: f64,
 }
 
 /// The bounds of a line's slope within which all samples since its start are near it (a swinging door).
@@ -78,6 +81,8 @@ pub(crate) struct Path {
     /// Filament of moves that are planned and have not ended, mm.
     planned_mm: VecDeque<f64>,
     planned_part_mm: f64,
+    commanded: Commanded,
+    slowed: SlowedLines,
 }
 
 impl Path {
@@ -95,19 +100,24 @@ impl Path {
             ended: None,
             planned_mm: VecDeque::new(),
             planned_part_mm: 0.0,
+            commanded: Commanded::default(),
+            slowed: SlowedLines::default(),
         }
     }
 
-    /// A move has been planned after the others, with its filament.
-    pub fn planned(&mut self, filament_mm: f64, ends_move: bool) {
-        self.planned_part_mm += filament_mm;
-        if ends_move {
+    /// A move has been planned after the others.
+    pub fn planned(&mut self, taken: &PlannedMove) {
+        let length_mm = self.commanded.take(self.last.place.position_mm, taken.target_mm);
+        self.slowed.take(taken, length_mm);
+        self.planned_part_mm += taken.filament_mm;
+        if taken.ends_move {
             self.planned_mm.push_back(std::mem::take(&mut self.planned_part_mm));
         }
     }
 
     /// The motion so far has been broken off.
     pub fn broken_off(&mut self) {
+        self.commanded.clear();
         self.planned_mm.clear();
         self.planned_part_mm = 0.0;
     }
@@ -149,7 +159,8 @@ impl Path {
         }
         self.keep_if_bent();
         self.last_interval = (speed, step_s);
-        self.last = Passed { place, along_mm: self.last.along_mm + step_mm, speed_mm_per_s: speed };
+        let deviation_mm = self.commanded.deviation_mm(place.position_mm, step_mm);
+        self.last = Passed { place, along_mm: self.last.along_mm + step_mm, speed_mm_per_s: speed, deviation_mm };
     }
 
     /// Keeps a node at the sample before the last one if the last one does not lie on the line from the last node through it.
@@ -226,11 +237,16 @@ impl Path {
                 () if filament_mm > 0.0 => (Kind::Print, volume_mm3 / path_mm),
                 () => (Kind::Travel, volume_mm3 / path_mm),
             };
+            let is_slowed = self.slowed.contains(line);
+            let node = |passed: &Passed, speed| Node {
+                deviation_mm: if kind == Kind::Homing { 0.0 } else { passed.deviation_mm as f32 },
+                is_slowed,
+                ..node(passed.place, speed, kind, bead, line, state)
+            };
             for passed in self.open.drain(..) {
-                let speed = if kind.moves() { passed.speed_mm_per_s } else { 0.0 };
-                keep(node(passed.place, speed, kind, bead, line, state));
+                keep(node(&passed, if kind.moves() { passed.speed_mm_per_s } else { 0.0 }));
             }
-            if let Some(ended) = self.ended.replace(node(self.last.place, 0.0, kind, bead, line, state)) {
+            if let Some(ended) = self.ended.replace(node(&self.last, 0.0)) {
                 keep(ended);
             }
         }
@@ -254,5 +270,6 @@ fn node(place: Place, speed: f64, kind: Kind, bead: f64, line: u32, state: LineS
         layer: state.layer.unwrap_or(UNMARKED),
         kind,
         feature: state.feature,
+        ..Node::default()
     }
 }

@@ -2,6 +2,7 @@
 
 use ferrostep_simulator::nozzle::{Nozzle, NozzleError, NozzleSettings};
 
+use crate::commanded::PlannedMove;
 use crate::lines::{LineState, LineStates};
 use crate::node::{Kind, Node, UNMARKED};
 use crate::path::{Path, Place};
@@ -143,9 +144,9 @@ impl Recorder {
         }
     }
 
-    /// A move has been planned after the others, with its filament; if it ends its line's move, [`Self::move_ended`] follows.
-    pub fn planned(&mut self, filament_mm: f64, ends_move: bool) {
-        self.path.planned(filament_mm, ends_move);
+    /// A move has been planned after the others; if it ends its line's move, [`Self::move_ended`] follows.
+    pub fn planned(&mut self, taken: &PlannedMove) {
+        self.path.planned(taken);
     }
 
     /// The move of a line ends at a tick.
@@ -194,8 +195,6 @@ impl Recorder {
         self.path.begin(place);
         let node = Node {
             time_s,
-            speed_mm_per_s: 0.0,
-            bead: 0.0,
             pressure_mm3: self.pressure_mm3 as f32,
             feed_mm_per_s: state.feed_mm_per_s,
             line: self.line,
@@ -203,6 +202,7 @@ impl Recorder {
             kind,
             feature: state.feature,
             position_mm: place.position_mm.map(|mm| mm as f32),
+            ..Node::default()
         };
         self.nodes.keep(node);
     }

@@ -86,7 +86,7 @@ impl Nodes {
 /// Two parts as one, which ends where the second ends. As a last resort it has the values of the one that flows more, or is faster.
 fn joined(first: &Node, second: &Node, is_last_resort: bool) -> Node {
     if !is_last_resort {
-        return *second;
+        return Node { is_slowed: first.is_slowed || second.is_slowed, ..*second };
     }
     let rank = |node: &Node| (node.flow_mm3_per_s(), node.speed_mm_per_s);
     let most = if rank(first) > rank(second) { first } else { second };
@@ -94,6 +94,8 @@ fn joined(first: &Node, second: &Node, is_last_resort: bool) -> Node {
         speed_mm_per_s: most.speed_mm_per_s,
         bead: most.bead,
         kind: most.kind,
+        is_slowed: first.is_slowed || second.is_slowed,
+        deviation_mm: first.deviation_mm.max(second.deviation_mm),
         feature: most.feature,
         pressure_mm3: first.pressure_mm3.max(second.pressure_mm3),
         ..*second
@@ -109,6 +111,7 @@ fn is_extreme(before: &Node, node: &Node, next: &Node) -> bool {
     stands_out(|node| node.speed_mm_per_s)
         || stands_out(|node| 10.0 * node.flow_mm3_per_s())
         || stands_out(|node| 50.0 * node.pressure_mm3)
+        || stands_out(|node| 50.0 * node.deviation_mm)
 }
 
 /// How far a node's speed is from the even change between its neighbours', as a part of it.

@@ -50,6 +50,16 @@ pub struct Totals {
     pub slower_s: f64,
     /// Number of retractions.
     pub retractions: u64,
+    /// The first retraction, mm.
+    pub first_retraction: Extreme,
+    /// The longest retraction, mm.
+    pub longest_retraction: Extreme,
+    /// The first move that was slowed because the board could not keep up with it; its value is 1.
+    pub first_slowed: Extreme,
+    /// Time of the moves that were slowed, s.
+    pub slowed_s: f64,
+    /// Greatest distance of printing from the path that the lines ask for, mm.
+    pub greatest_deviation: Extreme,
     /// Most retractions in one layer, and the layer, from 0.
     pub most_retractions: (u64, u32),
     /// Retractions in the present layer.
@@ -93,6 +103,12 @@ impl Totals {
                 self.changing_s += time_s;
             }
         }
+        if node.is_slowed {
+            self.slowed_s += time_s;
+            if self.first_slowed.value == 0.0 {
+                self.first_slowed.note(1.0, node);
+            }
+        }
         self.wait_s = if node.kind == Kind::Wait { self.wait_s + time_s } else { 0.0 };
         self.travel_mm = if node.kind == Kind::Travel { self.travel_mm + path_mm } else { 0.0 };
         match node.kind {
@@ -102,6 +118,7 @@ impl Totals {
                     self.features.resize(feature + 1, Share::default());
                 }
                 self.features[feature].add(share);
+                self.greatest_deviation.note(node.deviation_mm.into(), node);
                 self.fastest_print.note(node.speed_mm_per_s.into(), node);
                 self.greatest_flow.note(node.flow_mm3_per_s().into(), node);
             }
@@ -111,6 +128,11 @@ impl Totals {
             }
             Kind::Retract => {
                 self.retractions += 1;
+                let length_mm = f64::from(-node.bead);
+                if self.retractions == 1 {
+                    self.first_retraction.note(length_mm, node);
+                }
+                self.longest_retraction.note(length_mm, node);
                 let in_layer = if self.in_layer.1 == node.layer { self.in_layer.0 + 1 } else { 1 };
                 self.in_layer = (in_layer, node.layer);
                 self.most_retractions = self.most_retractions.max(self.in_layer);

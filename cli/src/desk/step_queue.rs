@@ -6,7 +6,7 @@ use std::rc::Rc;
 use ferrostep_hal_shim::{
     Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepLink, StepQueue,
 };
-use ferrostep_planner::{StepDigests, StepEntry, StepLedger, StepObserver};
+use ferrostep_planner::{Move, StepDigests, StepEntry, StepLedger, StepObserver};
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::drivers::DeskDrivers;
@@ -280,8 +280,8 @@ impl<O: Observer> MotionWatch for VirtualStepQueue<O> {
         self.watch.digests
     }
 
-    fn move_taken(&mut self, filament_100pm: i64, ends_move: bool) {
-        self.watch.observer.planned(filament_100pm, ends_move);
+    fn move_taken(&mut self, taken: &Move, slowed_moves: u64) {
+        self.watch.observer.planned(taken, slowed_moves);
     }
 
     fn move_ended(&mut self, tick: u64, line: u32) {

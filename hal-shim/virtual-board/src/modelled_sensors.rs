@@ -1,6 +1,6 @@
 //! A board whose motors are real, or virtual, and whose sensors are models.
 
-use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
+use ferrostep_planner::{Move, StepDigests, StepEntry, StepObserver};
 
 use super::VirtualMotors;
 use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
@@ -106,8 +106,8 @@ impl<Q: MotionWatch> MotionWatch for ModelledSensors<Q> {
         self.queue.digests()
     }
 
-    fn move_taken(&mut self, filament_100pm: i64, ends_move: bool) {
-        self.queue.move_taken(filament_100pm, ends_move);
+    fn move_taken(&mut self, taken: &Move, slowed_moves: u64) {
+        self.queue.move_taken(taken, slowed_moves);
     }
 
     fn move_ended(&mut self, tick: u64, line: u32) {

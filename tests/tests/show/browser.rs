@@ -75,7 +75,7 @@ fn loads(print: Print) {
         assert!(number(&jump["line"]) >= number(&jump["wanted"]), "{jump}");
         assert!((number(&jump["time"]) - number(&jump["wanted_time"])).abs() < 1.0, "{jump}");
     }
-    assert_eq!(seen["modes"], 9);
+    assert_eq!(seen["modes"], 11);
     assert!(seen["tip"].as_str().unwrap().contains("line "), "{seen:#}");
 }
 
