@@ -11,6 +11,7 @@ use ferrostep_papers::tables::Paper;
 use ferrostep_planner::ShaperKind as InputShaperKind;
 use ferrostep_simulator::shapers::ShaperKind;
 
+use crate::comparing::key_and_value;
 use crate::sweeping::key_and_values;
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.
@@ -84,6 +85,9 @@ pub enum Command {
     /// Shows a print as it is executed: prints it on the virtual board and writes one HTML page with the path in 3D, coloured by speed,
     /// flow, pressure and more, with findings and charts; opens it in the browser.
     Show(ShowArguments),
+    /// Prints two files, or one with two profiles, on the virtual board and compares time, speed, flow and error, with both prints on one
+    /// HTML page.
+    Compare(CompareArguments),
     /// Measures what the steps of a file, or of a trace, do to a frame that rings and to a nozzle under pressure: contour error,
     /// ringing, misplaced material, true acceleration.
     Simulate(Box<SimulateArguments>),
@@ -180,6 +184,45 @@ pub struct ShowArguments {
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,
+    /// Does not open the page.
+    #[arg(long)]
+    pub no_open: bool,
+}
+
+/// Arguments of `compare`.
+#[derive(clap::Args)]
+pub struct CompareArguments {
+    /// The first job, A: G-code, as text or binary (.bgcode), plain or gzip.
+    #[arg(value_name = "A")]
+    pub file: PathBuf,
+    /// The second job, B [default: the first, with another profile or --set].
+    #[arg(value_name = "B")]
+    pub second: Option<PathBuf>,
+    /// Writes a page with both prints.
+    #[arg(short, value_name = "PAGE.html")]
+    pub out: Option<PathBuf>,
+    /// The machine of both: cartesian, corexy, prusa-mini, or the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
+    pub profile: String,
+    /// The machine of A.
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile_a: Option<String>,
+    /// The machine of B.
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile_b: Option<String>,
+    /// Gives a key of B's profile this value: junction_deviation_mm=0.02. The jobs' own commands that would hold over it are left out of
+    /// both. Can be repeated.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]
+    pub set: Vec<(String, f64)>,
+    /// Frequency of the frame in X, 1 to 1000 Hz: measures the contour error, too [default: that of Y].
+    #[arg(long, value_name = "HZ")]
+    pub frequency_x: Option<f64>,
+    /// Frequency of the frame in Y [default: that of X].
+    #[arg(long, value_name = "HZ")]
+    pub frequency_y: Option<f64>,
+    /// Prints the result as one JSON object.
+    #[arg(long)]
+    pub json: bool,
     /// Does not open the page.
     #[arg(long)]
     pub no_open: bool,

@@ -4,6 +4,7 @@
 pub mod calibrate;
 pub mod card_image;
 mod comments;
+pub mod compare;
 pub mod desk;
 pub mod duration;
 pub mod gpre;

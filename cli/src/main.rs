@@ -2,6 +2,7 @@
 
 mod arguments;
 mod calibrating;
+mod comparing;
 mod outcome;
 mod progress;
 mod sending;
@@ -69,6 +70,7 @@ fn main() -> ExitCode {
         },
         Command::Estimate { job } => estimate(&job),
         Command::Sweep(arguments) => sweeping::run(&arguments),
+        Command::Compare(arguments) => comparing::run(&arguments),
         Command::Show(arguments) => showing::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Calibrate { calibration } => calibrating::run(&calibration),

@@ -9,17 +9,18 @@ use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{Heating, Ports, Printer, Profile, Replies};
-use ferrostep_show::{Finding, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text};
+use ferrostep_show::{Finding, Job, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text};
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
 use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
 use crate::gpre;
-use crate::input::Input;
+use crate::input::{self, Input};
 use crate::job::{self, JobError, JobProgress, Onlooker};
 use crate::record::Observer;
 use crate::remarks::{Remark, RemarkKind};
 use crate::session::{JobReplies, PrintSession, Session};
-use crate::terminal::code;
+use crate::sweep::{Dropped, WithoutCommands};
+use crate::terminal::{self, code};
 use crate::watch::Watch;
 
 /// Most nodes of a page: about seven megabytes.
@@ -143,6 +144,18 @@ pub fn record(
     input: &mut Input,
     max_nodes: usize,
     replies: JobReplies<impl Fn(&str)>,
+    look: impl FnMut(&JobProgress, &Figures),
+) -> Result<Shown, NozzleError> {
+    record_without(&Dropped::new(Vec::new()), profile, input, max_nodes, replies, look)
+}
+
+/// As [`record`], without some of the job's commands.
+pub(crate) fn record_without(
+    dropped: &Dropped,
+    profile: Profile,
+    input: &mut Input,
+    max_nodes: usize,
+    replies: JobReplies<impl Fn(&str)>,
     mut look: impl FnMut(&JobProgress, &Figures),
 ) -> Result<Shown, NozzleError> {
     let recorder = Recorder::new(machine(&profile, max_nodes))?;
@@ -157,7 +170,7 @@ pub fn record(
         let played = gpre::play_from(0, input, session.profile(), &mut printer, &mut done, look);
         (session.run_with(played, between), Rc::default())
     } else {
-        let mut source = SourceText::new(input, MAX_TEXT_BYTES);
+        let mut source = SourceText::new(WithoutCommands::new(input, dropped), MAX_TEXT_BYTES);
         let text = source.text();
         let state = LineState::default();
         let mut lines = Lines { session: &session, text: Rc::clone(&text), state, line: 0, heats: &heats };
@@ -229,6 +242,27 @@ fn estimate(profile: Profile, file: &Path, factors: LimitFactors) -> Option<f64>
 }
 
 impl Shown {
+    /// What a page says besides the motion. `file`: the job's name; `slicer_time_s`: the slicer's, where the job's text does not say it.
+    pub fn job(&self, file: &Path, profile: &Profile, slicer_time_s: Option<f64>, chances: Vec<(String, f64)>) -> Job {
+        let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
+        Job {
+            file: file.file_name().map_or_else(|| input::name(file), |file| terminal::name(Path::new(file))),
+            profile: profile.name.to_owned(),
+            version: crate::VERSION.to_owned(),
+            print_time_s: self.figures.print_time_s,
+            slicer_time_s: self.done.slicer_time_s.or(slicer_time_s),
+            filament_mm: self.filament_mm,
+            filament_mm2: filament_mm2(profile),
+            lines: self.done.lines,
+            moves: self.moves,
+            travel_mm: [profile.lower_end_10nm.map(mm), profile.size_10nm.map(mm)],
+            max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
+            nozzle_time_constant_s: NozzleSettings::default().time_constant_s,
+            chances,
+            findings: self.findings(),
+        }
+    }
+
     /// What the page lists, the most important first.
     pub fn findings(&self) -> Vec<Finding> {
         let mut findings = Vec::new();

@@ -11,9 +11,7 @@ use ferrostep::input::{self, Input};
 use ferrostep::output::{Accepted, Output};
 use ferrostep::show::{self, MAX_NODES};
 use ferrostep::terminal::{self, tell};
-use ferrostep_planner::kinematics::UNITS_PER_MM;
-use ferrostep_show::{Job, write_page};
-use ferrostep_simulator::nozzle::NozzleSettings;
+use ferrostep_show::write_page;
 
 use crate::arguments::ShowArguments;
 use crate::outcome::exit_code;
@@ -50,23 +48,8 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     // With a stop there is no whole print to compare with.
     let chances = if shown.stopped.is_some() { Vec::new() } else { chances };
     let said = input.description().map(|description| &description.figures);
-    let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
-    let job = Job {
-        file: arguments.file.file_name().map_or_else(|| name.clone(), |file| terminal::name(Path::new(file))),
-        profile: profile.name.to_owned(),
-        version: ferrostep::VERSION.to_owned(),
-        print_time_s: shown.figures.print_time_s,
-        slicer_time_s: shown.done.slicer_time_s.or(said.and_then(|said| Some(said.time_s?.into()))),
-        filament_mm: shown.filament_mm,
-        filament_mm2: show::filament_mm2(&profile),
-        lines: shown.done.lines,
-        moves: shown.moves,
-        travel_mm: [profile.lower_end_10nm.map(mm), profile.size_10nm.map(mm)],
-        max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
-        nozzle_time_constant_s: NozzleSettings::default().time_constant_s,
-        chances,
-        findings: shown.findings(),
-    };
+    let slicer_time_s = said.and_then(|said| Some(said.time_s?.into()));
+    let job = shown.job(&arguments.file, &profile, slicer_time_s, chances);
     let mut out = BufWriter::with_capacity(1 << 16, out);
     if let Err(error) = write_page(&mut out, &job, &shown.recording, &shown.text) {
         return Err(out.get_ref().failed(error).to_string());
@@ -117,7 +100,7 @@ fn default_page(file: &Path) -> Result<PathBuf, String> {
 }
 
 /// Opens the page where a person sits at a desktop.
-fn open_page(page: &Path) {
+pub fn open_page(page: &Path) {
     let has_desktop = !cfg!(all(unix, not(target_os = "macos")))
         || ["DISPLAY", "WAYLAND_DISPLAY"]
             .iter()

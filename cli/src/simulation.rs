@@ -182,6 +182,17 @@ impl Simulation {
         Ok(Self { steps, source, profile, path, filament_mm2, has_relative_ringing: true })
     }
 
+    /// A job by its G-code.
+    ///
+    /// # Errors
+    /// The path cannot be read from it.
+    pub fn of_text(text: Vec<u8>, profile: Profile) -> Result<Self, SimulationError> {
+        let path = Some(planned(&text, &profile).map_err(SimulationError::Interpret)?);
+        let filament_mm2 = crate::show::filament_mm2(&profile);
+        let steps = Steps::Job(text.into());
+        Ok(Self { steps, source: Source::GCode, profile, path, filament_mm2, has_relative_ringing: false })
+    }
+
     /// The kind of the simulated file.
     pub const fn source(&self) -> Source {
         self.source

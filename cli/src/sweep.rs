@@ -16,7 +16,7 @@ use crate::duration::hms;
 use crate::input::{Input, InputError};
 use crate::job::{self, JobError, JobProgress};
 use crate::session::{JobReplies, Session};
-use filter::{Dropped, WithoutCommands};
+pub(crate) use filter::{Dropped, WithoutCommands};
 
 pub use values::{Values, ValuesError};
 
@@ -157,8 +157,20 @@ fn stopped(value: f64, reason: String) -> Row {
     Row { value, print_time_s: None, slowed_moves: None, stopped: Some(reason) }
 }
 
+/// A profile by its text, with other values of some keys.
+///
+/// # Errors
+/// The text or a value is refused; it says which.
+pub fn profile_with(text: &str, name: &str, values: &[(String, f64)]) -> Result<Profile, SweepError> {
+    let mut table: Table = text.parse().map_err(|error| SweepError::Profile(format!("{name}: {error}")))?;
+    for (key, value) in values {
+        set(&mut table, key, *value).map_err(|problem| SweepError::Profile(format!("{name}: {problem}")))?;
+    }
+    checked(&table, name)
+}
+
 /// The commands whose settings would hold over those of these keys.
-fn dropped(keys: &[String]) -> Dropped {
+pub(crate) fn dropped(keys: &[String]) -> Dropped {
     let sets_filters = |key: &String| FILTER_TABLES.iter().any(|table| key.split('.').next() == Some(table));
     let filters: &[&str] = if keys.iter().any(sets_filters) { &FILTERS } else { &[] };
     let limits: &[&str] = if keys.iter().all(sets_filters) { &[] } else { &LIMITS };

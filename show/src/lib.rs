@@ -5,6 +5,7 @@
 //! columns, deflated, and the page's own programs (`show/page/`), which fetch nothing.
 
 mod columns;
+mod comparison;
 mod commanded;
 mod lines;
 mod motor;
@@ -18,6 +19,7 @@ mod source;
 mod temperatures;
 mod totals;
 
+pub use comparison::{Row, write_comparison};
 pub use commanded::PlannedMove;
 pub use lines::LineState;
 pub use node::{Kind, Node};

@@ -103,12 +103,7 @@ pub fn write_page(out: &mut impl Write, job: &Job, recording: &Recording, text: 
     // Within an element of a page `<` would begin a tag.
     let description = serde_json::to_string(&description)?.replace('<', "\\u003c");
     let lines = packed(&text.kept)?;
-    let hash = |part: &str| base64(&Sha256::digest(part));
-    let policy = format!(
-        "default-src 'none'; base-uri 'none'; form-action 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data:",
-        hash(SCRIPT),
-        hash(STYLE)
-    );
+    let policy = policy(&[]);
     let title = escaped(&job.file);
     let mut rest = PAGE;
     for (mark, part) in [
@@ -157,7 +152,18 @@ fn columns(recording: &Recording) -> Columns {
     columns
 }
 
+/// What the page may load and run: nothing but its own parts, and these styles.
+pub(crate) fn policy(styles: &[&str]) -> String {
+    let hash = |part: &str| base64(&Sha256::digest(part));
+    let styles: String = styles.iter().map(|style| format!(" 'sha256-{}'", hash(style))).collect();
+    format!(
+        "default-src 'none'; base-uri 'none'; form-action 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'{styles}; img-src data:",
+        hash(SCRIPT),
+        hash(STYLE)
+    )
+}
+
 /// Text as it may stand in an element.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }

@@ -6,7 +6,7 @@ use crate::terminal::code;
 
 /// Commands to leave out.
 #[derive(Clone, Debug)]
-pub(super) struct Dropped {
+pub(crate) struct Dropped {
     commands: Vec<&'static str>,
     longest: usize,
 }
@@ -35,7 +35,7 @@ enum Place {
 }
 
 /// Text of a job whose lines with some commands are empty, so that all others keep their numbers.
-pub(super) struct WithoutCommands<'a, R> {
+pub(crate) struct WithoutCommands<'a, R> {
     inner: R,
     dropped: &'a Dropped,
     place: Place,

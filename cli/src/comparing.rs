@@ -1,0 +1,64 @@
+//! `ferrostep compare`.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use ferrostep::compare::{Asked, compare};
+use ferrostep::input;
+use ferrostep::output::{Accepted, Output};
+use ferrostep::sweep::profile_with;
+
+use crate::arguments::CompareArguments;
+use crate::outcome::{exit_code, result};
+
+/// Prints both jobs and tells what is different.
+pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
+    let second = arguments.second.as_ref().unwrap_or(&arguments.file);
+    if [&arguments.file, second].into_iter().any(|file| input::is_standard_input(file)) {
+        return Err("compare reads its jobs more than once: give it files, not -".to_owned());
+    }
+    let [profile_a, profile_b] =
+        [&arguments.profile_a, &arguments.profile_b].map(|own| own.as_ref().unwrap_or(&arguments.profile));
+    if arguments.second.is_none() && profile_a == profile_b && arguments.set.is_empty() {
+        return Err("nothing to compare with: give a second file, --profile-b or --set".to_owned());
+    }
+    let profile = |name: &str, values: &[(String, f64)]| {
+        let text = ferrostep_profiles::text(name).map_err(|error| error.to_string())?;
+        profile_with(&text, name, values).map_err(|error| error.to_string())
+    };
+    let asked = [
+        Asked { file: &arguments.file, profile: profile(profile_a, &[])? },
+        Asked { file: second, profile: profile(profile_b, &arguments.set)? },
+    ];
+    let frequency_hz = match (arguments.frequency_x, arguments.frequency_y) {
+        (None, None) => None,
+        (x, y) => Some([x.or(y).unwrap_or_default(), y.or(x).unwrap_or_default()]),
+    };
+    let mut protected = crate::inputs(&arguments.file, profile_a);
+    protected.extend(crate::inputs(second, profile_b));
+    let page = arguments.out.as_deref().map(|page| Output::create(page, Accepted::FileOrStream, &protected));
+    let page = page.transpose().map_err(|error| error.to_string())?;
+    let keys: Vec<String> = arguments.set.iter().map(|(key, _)| key.clone()).collect();
+    let comparison = compare(asked, &keys, frequency_hz)?;
+    if let Some(mut page) = page {
+        let target = page.target().to_path_buf();
+        page.write_all(&comparison.page).map_err(|error| page.failed(error).to_string())?;
+        page.keep().map_err(|error| error.to_string())?;
+        if !arguments.no_open {
+            crate::showing::open_page(&target);
+        }
+    }
+    let code = result(arguments.json.then_some(&comparison), || comparison.to_string());
+    let stopped = [&comparison.a, &comparison.b].into_iter().find_map(|side| Some((side, side.stopped.as_ref()?)));
+    Ok(match stopped {
+        Some((side, reason)) => exit_code(Err(format!("{}: {reason}", side.file))),
+        None => code,
+    })
+}
+
+/// A key and its value.
+pub fn key_and_value(text: &str) -> Result<(String, f64), String> {
+    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, as junction_deviation_mm=0.02")?;
+    let number = value.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    Ok((key.trim().to_owned(), number.ok_or_else(|| format!("\"{}\" is no number", value.trim()))?))
+}
