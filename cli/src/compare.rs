@@ -1,5 +1,6 @@
 //! Two prints side by side: two files, or one with two profiles.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::io::Read;
 use std::path::Path;
@@ -27,6 +28,8 @@ pub struct Asked<'a> {
     pub file: &'a Path,
     /// Its machine.
     pub profile: Profile,
+    /// Keys of the machine's profile that were changed, with their values.
+    pub changes: &'a [(String, f64)],
 }
 
 /// What is compared of a print.
@@ -36,6 +39,9 @@ pub struct Side {
     pub file: String,
     /// Name of the machine.
     pub profile: String,
+    /// Keys of its profile that were changed, with their values.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub changes: BTreeMap<String, f64>,
     /// Time of the print, s.
     pub print_time_s: f64,
     /// Time spent printing, and travelling, s.
@@ -91,15 +97,13 @@ pub fn compare(asked: [Asked<'_>; 2], keys: &[String], frequency_hz: Option<[f64
     let ((a, page_a), (b, page_b)) = (a?, b?);
     let mut page = Vec::new();
     let title = if a.file == b.file { a.file.clone() } else { format!("{} and {}", a.file, b.file) };
-    write_comparison(&mut page, &title, [&a, &b].map(|side| format!("{} on {}", side.file, side.profile)), &rows(&a, &b), [
-        &page_a, &page_b,
-    ])
-    .map_err(|error| format!("the page cannot be made: {error}"))?;
+    write_comparison(&mut page, &title, [&a, &b].map(Side::name), &rows(&a, &b), [&page_a, &page_b])
+        .map_err(|error| format!("the page cannot be made: {error}"))?;
     Ok(Comparison { a, b, page })
 }
 
 fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Result<(Side, String), String> {
-    let Asked { file, profile } = asked;
+    let Asked { file, profile, changes } = asked;
     let name = crate::input::name(file);
     let open = || Input::open(file).map_err(|error| format!("{name}: {error}"));
     let mut input = open()?;
@@ -134,6 +138,7 @@ fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Re
     let side = Side {
         file: job.file,
         profile: job.profile,
+        changes: changes.iter().cloned().collect(),
         print_time_s: job.print_time_s,
         printing_s: printing.time_s,
         travelling_s: travelling.time_s,
@@ -151,6 +156,14 @@ fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Re
     Ok((side, String::from_utf8_lossy(&page).into_owned()))
 }
 
+impl Side {
+    /// File, machine and what was changed.
+    fn name(&self) -> String {
+        let changes: String = self.changes.iter().map(|(key, value)| format!(", {key} = {value}")).collect();
+        format!("{} on {}{changes}", self.file, self.profile)
+    }
+}
+
 /// The lines of the table.
 fn rows(a: &Side, b: &Side) -> Vec<Row> {
     let mut rows = Vec::new();
@@ -159,7 +172,8 @@ fn rows(a: &Side, b: &Side) -> Vec<Row> {
         let change = if first == 0.0 { String::new() } else { format!("{:+.1} %", 100.0 * (second / first - 1.0)) };
         rows.push(Row { name: name.to_owned(), values: [shown(first), shown(second)], change });
     };
-    let number = |digits: usize, unit: &'static str| move |value: f64| format!("{value:.digits$} {unit}").trim_end().to_owned();
+    let number =
+        |digits: usize, unit: &'static str| move |value: f64| format!("{value:.digits$} {unit}").trim_end().to_owned();
     row("print time", &|side| Some(side.print_time_s), &hms);
     row("printing", &|side| Some(side.printing_s), &hms);
     row("travelling", &|side| Some(side.travelling_s), &hms);
@@ -180,7 +194,7 @@ fn rows(a: &Side, b: &Side) -> Vec<Row> {
 impl fmt::Display for Comparison {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (letter, side) in [("A", &self.a), ("B", &self.b)] {
-            writeln!(out, "{letter}: {} on {}", one_line(&side.file), one_line(&side.profile))?;
+            writeln!(out, "{letter}: {}", one_line(&side.name()))?;
             if let Some(reason) = &side.stopped {
                 writeln!(out, "   stops: {}", one_line(reason))?;
             }

@@ -27,8 +27,8 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
         profile_with(&text, name, values).map_err(|error| error.to_string())
     };
     let asked = [
-        Asked { file: &arguments.file, profile: profile(profile_a, &[])? },
-        Asked { file: second, profile: profile(profile_b, &arguments.set)? },
+        Asked { file: &arguments.file, profile: profile(profile_a, &[])?, changes: &[] },
+        Asked { file: second, profile: profile(profile_b, &arguments.set)?, changes: &arguments.set },
     ];
     let frequency_hz = match (arguments.frequency_x, arguments.frequency_y) {
         (None, None) => None,

@@ -9,7 +9,9 @@ use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{Heating, Ports, Printer, Profile, Replies};
-use ferrostep_show::{Finding, Job, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text};
+use ferrostep_show::{
+    Finding, Job, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text,
+};
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
 use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
@@ -301,7 +303,8 @@ impl Shown {
         }
         if totals.retractions > 0 {
             let count = totals.retractions;
-            let retractions = if count == 1 { "The only retraction" } else { &format!("The first of {count} retractions") };
+            let retractions =
+                if count == 1 { "The only retraction" } else { &format!("The first of {count} retractions") };
             place("place", &totals.first_retraction, format!("{retractions}: {:.2} mm", totals.first_retraction.value));
         }
         let mut extreme = |extreme: &ferrostep_show::Extreme, text: String| {

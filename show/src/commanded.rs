@@ -225,7 +225,18 @@ mod tests {
     #[test]
     fn sharp_turns_are_followed_in_small_steps() {
         let mut commanded = Commanded::default();
-        let ends = [[91.5, 105.5], [93.561, 105.794], [92.781, 106.679], [93.218, 106.242], [93.091, 106.143], [92.861, 105.908], [92.539, 106.23], [92.861, 105.908], [93.091, 106.143], [93.218, 106.242]];
+        let ends = [
+            [91.5, 105.5],
+            [93.561, 105.794],
+            [92.781, 106.679],
+            [93.218, 106.242],
+            [93.091, 106.143],
+            [92.861, 105.908],
+            [92.539, 106.23],
+            [92.861, 105.908],
+            [93.091, 106.143],
+            [93.218, 106.242],
+        ];
         let ends = ends.map(|[x, y]| [x, y, 0.0]);
         for pair in ends.windows(2) {
             commanded.take(pair[0], pair[1]);
@@ -236,7 +247,9 @@ mod tests {
             for step in 1..=steps as u32 {
                 let share = f64::from(step) / steps;
                 // As motors stop on whole steps, to 0.01 mm.
-                let place = std::array::from_fn(|axis| ((from[axis] + (to[axis] - from[axis]) * share) * 100.0).round() / 100.0);
+                let place = std::array::from_fn(|axis| {
+                    ((from[axis] + (to[axis] - from[axis]) * share) * 100.0).round() / 100.0
+                });
                 let off = commanded.deviation_mm(place, 0.02);
                 assert!(off < 0.02, "{place:?} from {from:?} to {to:?}: {off}");
             }

@@ -5,8 +5,8 @@
 //! columns, deflated, and the page's own programs (`show/page/`), which fetch nothing.
 
 mod columns;
-mod comparison;
 mod commanded;
+mod comparison;
 mod lines;
 mod motor;
 mod node;
@@ -19,8 +19,8 @@ mod source;
 mod temperatures;
 mod totals;
 
-pub use comparison::{Row, write_comparison};
 pub use commanded::PlannedMove;
+pub use comparison::{Row, write_comparison};
 pub use lines::LineState;
 pub use node::{Kind, Node};
 pub use page::{Finding, Job, write_page};

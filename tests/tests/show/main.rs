@@ -3,6 +3,7 @@
 
 #[cfg(unix)]
 mod browser;
+mod comparisons;
 mod pages;
 mod prints;
 mod values;

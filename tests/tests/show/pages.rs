@@ -20,18 +20,18 @@ pub fn description(page: &str) -> Value {
 }
 
 /// A folder with a job in it.
-fn job(text: &str) -> TempDir {
+pub fn job(text: &str) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("job.gcode"), text).unwrap();
     folder
 }
 
-fn errors(output: &Output) -> String {
+pub fn errors(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 /// Names in a folder, in order.
-fn names(folder: &Path) -> Vec<String> {
+pub fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
@@ -113,6 +113,86 @@ fn findings_are_listed_with_their_lines() {
     assert_eq!(find("the nozzle is still on")["weight"], "warning");
     assert_eq!(find("Longest wait")["line"], 15);
     assert_eq!(find("Fastest printing")["weight"], "extreme");
+}
+
+/// Retractions, of any number, are places of which two are listed; moves that the board cannot keep up with have a finding.
+#[test]
+fn retractions_and_slowed_moves_are_places() {
+    let mut text = format!("{PART}G1 E-.8 F2400\nG1 E.8\nG1 E-1.5\nG1 E1.5\n");
+    for number in 0..400 {
+        text += &format!(
+            "G1 X{:.3} Y{:.3} E.001 F12000\n",
+            50.0 + f64::from(number) * 0.05,
+            60.0 + f64::from(number % 2) * 0.05
+        );
+    }
+    let folder = job(&text);
+    let output = show(folder.path(), ["job.gcode", "--profile", "corexy"]);
+    let said = String::from_utf8(output.stdout).unwrap();
+    let said = said.trim_end();
+    let page = description(&std::fs::read_to_string(folder.path().join("job.html")).unwrap());
+    let findings = page["job"]["findings"].as_array().unwrap();
+    let counted =
+        findings.iter().filter(|finding| finding["weight"] != "extreme" && finding["weight"] != "place").count();
+    assert!(
+        said.ends_with(&format!(", {counted} finding{}", if counted == 1 { "" } else { "s" })),
+        "{said}: {findings:#?}"
+    );
+    let find = |part: &str| findings.iter().find(|finding| finding["text"].as_str().unwrap().contains(part));
+    assert_eq!(find("The first of 2 retractions: 0.80 mm").unwrap()["line"], 14, "{findings:#?}");
+    assert_eq!(find("Longest retraction: 1.50 mm").unwrap()["line"], 16);
+    let slowed = find("slowed, for the board cannot keep up").unwrap_or_else(|| panic!("{findings:#?}"));
+    assert_eq!(slowed["weight"], "warning");
+    assert!((18..418).contains(&slowed["line"].as_u64().unwrap()), "{slowed}");
+    let deviation = find("Farthest from the path asked for").unwrap()["text"].as_str().unwrap();
+    let mm: f64 = deviation.split_whitespace().rev().nth(1).unwrap().parse().unwrap();
+    assert!(mm < 0.03, "{deviation}");
+}
+
+#[test]
+fn a_single_finding_is_one() {
+    let folder = job(PART);
+    let output = show(folder.path(), ["job.gcode"]);
+    let none = String::from_utf8(output.stdout).unwrap();
+    assert!(none.ends_with(", 0 findings\n"), "{none}");
+    let folder = job(&format!("{PART}G1 X500\n"));
+    let one = String::from_utf8(show(folder.path(), ["job.gcode"]).stdout).unwrap();
+    assert!(one.ends_with(", 1 finding\n"), "{one}");
+}
+
+/// A page of a million retractions is no larger than any other, and lists two of them.
+#[test]
+fn a_million_retractions_have_a_page() {
+    let folder = job(&format!("{PART}{}", "G1 E-.2 F6000\nG1 E.2\n".repeat(1_000_000)));
+    let output = show(folder.path(), ["job.gcode"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let page = std::fs::read_to_string(folder.path().join("job.html")).unwrap();
+    assert!(page.len() < 12 << 20, "{}", page.len());
+    let said = description(&page);
+    assert_eq!(said["totals"]["retractions"], 1_000_000);
+    assert!(said["job"]["findings"].as_array().unwrap().len() < 12);
+    assert!(said["left_out"].as_u64().unwrap() > 1_000_000);
+}
+
+/// A disk that is full in the middle of the page, which here a limit of the file's size stands for.
+#[cfg(unix)]
+#[test]
+fn a_page_that_does_not_fit_leaves_nothing() {
+    let folder = job(PART);
+    std::fs::write(folder.path().join("old.html"), "mine").unwrap();
+    for page in ["new.html", "old.html"] {
+        let output = Command::new("sh")
+            .current_dir(folder.path())
+            .args(["-c", "trap '' XFSZ; ulimit -f 16; exec \"$0\" show --no-open job.gcode -o \"$1\""])
+            .arg(program())
+            .arg(page)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2), "{page}");
+        assert!(errors(&output).contains("cannot be written"), "{page}: {}", errors(&output));
+        assert_eq!(names(folder.path()), ["job.gcode", "old.html"]);
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("old.html")).unwrap(), "mine");
 }
 
 /// A prepared job has no text, but the same motion.

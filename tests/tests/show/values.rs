@@ -59,6 +59,9 @@ fn check(print: Print) {
             assert!(off < 0.024 + 0.01 * filament_mm, "line {}: {filament_mm} mm, expected {place:?}", place.line);
         }
     }
+    // Without filters the path is the one asked for, to a step and what a chord leaves out.
+    let farthest = nodes.iter().map(|node| node.deviation_mm).fold(0.0, f32::max);
+    assert!(farthest > 0.0 && farthest < 0.03, "{farthest} mm off the path");
     let time_s = nodes.last().unwrap().time_s;
     let off = (time_s - shown.figures.print_time_s).abs();
     assert!(off < 0.02, "{time_s} s, expected {}", shown.figures.print_time_s);
@@ -79,6 +82,20 @@ fn the_gyroid_is_shown_as_it_steps() {
 #[test]
 fn arcs_on_corexy_are_shown_as_they_step() {
     check(ARCS);
+}
+
+/// A filter cuts corners: the lower its frequency, the more.
+#[test]
+fn a_filter_takes_the_path_off_the_one_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("square.gcode");
+    let farthest = [80, 40, 20].map(|hz| {
+        let square = "G1 X60 Y60 E1\nG1 X60 Y100 E1\nG1 X100 Y100 E1\nG1 X100 Y60 E1\n".repeat(5);
+        std::fs::write(&file, format!("G28\nM302 P1\nM83\nM593 F{hz}\nG1 X100 Y60 Z1 F6000\n{square}")).unwrap();
+        shown(&file, "cartesian", usize::MAX).recording.totals.greatest_deviation.value
+    });
+    assert!(farthest[0] > 0.01 && farthest[2] < 1.5, "{farthest:?}");
+    assert!(farthest[1] > 1.5 * farthest[0] && farthest[2] > 1.5 * farthest[1], "{farthest:?}");
 }
 
 /// With fewer nodes the sums are the same, and speeds and flow still reach their extremes.
