@@ -126,7 +126,8 @@ impl Totals {
                 self.fastest_travel.note(node.speed_mm_per_s.into(), node);
                 self.longest_travel.note(self.travel_mm, node);
             }
-            Kind::Retract => {
+            // After a move that settles a retraction may have two parts.
+            Kind::Retract if (before.kind, before.line) != (Kind::Retract, node.line) => {
                 self.retractions += 1;
                 let length_mm = f64::from(-node.bead);
                 if self.retractions == 1 {
@@ -138,7 +139,7 @@ impl Totals {
                 self.most_retractions = self.most_retractions.max(self.in_layer);
             }
             Kind::Wait => self.longest_wait.note(self.wait_s, node),
-            Kind::Prime | Kind::Homing | Kind::Heating => {}
+            Kind::Retract | Kind::Prime | Kind::Homing | Kind::Heating => {}
         }
         self.greatest_pressure.note(node.pressure_mm3.into(), node);
     }

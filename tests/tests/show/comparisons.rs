@@ -87,7 +87,7 @@ fn what_cannot_be_compared_is_refused() {
     refused(&["job.gcode", "--profile-b", "mine.toml", "-o", "mine.toml"], "this is the profile");
     refused(&["job.gcode", "--set", "junction_deviation_mm=x"], "\"x\" is no number");
     refused(&["job.gcode", "--set", "junction_deviation_mm=-1", "-o", "page.html"], "junction_deviation_mm");
-    refused(&["job.gcode", "job.gcode", "--frequency-x", "0", "-o", "page.html"], "frequency");
+    refused(&["job.gcode", "job.gcode", "--frequency-x", "0", "-o", "page.html"], "at 0 Hz, expected 1 to 1000 Hz");
     // A job that stops is compared up to there.
     std::fs::write(folder.path().join("mine.toml"), format!("{PART}G1 X10 Q\"\n")).unwrap();
     let output = compare(folder.path(), &["job.gcode", "mine.toml"]);

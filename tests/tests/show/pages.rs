@@ -163,7 +163,7 @@ fn a_single_finding_is_one() {
 /// A page of a million retractions is no larger than any other, and lists two of them.
 #[test]
 fn a_million_retractions_have_a_page() {
-    let folder = job(&format!("{PART}{}", "G1 E-.2 F6000\nG1 E.2\n".repeat(1_000_000)));
+    let folder = job(&format!("{PART}{}", "G1 E-.2 F6000 ; back\nG1 E.2 ; and forth\n".repeat(1_000_000)));
     let output = show(folder.path(), ["job.gcode"]);
     assert!(output.status.success(), "{}", errors(&output));
     let page = std::fs::read_to_string(folder.path().join("job.html")).unwrap();
