@@ -24,6 +24,9 @@ pub const CUBE: Print = Print { file: "examples/cube.gcode", profile: "cartesian
 pub const GYROID: Print = Print { file: "examples/gyroid.gcode.gz", profile: "cartesian" };
 pub const ARCS: Print = Print { file: "examples/arcs-corexy.gcode.gz", profile: "corexy" };
 
+/// The places of a print, once they have been counted.
+type Known = Arc<OnceLock<Arc<Vec<Place>>>>;
+
 impl Print {
     /// The record for its page.
     pub fn shown(self, max_nodes: usize) -> Shown {
@@ -43,7 +46,7 @@ impl Print {
     /// Ten moves that take long enough to measure a speed within them, and the motors' places there: by counting steps, once for all
     /// tests.
     pub fn ten_places(self) -> Arc<Vec<Place>> {
-        static KNOWN: Mutex<BTreeMap<&str, Arc<OnceLock<Arc<Vec<Place>>>>>> = Mutex::new(BTreeMap::new());
+        static KNOWN: Mutex<BTreeMap<&str, Known>> = Mutex::new(BTreeMap::new());
         let known = Arc::clone(KNOWN.lock().unwrap().entry(self.file).or_default());
         Arc::clone(known.get_or_init(|| Arc::new(self.count_places())))
     }
