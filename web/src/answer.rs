@@ -1,0 +1,76 @@
+//! Answers.
+
+use std::io::{self, Write};
+
+/// An answer to a request.
+#[derive(Debug)]
+pub struct Answer {
+    /// HTTP status.
+    pub status: u16,
+    kind: &'static str,
+    policy: Option<&'static str>,
+    body: Vec<u8>,
+}
+
+impl Answer {
+    /// A sentence.
+    pub fn text(status: u16, text: impl Into<String>) -> Self {
+        let mut text = text.into();
+        text.push('\n');
+        Self { status, kind: "text/plain; charset=utf-8", policy: None, body: text.into_bytes() }
+    }
+
+    /// Done.
+    pub fn done() -> Self {
+        Self::text(200, "ok")
+    }
+
+    /// Data.
+    pub const fn json(body: Vec<u8>) -> Self {
+        Self { status: 200, kind: "application/json", policy: None, body }
+    }
+
+    /// The page, with the policy of what it may load.
+    pub fn page(page: &'static str, policy: &'static str) -> Self {
+        Self { status: 200, kind: "text/html; charset=utf-8", policy: Some(policy), body: page.as_bytes().to_vec() }
+    }
+
+    /// Writes it. The connection ends with it.
+    ///
+    /// # Errors
+    /// The client is gone, or too slow.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        let (status, reason) = (self.status, reason(self.status));
+        let policy = self.policy.unwrap_or("default-src 'none'; frame-ancestors 'none'");
+        let head = format!(
+            "HTTP/1.1 {status} {reason}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
+             Content-Security-Policy: {policy}\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
+             Cross-Origin-Resource-Policy: same-origin\r\n\r\n",
+            self.kind,
+            self.body.len()
+        );
+        out.write_all(head.as_bytes())?;
+        out.write_all(&self.body)?;
+        out.flush()
+    }
+}
+
+/// A status in words.
+const fn reason(status: u16) -> &'static str {
+    match status {
+        200 => "OK",
+        400 => "Bad Request",
+        401 => "Unauthorized",
+        403 => "Forbidden",
+        404 => "Not Found",
+        405 => "Method Not Allowed",
+        408 => "Request Timeout",
+        409 => "Conflict",
+        411 => "Length Required",
+        413 => "Content Too Large",
+        431 => "Request Header Fields Too Large",
+        503 => "Service Unavailable",
+        507 => "Insufficient Storage",
+        _ => "Internal Server Error",
+    }
+}

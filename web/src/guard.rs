@@ -1,0 +1,146 @@
+//! Who may speak to the printer: the token, and the names by which the server is called.
+
+use std::fmt;
+use std::fmt::Write;
+use std::net::{IpAddr, SocketAddr};
+
+use sha2::{Digest, Sha256};
+
+/// Random bytes of a token.
+const TOKEN_BYTES: usize = 16;
+
+/// The secret of a server's page. Whoever has it controls the printer.
+#[derive(Clone)]
+pub struct Token(String);
+
+impl Token {
+    /// A new one, from the operating system's random numbers.
+    ///
+    /// # Errors
+    /// The operating system has none.
+    pub fn random() -> Result<Self, String> {
+        let mut bytes = [0; TOKEN_BYTES];
+        getrandom::fill(&mut bytes)
+            .map_err(|error| format!("the operating system has no random numbers for the page's token: {error}"))?;
+        let mut text = String::new();
+        for byte in bytes {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{byte:02x}");
+        }
+        Ok(Self(text))
+    }
+
+    /// Its text, for the page's address.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.0
+    }
+
+    /// Whether this text is the token. The time that it takes says nothing about the token: hashes are compared, and whole.
+    #[must_use]
+    pub fn is(&self, text: &[u8]) -> bool {
+        let (own, other) = (Sha256::digest(self.0.as_bytes()), Sha256::digest(text));
+        own.iter().zip(other.iter()).fold(0, |difference, (own, other)| difference | (own ^ other)) == 0
+    }
+}
+
+impl fmt::Debug for Token {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str("Token(..)")
+    }
+}
+
+/// The address of a server, by which its clients must call it. A web site whose name leads to this computer (DNS rebinding) calls it
+/// by that name, and so do its pages' requests.
+#[derive(Clone, Copy, Debug)]
+pub struct Names {
+    bound: SocketAddr,
+}
+
+impl Names {
+    /// Of a server at an address.
+    pub const fn new(bound: SocketAddr) -> Self {
+        Self { bound }
+    }
+
+    /// Whether a `Host` header means this server: `localhost` or a loopback address with its port; if it is bound to another address,
+    /// that one or, bound to all of them, any address, but no other name.
+    pub fn is_host(&self, host: &str) -> bool {
+        let (name, port) = match host.rsplit_once(':') {
+            Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
+            _ => (host, Some(80)),
+        };
+        if port != Some(self.bound.port()) {
+            return false;
+        }
+        if name.eq_ignore_ascii_case("localhost") {
+            return true;
+        }
+        let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
+        let Ok(address) = name.parse::<IpAddr>() else { return false };
+        let bound = self.bound.ip();
+        address == bound || address.is_loopback() || bound.is_unspecified()
+    }
+
+    /// Whether an `Origin` header is that of this server's own page.
+    pub fn is_origin(&self, origin: &str) -> bool {
+        origin.strip_prefix("http://").is_some_and(|host| self.is_host(host))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_token_is_the_token() {
+        let (one, other) = (Token::random().unwrap(), Token::random().unwrap());
+        assert_eq!(one.text().len(), 2 * TOKEN_BYTES);
+        assert!(one.is(one.text().as_bytes()));
+        for text in ["", other.text(), &one.text()[1..], &format!("{}0", one.text())] {
+            assert!(!one.is(text.as_bytes()), "{text}");
+        }
+        assert!(!format!("{one:?}").contains(one.text()));
+    }
+
+    #[test]
+    fn a_server_on_loopback_has_loopback_names_only() {
+        let names = Names::new("127.0.0.1:8790".parse().unwrap());
+        for host in ["127.0.0.1:8790", "localhost:8790", "LOCALHOST:8790", "[::1]:8790"] {
+            assert!(names.is_host(host), "{host}");
+        }
+        for host in [
+            "",
+            "127.0.0.1",
+            "localhost",
+            "127.0.0.1:80",
+            "evil.example:8790",
+            "localhost.evil.example:8790",
+            "192.168.1.5:8790",
+            "127.0.0.1:8790.evil.example",
+            "127.0.0.1:",
+            "[::1]",
+            "::1",
+            "127.0.0.1:8790 ",
+            "a@127.0.0.1:8790",
+        ] {
+            assert!(!names.is_host(host), "{host}");
+        }
+        assert!(names.is_origin("http://localhost:8790"));
+        for origin in
+            ["null", "https://localhost:8790", "http://evil.example", "http://localhost:8791", "localhost:8790", ""]
+        {
+            assert!(!names.is_origin(origin), "{origin}");
+        }
+    }
+
+    #[test]
+    fn a_server_on_all_addresses_has_addresses_but_no_names() {
+        let names = Names::new("0.0.0.0:8790".parse().unwrap());
+        assert!(names.is_host("192.168.1.5:8790") && names.is_host("localhost:8790"));
+        assert!(!names.is_host("printer.local:8790"));
+        let names = Names::new("192.168.1.5:80".parse().unwrap());
+        assert!(names.is_host("192.168.1.5") && !names.is_host("192.168.1.6"));
+    }
+}

@@ -1,0 +1,20 @@
+//! One page that shows a printer and controls it, and the HTTP server for it.
+//!
+//! The server knows a [`Printer`] by its trait. Without the token a client gets the page, which is the same for every
+//! printer, and nothing else. No path of a request becomes the path of a file.
+
+mod answer;
+mod console;
+mod deadline;
+mod guard;
+mod page;
+mod printer;
+mod request;
+mod routes;
+mod server;
+mod upload;
+
+pub use console::{Console, ConsoleLine, Speaker};
+pub use guard::Token;
+pub use printer::{Activity, Heat, Job, Printer, Refusal, State, Upload};
+pub use server::{Limits, Server};

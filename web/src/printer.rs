@@ -1,0 +1,157 @@
+//! What the page knows of a printer.
+
+use std::fmt;
+
+use serde::Serialize;
+use tempfile::NamedTempFile;
+
+use crate::console::ConsoleLine;
+
+/// What a printer does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Activity {
+    /// The line to it is not open.
+    Disconnected,
+    /// Nothing.
+    Idle,
+    /// A line from the console.
+    Working,
+    /// The page's job.
+    Printing,
+    /// The moves before a pause.
+    Pausing,
+    /// It waits for a person.
+    Paused,
+    /// The job ends: motion and heat are switched off.
+    Cancelling,
+    /// M112, or a fault: motors and heaters are off until M999.
+    Halted,
+}
+
+/// Temperatures, °C; a target of 0 is off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Heat {
+    /// Of the nozzle.
+    pub nozzle_celsius: f64,
+    /// Its target.
+    pub nozzle_target_celsius: f64,
+    /// Of the bed.
+    pub bed_celsius: f64,
+    /// Its target.
+    pub bed_target_celsius: f64,
+}
+
+/// The file that is printed, or could be.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Job {
+    /// Its name, only shown.
+    pub name: String,
+    /// Its size.
+    pub bytes: u64,
+    /// Line of the file up to which commands were answered; 0 before the start.
+    pub line: u32,
+    /// Part of the job that is done, 0 to 1.
+    pub share: f64,
+    /// The printer's time that the rest needs, s, if it is known.
+    pub remaining_s: Option<f64>,
+}
+
+/// A printer's state.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct State {
+    /// The machine and where it is: a profile's name, a port.
+    pub machine: String,
+    /// What it does.
+    pub activity: Activity,
+    /// The other host that owns the line, in words; `None`: the page may use it.
+    pub owner: Option<String>,
+    /// Temperatures, once they are known.
+    pub heat: Option<Heat>,
+    /// Position of the tool head, mm, once it is known.
+    pub position_mm: Option<[f64; 3]>,
+    /// The uploaded file.
+    pub job: Option<Job>,
+    /// What a person should know: how the last job ended, why the line is not open.
+    pub message: Option<String>,
+}
+
+/// Why a printer does not do what the page asks, and how to mend it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal(pub String);
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+/// A file that has come whole. It is deleted when this is dropped.
+#[derive(Debug)]
+pub struct Upload {
+    /// Its name as the client says it, without control characters; for show, never a path.
+    pub name: String,
+    /// Its content.
+    pub file: NamedTempFile,
+    /// Its size.
+    pub bytes: u64,
+}
+
+/// A printer behind the page. The calls come from several threads and return soon: none waits for the printer.
+pub trait Printer: Send + Sync + 'static {
+    /// Its state now.
+    fn state(&self) -> State;
+
+    /// The console's lines after this number, the oldest first.
+    fn console(&self, after: u64) -> Vec<ConsoleLine>;
+
+    /// Sends a person's line of G-code.
+    ///
+    /// # Errors
+    /// The printer must not get it now.
+    fn send_line(&self, line: &str) -> Result<(), Refusal>;
+
+    /// Whether a file would be taken now, asked before it comes.
+    ///
+    /// # Errors
+    /// Not while one is printed.
+    fn may_upload(&self) -> Result<(), Refusal>;
+
+    /// Takes a file as the next job; it replaces the one before.
+    ///
+    /// # Errors
+    /// It is not G-code, or another one is being printed.
+    fn upload(&self, upload: Upload) -> Result<(), Refusal>;
+
+    /// Starts the uploaded job.
+    ///
+    /// # Errors
+    /// There is none, or the printer is not free.
+    fn start(&self) -> Result<(), Refusal>;
+
+    /// Pauses the job after the moves that the printer has.
+    ///
+    /// # Errors
+    /// No job is printed.
+    fn pause(&self) -> Result<(), Refusal>;
+
+    /// Goes on with the job.
+    ///
+    /// # Errors
+    /// It is not paused.
+    fn resume(&self) -> Result<(), Refusal>;
+
+    /// Ends the job: waits, motion and heat.
+    ///
+    /// # Errors
+    /// No job is printed.
+    fn cancel(&self) -> Result<(), Refusal>;
+
+    /// Emergency stop (M112), whoever owns the line.
+    ///
+    /// # Errors
+    /// The line is not open, or broken.
+    fn stop(&self) -> Result<(), Refusal>;
+}
