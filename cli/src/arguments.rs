@@ -1,5 +1,7 @@
 //! The command line.
 
+#[cfg(unix)]
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
@@ -264,11 +266,29 @@ pub struct ServeArguments {
     #[arg(long, value_enum, default_value_t = Via::Usb, requires = "board")]
     pub via: Via,
     /// Serves on a pseudo-terminal with this path, which the host opens as its serial port.
-    #[arg(long, value_name = "PATH", required_unless_present = "tcp", conflicts_with = "tcp")]
+    #[arg(long, value_name = "PATH", required_unless_present_any = ["tcp", "web"], conflicts_with = "tcp")]
     pub pty: Option<PathBuf>,
     /// Serves on a TCP port of this computer; 0 takes a free one.
     #[arg(long, value_name = "PORT")]
     pub tcp: Option<u16>,
+    /// Serves a page that shows the printer and controls it, for this computer's browsers, or for others at another address; its
+    /// address with a secret token is printed at the start.
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", conflicts_with = "board")]
+    pub web: Option<SocketAddr>,
+    /// Largest file that the page uploads, MiB.
+    #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=65_536), requires = "web")]
+    pub web_upload: u64,
+    /// Puts the page in front of a printer at this port instead of a virtual one: its serial port, or tcp:HOST:PORT.
+    #[arg(
+        long,
+        value_name = "PATH|tcp:HOST:PORT",
+        requires = "web",
+        conflicts_with_all = ["pty", "tcp", "board", "fault", "card", "json"]
+    )]
+    pub port: Option<Address>,
+    /// Speed of the port; without effect over USB.
+    #[arg(long, value_name = "BAUD", default_value_t = 115_200, requires = "port")]
+    pub baud: u32,
     /// How many seconds of the printer pass in one second, or max; a slow computer falls behind and does not catch up.
     #[arg(long, value_name = "FACTOR|max", default_value = "1")]
     pub speed: Speed,

@@ -12,6 +12,8 @@ pub mod input;
 pub mod job;
 pub mod method_comparison;
 pub mod output;
+#[cfg(unix)]
+pub mod page_host;
 pub mod printer_line;
 pub mod record;
 pub mod remarks;

@@ -10,6 +10,8 @@ mod sending;
 mod serving;
 #[cfg(unix)]
 mod serving_image;
+#[cfg(unix)]
+mod serving_page;
 mod showing;
 mod simulating;
 mod sweeping;

@@ -6,6 +6,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -98,9 +99,29 @@ pub fn ports() -> Result<Vec<FoundPort>, String> {
     Ok(ports)
 }
 
+/// The sending end of a line. Of several, each sends whole what it is given at once.
+#[derive(Clone)]
+pub struct LineOutput(Arc<Mutex<Box<dyn Write + Send>>>);
+
+impl fmt::Debug for LineOutput {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_tuple("LineOutput").finish_non_exhaustive()
+    }
+}
+
+impl LineOutput {
+    /// Sends bytes.
+    ///
+    /// # Errors
+    /// The board is gone.
+    pub fn send(&self, bytes: &[u8]) -> io::Result<()> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).write_all(bytes)
+    }
+}
+
 /// An open line.
 pub struct PrinterLine {
-    output: Box<dyn Write>,
+    output: LineOutput,
     lines: Receiver<String>,
 }
 
@@ -135,8 +156,14 @@ impl PrinterLine {
         }
     }
 
-    /// A line with these two ends.
-    fn over(input: impl Read + Send + 'static, output: impl Write + 'static) -> Self {
+    /// Another sending end, for what must not wait its turn.
+    #[must_use]
+    pub fn output(&self) -> LineOutput {
+        self.output.clone()
+    }
+
+    /// A line with these two ends. Reads may time out: they are repeated.
+    pub fn over(input: impl Read + Send + 'static, output: impl Write + Send + 'static) -> Self {
         let (heard, lines) = channel();
         thread::spawn(move || {
             let mut input = BufReader::new(input);
@@ -157,7 +184,7 @@ impl PrinterLine {
                 }
             }
         });
-        Self { output: Box::new(output), lines }
+        Self { output: LineOutput(Arc::new(Mutex::new(Box::new(output)))), lines }
     }
 }
 
@@ -200,7 +227,7 @@ fn refuse_what_is_no_port(name: &str) -> Result<(), String> {
 
 impl Port for PrinterLine {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.output.write_all(bytes)
+        self.output.send(bytes)
     }
 
     fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {

@@ -3,6 +3,8 @@
 
 mod faults;
 mod host_side;
+mod hosts;
+mod ownership;
 mod pace;
 mod port;
 
@@ -16,7 +18,6 @@ use std::time::{Duration, Instant};
 use ferrostep_card::LocalCard;
 use ferrostep_gcode::{Emergency, Reply, Temperatures};
 use ferrostep_hal_shim::Heater;
-use ferrostep_host_line::Line;
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::{Heating, Printer, Profile, Replies, temperatures};
 use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
@@ -25,6 +26,8 @@ use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, Mo
 use crate::session::{LiveSession, Session};
 
 pub use faults::{Fault, FaultKind, KINDS as FAULT_KINDS};
+pub use hosts::{Hosts, PageLine};
+pub use ownership::Ownership;
 pub use pace::{HOST_TURN, Speed};
 pub use port::HostPort;
 
@@ -129,8 +132,8 @@ pub struct Served {
 }
 
 /// Serves hosts, one after the other, until `ends` returns `true`. `show` is called several times a second.
-pub fn serve(line: Line, settings: &Settings, ends: impl Fn() -> bool, mut show: impl FnMut(&Status)) -> Served {
-    let session = Session::live(settings.profile, LOOK_AHEAD_BLOCKS, HostPort::new(line));
+pub fn serve(hosts: Hosts, settings: &Settings, ends: impl Fn() -> bool, mut show: impl FnMut(&Status)) -> Served {
+    let session = Session::live(settings.profile, LOOK_AHEAD_BLOCKS, HostPort::new(hosts));
     let card = settings.card.clone().map(|image| Card::new(VirtualCard::new(image)));
     let mut printer = session.printer();
     if let Some(card) = &card {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use ferrostep::card_image::CardImage;
 use ferrostep::duration::hms;
 use ferrostep::report::{Motors, Stop, Summary};
-use ferrostep::serve::{self, Served, Settings, Status};
+use ferrostep::serve::{self, Hosts, Served, Settings, Status};
 use ferrostep::terminal::{self, tell};
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
@@ -20,6 +20,7 @@ use signal_hook::flag;
 
 use crate::arguments::ServeArguments;
 use crate::outcome::{exit_code, result};
+use crate::serving_page::{self, VirtualPage};
 
 /// Serves until the process is interrupted, then prints a summary.
 ///
@@ -38,18 +39,32 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     if card.is_none() && arguments.fault.iter().any(|fault| fault.kind.is_of_card()) {
         return Err("--fault card-pull and card-back need a card: add --card IMAGE|FOLDER".to_owned());
     }
-    let line = match (&arguments.pty, arguments.tcp) {
-        (Some(path), _) => Line::pty(path)?,
-        (None, Some(port)) => Line::tcp(port)?,
-        (None, None) => return Err("no line to serve on: add --pty PATH or --tcp PORT".to_owned()),
+    if let (Some(address), Some(port)) = (arguments.web, &arguments.port) {
+        return serving_page::before_a_port(arguments, address, port, profile, &ends);
+    }
+    let outside = match (&arguments.pty, arguments.tcp) {
+        (Some(path), _) => Some(Line::pty(path)?),
+        (None, Some(port)) => Some(Line::tcp(port)?),
+        (None, None) => None,
     };
-    let address = line.address();
+    let outside_address = outside.as_ref().map(Line::address);
+    let page =
+        arguments.web.map(|address| VirtualPage::open(arguments, address, profile, outside_address.clone(), &ends));
+    let (page, page_line) = page.transpose()?.unzip();
+    let address = match (outside_address, &page) {
+        (Some(address), _) => address,
+        (None, Some(page)) => page.address(),
+        (None, None) => return Err("no line to serve on: add --pty PATH, --tcp PORT or --web".to_owned()),
+    };
     tell(format_args!(
         "{} on {}, speed {}; Ctrl-C ends it",
         profile.name,
         terminal::one_line(&address),
         arguments.speed
     ));
+    if let Some(page) = &page {
+        page.announce();
+    }
     let settings = Settings {
         profile,
         speed: arguments.speed,
@@ -59,10 +74,13 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     let bar = std::io::stderr().is_terminal().then(status_line);
     let started = Instant::now();
     let served = serve::serve(
-        line,
+        Hosts::new(outside, page_line),
         &settings,
         || ends.load(Ordering::Relaxed),
         |status| {
+            if let Some(page) = &page {
+                page.show(status);
+            }
             if let Some(bar) = &bar {
                 bar.set_message(describe(status));
             }
@@ -71,6 +89,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
+    drop(page);
     if let (Some(card), Some(image)) = (&card, &served.card)
         && card.bytes != *image
     {

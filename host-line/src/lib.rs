@@ -1,4 +1,5 @@
-//! A pseudo-terminal or TCP port of this computer for a person or a host program such as OctoPrint.
+//! A pseudo-terminal or TCP port of this computer for a person or a host program such as OctoPrint, or a pair of sockets for a
+//! host within the program.
 //!
 //! No call but [`Line::wait`] blocks: a virtual printer reads and writes between two slices of its time. TCP discards bytes
 //! while no host is connected, like a wire; a pseudo-terminal keeps what fits, so that a host that opens it soon after still
@@ -13,7 +14,9 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::fd::AsFd;
 use std::os::unix::ffi::OsStrExt;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -42,8 +45,18 @@ pub struct Line {
 
 #[derive(Debug)]
 enum End {
-    Pty { board_end: File, link: PathBuf, name: PathBuf },
-    Tcp { listener: TcpListener, client: Option<TcpStream>, address: SocketAddr },
+    Pty {
+        board_end: File,
+        link: PathBuf,
+        name: PathBuf,
+    },
+    Tcp {
+        listener: TcpListener,
+        client: Option<TcpStream>,
+        address: SocketAddr,
+    },
+    /// `None` once the host has closed its end.
+    Pair(Option<UnixStream>),
 }
 
 impl Line {
@@ -92,6 +105,16 @@ impl Line {
         }
     }
 
+    /// A line whose host is a part of this program, and the host's end.
+    ///
+    /// # Errors
+    /// The operating system refuses a pair of sockets.
+    pub fn pair() -> io::Result<(Self, UnixStream)> {
+        let (board_end, host_end) = UnixStream::pair()?;
+        board_end.set_nonblocking(true)?;
+        Ok((Self::with(End::Pair(Some(board_end))), host_end))
+    }
+
     fn with(end: End) -> Self {
         Self { end, waiting: VecDeque::new(), dropped_bytes: 0, was_open: false, has_departed: false }
     }
@@ -102,6 +125,7 @@ impl Line {
         match &self.end {
             End::Pty { link, .. } => link.display().to_string(),
             End::Tcp { address, .. } => address.to_string(),
+            End::Pair(_) => "this program".to_owned(),
         }
     }
 
@@ -117,6 +141,7 @@ impl Line {
                 accept(listener, client);
                 client.is_some()
             }
+            End::Pair(host) => host.is_some(),
         }
     }
 
@@ -160,6 +185,19 @@ impl Line {
                     }
                 }
             }
+            End::Pair(host) => {
+                let Some(stream) = host else { return Ok(Vec::new()) };
+                match stream.read(bytes) {
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
+                    Ok(count) if count > 0 => count,
+                    _gone => {
+                        *host = None;
+                        self.has_departed = true;
+                        self.waiting.clear();
+                        0
+                    }
+                }
+            }
         };
         Ok(bytes[..count].to_vec())
     }
@@ -170,7 +208,7 @@ impl Line {
     /// # Errors
     /// The line is broken for good.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if matches!(self.end, End::Tcp { .. }) && !self.connected() {
+        if !matches!(self.end, End::Pty { .. }) && !self.connected() {
             self.dropped_bytes += bytes.len() as u64;
             return Ok(());
         }
@@ -195,18 +233,27 @@ impl Line {
 
     /// Waits until the host has sent something, at most this long; a new host, too, ends the wait.
     pub fn wait(&self, timeout: Duration) {
-        let source = match &self.end {
-            End::Pty { board_end, .. } => PollFd::new(board_end, PollFlags::IN),
-            End::Tcp { client: Some(stream), .. } => PollFd::new(stream, PollFlags::IN),
-            End::Tcp { listener, .. } => PollFd::new(listener, PollFlags::IN),
+        Self::wait_any(&[self], timeout);
+    }
+
+    /// Waits until a host of one of these lines has sent something, at most this long; a new host, too, ends the wait.
+    pub fn wait_any(lines: &[&Self], timeout: Duration) {
+        let mut sources: Vec<PollFd<'_>> = lines.iter().filter_map(|line| line.end.source()).collect();
+        let poll_for = |sources: &mut [PollFd<'_>], timeout: Duration| {
+            // An interrupted wait is over, too.
+            let _ = poll(sources, Timespec::try_from(timeout).ok().as_ref());
         };
-        let mut sources = [source];
-        let wait = Timespec::try_from(timeout).ok();
-        // An interrupted wait is over, too.
-        let has_ended = poll(&mut sources, wait.as_ref()).is_ok();
-        let [source] = sources;
-        if has_ended && source.revents().contains(PollFlags::HUP) && !source.revents().contains(PollFlags::IN) {
-            std::thread::sleep(timeout.min(LOOK));
+        poll_for(&mut sources, timeout);
+        // A terminal without a host always reports that: the others are waited for without it, until it is looked at again.
+        let is_unheard = |source: &PollFd<'_>| {
+            source.revents().contains(PollFlags::HUP) && !source.revents().contains(PollFlags::IN)
+        };
+        if sources.iter().any(is_unheard) && !sources.iter().any(|source| source.revents().contains(PollFlags::IN)) {
+            sources.retain(|source| !is_unheard(source));
+            match sources.is_empty() {
+                true => std::thread::sleep(timeout.min(LOOK)),
+                false => poll_for(&mut sources, timeout.min(LOOK)),
+            }
         }
     }
 
@@ -237,6 +284,19 @@ impl Line {
                         }
                     }
                 }
+                End::Pair(host) => {
+                    let Some(stream) = host else { return Ok(()) };
+                    match stream.write(bytes) {
+                        Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+                        Ok(written) => written,
+                        Err(_gone) => {
+                            *host = None;
+                            self.has_departed = true;
+                            self.waiting.clear();
+                            return Ok(());
+                        }
+                    }
+                }
             };
             if written == 0 {
                 return Ok(());
@@ -244,6 +304,19 @@ impl Line {
             self.waiting.drain(..written);
         }
         Ok(())
+    }
+}
+
+impl End {
+    /// What is waited for until a host speaks; `None`: no host will.
+    fn source(&self) -> Option<PollFd<'_>> {
+        let source = match self {
+            Self::Pty { board_end, .. } => board_end.as_fd(),
+            Self::Tcp { client: Some(stream), .. } => stream.as_fd(),
+            Self::Tcp { listener, .. } => listener.as_fd(),
+            Self::Pair(host) => host.as_ref()?.as_fd(),
+        };
+        Some(PollFd::from_borrowed_fd(source, PollFlags::IN))
     }
 }
 

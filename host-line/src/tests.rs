@@ -134,3 +134,25 @@ fn a_port_in_use_is_refused_by_number() {
     let refusal = Line::tcp(port).unwrap_err();
     assert!(refusal.contains(&port.to_string()) && refusal.contains("in use"), "{refusal}");
 }
+
+#[test]
+fn a_host_within_the_program_speaks_and_goes() {
+    let (mut line, mut host) = Line::pair().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut beside = Line::pty(&folder.path().join("port")).unwrap();
+    // A terminal whose host has gone does not hide the other line's.
+    drop(std::fs::OpenOptions::new().read(true).write(true).open(beside.address()).unwrap());
+    wait_until(|| !beside.connected());
+    host.write_all(b"M105\n").unwrap();
+    Line::wait_any(&[&beside, &line], PATIENCE);
+    assert_eq!(line.read(MAX_READ).unwrap(), b"M105\n");
+    line.write(b"ok\n").unwrap();
+    let mut heard = [0; 3];
+    host.read_exact(&mut heard).unwrap();
+    assert_eq!((&heard, line.connected()), (b"ok\n", true));
+    drop(host);
+    assert!(line.read(MAX_READ).unwrap().is_empty());
+    assert!(line.take_departure() && !line.connected());
+    line.write(b"start\n").unwrap();
+    assert_eq!(line.waiting(), 0);
+}

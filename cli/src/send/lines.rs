@@ -125,6 +125,12 @@ impl Source<'_> {
         }))
     }
 
+    /// A command that is not the file's.
+    fn insert(&mut self, text: String) -> Command {
+        self.number += 1;
+        Command { number: self.number, file_line: self.file_line, text, expects: None }
+    }
+
     /// The file's next command.
     fn take_of_file(&mut self) -> io::Result<Option<String>> {
         while let Some(line) = (self.next)() {
@@ -178,6 +184,8 @@ struct Sending<'a, P, W> {
     is_held: bool,
     /// The printer's lines about the present line.
     said: Vec<String>,
+    /// How many answers will come to M108, which no line waits for.
+    beside: u32,
     /// How many answers may still come to lines sent before: one for each line that was sent again because the printer was silent, as
     /// it may only have been slow.
     owed: u32,
@@ -192,6 +200,10 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         loop {
             if self.watch.wants_end() {
                 return Ok(Answer::Stop(Stop::Asked));
+            }
+            if self.watch.wants_wait_ended() {
+                self.beside += 1;
+                self.port.send(&self.packing.bytes("M108\n"))?;
             }
             let now = self.port.now();
             let Some(said) = self.port.receive(now + self.patience.look)? else {
@@ -224,6 +236,10 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
             }
             if said.starts_with("ok") {
                 self.is_known = true;
+                if again.is_none() && self.beside > 0 {
+                    self.beside -= 1;
+                    continue;
+                }
                 if again.is_none() && self.owed > 0 && !self.has_said(expects) {
                     self.owed -= 1;
                     is_answered = true;
@@ -270,6 +286,11 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         while self.is_held {
             if self.watch.wants_end() {
                 return Ok(Some(Stop::Asked));
+            }
+            if self.watch.wants_wait_ended() {
+                // The printer waits for nothing: it has answered, and its host holds the job.
+                self.hold(false);
+                break;
             }
             let until: Instant = self.port.now() + self.patience.look;
             if let Some(said) = self.port.receive(until)? {
@@ -321,8 +342,17 @@ fn send_each(
     if meet(port, packing, patience, watch)? == Met::EndWanted {
         return Ok(Outcome { stop: Some(Stop::Asked), ..outcome });
     }
-    let mut sending =
-        Sending { port, packing, patience, watch, is_known: false, is_held: false, said: Vec::new(), owed: 0 };
+    let mut sending = Sending {
+        port,
+        packing,
+        patience,
+        watch,
+        is_known: false,
+        is_held: false,
+        said: Vec::new(),
+        beside: 0,
+        owed: 0,
+    };
     loop {
         match sending.ask(&numbered(0, "M110 N0"), None)? {
             Answer::Ok => break,
@@ -339,7 +369,12 @@ fn send_each(
             return Ok(Outcome { stop: Some(stop), ..outcome });
         }
         if kept.back().is_none_or(|last| last.number < number) {
-            let Some(command) = source.take()? else {
+            let between = sending.watch.command_between().map(|text| source.insert(text));
+            let next = match between {
+                Some(command) => Some(command),
+                None => source.take()?,
+            };
+            let Some(command) = next else {
                 // What was taken for the last answer may have been an earlier one.
                 if sending.owed > 0 && !frame.is_upload {
                     meet(sending.port, packing, patience, sending.watch)?;

@@ -12,6 +12,14 @@ pub trait Watch {
     fn wants_end(&mut self) -> bool {
         false
     }
+    /// A command that a person wants executed before the file's next one.
+    fn command_between(&mut self) -> Option<String> {
+        None
+    }
+    /// Whether a person wants the printer's wait to end: a pause, or one for heat (M108).
+    fn wants_wait_ended(&mut self) -> bool {
+        false
+    }
 }
 
 impl<F: FnMut(&str)> Watch for F {

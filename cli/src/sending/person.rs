@@ -11,13 +11,9 @@ use ferrostep::send::{self, Port};
 use ferrostep::terminal::tell;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-/// Longest time of the answers to the commands that end a job: a printer that is in order needs less than a second, a busy computer
+/// Longest time of the answers to the commands that end an upload: a printer that is in order needs less than a second, a busy computer
 /// that serves a virtual one a few.
 const ANSWERS: Duration = Duration::from_secs(10);
-
-/// The commands that end a job: its waits, motion and heat. The first two act at once if the printer reads ahead of its queue.
-const END: [(&str, &str); 4] =
-    [("M108", "waits"), ("M410", "motion"), ("M104 S0", "the nozzle's heater"), ("M140 S0", "the bed's heater")];
 
 /// The answer to the question whether the print is to end.
 const UNDECIDED: u8 = 0;
@@ -105,22 +101,5 @@ fn hear_to_the_end(line: &mut PrinterLine, commands: &str) -> Vec<String> {
 
 /// Ends waits, motion and heat, and reports what the printer has confirmed.
 pub fn cool_down(line: &mut PrinterLine) {
-    let end = Instant::now() + ANSWERS;
-    // The printer may still owe the answer to the line that was under way: M105's has a temperature, and is the last.
-    let commands: String = END.iter().map(|(command, _)| format!("{command}\n")).collect();
-    let sent = line.send(format!("{commands}M105\n").as_bytes());
-    let mut is_confirmed = false;
-    while let (true, false, Ok(Some(said))) = (sent.is_ok(), is_confirmed, line.receive(end)) {
-        if said.starts_with(send::HALTED) {
-            tell("the printer has halted, which switches motors and heaters off");
-            return;
-        }
-        is_confirmed = said.starts_with("ok T:");
-    }
-    if !is_confirmed {
-        tell("the printer has NOT confirmed that motion and heaters are off: look at it, and switch it off if need be");
-        return;
-    }
-    let commands: Vec<String> = END.iter().map(|(command, what)| format!("{what} ({command})")).collect();
-    tell(format_args!("the printer has ended: {}", commands.join(", ")));
+    tell(send::cool_down(line, |_| {}).describe());
 }

@@ -9,11 +9,12 @@ use std::task::Poll;
 use std::time::{Duration, Instant};
 
 use ferrostep_gcode::{Emergency, Reply, meatpack};
-use ferrostep_host_line::Line;
 use ferrostep_printer::Replies;
 use ferrostep_usb::{Buffers, Incoming};
 
 use ferrostep_host_line::damage::{DamagedLine, LineFault};
+
+use super::hosts::{HostBytes, Hosts};
 
 /// Bytes that wait to be read, as on a board: a host that does not wait for each `ok` may keep this much in flight.
 const RECEIVE_BYTES: usize = 2048;
@@ -78,7 +79,7 @@ pub struct Received {
 
 /// The port.
 pub struct HostPort {
-    line: RefCell<Line>,
+    hosts: RefCell<Hosts>,
     damage: RefCell<DamagedLine>,
     incoming: RefCell<Incoming>,
     ring: RefCell<Ring>,
@@ -93,12 +94,12 @@ pub struct HostPort {
 }
 
 impl HostPort {
-    /// A port whose host opens this line.
-    pub fn new(mut line: Line) -> Self {
+    /// A port of these hosts.
+    pub fn new(mut hosts: Hosts) -> Self {
         Self {
-            is_connected: Cell::new(line.connected()),
+            is_connected: Cell::new(hosts.connected()),
             looked: Cell::new(Instant::now()),
-            line: RefCell::new(line),
+            hosts: RefCell::new(hosts),
             damage: RefCell::default(),
             incoming: RefCell::new(Incoming::new()),
             ring: RefCell::default(),
@@ -119,20 +120,20 @@ impl HostPort {
     /// # Errors
     /// The line is broken for good.
     pub fn exchange(&self) -> io::Result<Received> {
-        let mut line = self.line.borrow_mut();
+        let mut hosts = self.hosts.borrow_mut();
         let mut out = self.out.borrow_mut();
-        let mut bytes = line.read(RECEIVED_AT_ONCE)?;
+        let HostBytes { mut bytes, is_stop } = hosts.read(RECEIVED_AT_ONCE)?;
         if !bytes.is_empty() {
             self.is_connected.set(true);
         } else if self.looked.get().elapsed() >= LOOK_INTERVAL {
             self.looked.set(Instant::now());
-            self.is_connected.set(line.connected());
+            self.is_connected.set(hosts.connected());
         }
-        if line.take_departure() {
+        if hosts.take_change() {
             self.incoming.borrow_mut().break_off();
         }
         if self.is_connected.get() && !out.is_empty() {
-            line.write(out.as_bytes())?;
+            hosts.write(out.as_bytes())?;
         }
         // As on a wire, bytes without a listener are lost.
         out.clear();
@@ -147,13 +148,16 @@ impl HostPort {
         for report in ring.packing_reports.drain(..) {
             let _ = writeln!(out, "{report}");
         }
-        let emergencies = std::mem::take(&mut ring.emergencies);
+        let mut emergencies = std::mem::take(&mut ring.emergencies);
+        if is_stop {
+            emergencies.push(Emergency::Stop);
+        }
         Ok(Received { anything, line: std::mem::take(&mut ring.has_line), emergencies })
     }
 
     /// Waits for the host, at most this long.
     pub fn wait(&self, timeout: Duration) {
-        self.line.borrow().wait(timeout);
+        self.hosts.borrow().wait(timeout);
     }
 
     /// Waits for bytes, and takes as many as have come and fit.
@@ -224,7 +228,7 @@ impl Replies for HostPort {
             }
         }
         let is_report = matches!(reply, Reply::Temperatures(_) | Reply::Waiting(..) | Reply::Busy);
-        if is_report && self.out.borrow().len() + self.line.borrow().waiting() > MAX_UNREAD_BYTES {
+        if is_report && self.out.borrow().len() + self.hosts.borrow().waiting() > MAX_UNREAD_BYTES {
             return;
         }
         // A reply of several lines and its line end are one write.
@@ -237,6 +241,8 @@ impl Replies for HostPort {
 mod tests {
     use std::fs::OpenOptions;
     use std::io::Write as _;
+
+    use ferrostep_host_line::Line;
 
     use super::*;
 
@@ -257,7 +263,7 @@ mod tests {
     fn half_a_line_is_not_the_beginning_of_the_next_hosts() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        let port = HostPort::new(Line::pty(&path).unwrap());
+        let port = HostPort::new(Hosts::new(Some(Line::pty(&path).unwrap()), None));
         let host = || OpenOptions::new().read(true).write(true).open(&path).unwrap();
         let mut first = host();
         first.write_all(b"G1 X12").unwrap();

@@ -1,0 +1,86 @@
+//! When each line of a job is executed, by `ferrostep estimate`.
+
+use std::io::{self, Read};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use ferrostep_printer::{Ports, Printer, Profile};
+
+use crate::desk::LOOK_AHEAD_BLOCKS;
+use crate::input::Input;
+use crate::job::{self, JobProgress, Onlooker};
+use crate::session::{JobReplies, Session};
+
+/// Least time between two lines that are noted, s.
+const STEP_S: f64 = 0.5;
+
+/// The printer's time at some lines of a file.
+#[derive(Debug, Default)]
+pub struct Schedule {
+    /// Lines from 1 and the time at their beginning, s; both ascend.
+    points: Vec<(u32, f64)>,
+    /// Time of the whole job, s.
+    total_s: f64,
+}
+
+impl Schedule {
+    /// Estimates a file for a machine, unless it is `unwanted` before that.
+    ///
+    /// # Errors
+    /// The printer would stop in it; where and why.
+    pub fn of(path: &Path, profile: Profile, unwanted: &Arc<AtomicBool>) -> Result<Self, String> {
+        let input = Input::open(path).map_err(|error| error.to_string())?;
+        let mut input = Wanted { input, unwanted };
+        let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
+        let mut printer = session.printer();
+        let mut sampler = Sampler { now_s: || session.figures().print_time_s, points: Vec::new() };
+        let mut progress = JobProgress::default();
+        let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut sampler, |_| {}));
+        outcome.map_err(|error| error.to_string())?;
+        Ok(Self { points: sampler.points, total_s: session.figures().print_time_s })
+    }
+
+    /// Time of the whole job, s.
+    pub const fn total_s(&self) -> f64 {
+        self.total_s
+    }
+
+    /// Time at a line, s.
+    pub fn at_s(&self, line: u32) -> f64 {
+        let after = self.points.partition_point(|(point, _)| *point <= line);
+        after.checked_sub(1).and_then(|before| self.points.get(before)).map_or(0.0, |(_, time_s)| *time_s)
+    }
+}
+
+/// Notes the time at the lines.
+struct Sampler<F> {
+    now_s: F,
+    points: Vec<(u32, f64)>,
+}
+
+impl<P: Ports, F: Fn() -> f64> Onlooker<P> for Sampler<F> {
+    fn begins(&mut self, _: &Printer<'_, P>, line: u32, _: &str) {
+        let now_s = (self.now_s)();
+        if self.points.last().is_none_or(|(_, last_s)| now_s >= last_s + STEP_S) {
+            self.points.push((line, now_s));
+        }
+    }
+
+    fn ended(&mut self, _: &Printer<'_, P>) {}
+}
+
+/// A file that ends with an error as soon as nobody wants it.
+struct Wanted<'a> {
+    input: Input,
+    unwanted: &'a Arc<AtomicBool>,
+}
+
+impl Read for Wanted<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if self.unwanted.load(Ordering::Relaxed) {
+            return Err(io::Error::other("another file has come"));
+        }
+        self.input.read(bytes)
+    }
+}
