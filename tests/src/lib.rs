@@ -2,13 +2,14 @@
 //!
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
 //! hostile conversations with it of any bytes. [`stress_file`] writes a demanding print, [`feed_chart`] draws the
-//! result. [`host_side`] numbers a host's lines and receives its bytes. [`program`] is the `ferrostep` command, [`python`]
+//! result. [`host_side`] numbers a host's lines and receives its bytes. [`program`] is the `ferrostep` command, [`chromium`] the browser, [`python`]
 //! runs the hosts and the browser of `tests/hosts/`. [`step_edges`]
 //! plays a trace on the step interrupt's model at its latest. The crate `ferrostep-oracle` judges the results.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
 pub mod board_model;
+pub mod chromium;
 pub mod feed_chart;
 pub mod hand_made;
 pub mod host_side;

@@ -14,6 +14,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::page::Page;
+
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -42,17 +44,47 @@ impl Printer {
         Self::start(folder, PathBuf::new(), &["--tcp", "0"].map(str::to_owned), arguments)
     }
 
+    /// Switches a printer on whose only host is the page.
+    pub fn at_page(arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+        Self::start(folder, PathBuf::new(), &["--web", "127.0.0.1:0"].map(str::to_owned), arguments)
+    }
+
+    /// A page in front of a printer's port.
+    pub fn before_port(port: &Path) -> Self {
+        let arguments = ["serve", "--web", "127.0.0.1:0", "--port", port.to_str().unwrap()];
+        let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+        Self::run(folder, PathBuf::new(), Command::new(program()).args(arguments))
+    }
+
+    /// Ctrl-C of a page in front of a port; what it says then.
+    pub fn end_front(mut self) -> String {
+        self.interrupt();
+        let mut messages = String::new();
+        self.messages.read_to_string(&mut messages).unwrap();
+        assert_eq!(self.process.wait().unwrap().code(), Some(0), "{messages}");
+        messages
+    }
+
+    fn interrupt(&self) {
+        let id = self.process.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    }
+
+    /// The page of a printer that is served with `--web`. The next message of the printer, which is said at its start.
+    pub fn page(&mut self) -> Page {
+        let mut said = String::new();
+        self.messages.read_line(&mut said).unwrap();
+        Page::at(said.trim().strip_prefix("page: ").unwrap_or_else(|| panic!("{said}")))
+    }
+
     fn start(folder: TempDir, port: PathBuf, line: &[String], arguments: &[&str]) -> Self {
-        let mut process = Command::new(program())
-            .current_dir(repository())
-            .arg("serve")
-            .args(line)
-            .arg("--json")
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        Self::run(folder, port, Command::new(program()).arg("serve").args(line).arg("--json").args(arguments))
+    }
+
+    fn run(folder: TempDir, port: PathBuf, command: &mut Command) -> Self {
+        let mut process =
+            command.current_dir(repository()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut messages = BufReader::new(process.stderr.take().unwrap());
         // The line is there before this is said.
         let mut first_line = String::new();
@@ -80,8 +112,7 @@ impl Printer {
 
     /// Ctrl-C; what it prints then.
     pub fn end(mut self) -> Value {
-        let id = self.process.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        self.interrupt();
         let mut out = String::new();
         self.process.stdout.take().unwrap().read_to_string(&mut out).unwrap();
         let mut messages = String::new();

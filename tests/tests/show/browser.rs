@@ -1,25 +1,12 @@
 //! Chromium loads the page, turns it, plays it, and jumps from a finding to its place.
 
-use std::path::PathBuf;
-
+use ferrostep_tests::chromium::chromium;
 use ferrostep_tests::program::repository;
 use ferrostep_tests::python;
 use serde_json::{Value, json};
 
 use crate::pages::show;
 use crate::prints::{ARCS, CUBE, GYROID, Print, WINDOW_S};
-
-/// The browser: `FERROSTEP_CHROMIUM`, or the first of these on the path.
-fn chromium() -> PathBuf {
-    if let Some(named) = std::env::var_os("FERROSTEP_CHROMIUM") {
-        return named.into();
-    }
-    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).collect();
-    let names = ["chromium", "chromium-browser", "google-chrome"];
-    let found =
-        names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name))).find(|at| at.is_file());
-    found.expect("Chromium is missing: install it (Debian: apt-get install chromium), or name it in FERROSTEP_CHROMIUM")
-}
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}, expected a number"))
