@@ -48,6 +48,7 @@ pub fn before_a_port(
     announce(&server);
     let connect = || PrinterLine::open(port, arguments.baud).map_err(|error| format!("{port}: {error}; trying again"));
     page_host::run(&host, connect, || ends.load(Ordering::Relaxed));
+    host.forget_job();
     if let Some(message) = host.message() {
         tell(message);
     }
@@ -119,5 +120,6 @@ impl Drop for VirtualPage {
             // Its thread ends then; one that panicked has.
             let _ = driver.join();
         }
+        self.host.forget_job();
     }
 }

@@ -1,7 +1,7 @@
 //! The page's requests: what is known goes out, wishes are noted or refused in clear words.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Weak};
 use std::thread;
 use std::time::Instant;
 
@@ -154,6 +154,8 @@ impl Printer for PageSide {
                 "{MAX_WAITING} lines wait for the printer already: M108 ends its wait, M410 its motion"
             ));
         }
+        // A printer that does not restart says so again.
+        inner.is_halted &= command != "M999";
         inner.console.add(Speaker::Person, &text);
         inner.waiting.push_back(text);
         Ok(())
@@ -186,11 +188,13 @@ impl Printer for PageSide {
             inner.message = None;
             inner.job = Some(job);
         }
-        let host = Arc::clone(&self.0);
+        // The estimate does not keep the file: the program may end before it.
+        let (host, path, file) = (Arc::clone(&self.0), file.path().to_owned(), Arc::downgrade(&file));
         let estimate = thread::Builder::new().name("estimate".to_owned()).spawn(move || {
-            let schedule = Schedule::of(file.path(), host.setup.profile, &unwanted);
+            let schedule = Schedule::of(&path, host.setup.profile, &unwanted);
             let mut inner = host.lock();
-            let Some(job) = inner.job.as_mut().filter(|job| Arc::ptr_eq(&job.file, &file)) else { return };
+            let is_its = |job: &&mut PageJob| Weak::ptr_eq(&Arc::downgrade(&job.file), &file);
+            let Some(job) = inner.job.as_mut().filter(is_its) else { return };
             match schedule {
                 Ok(schedule) => job.schedule = Some(schedule),
                 Err(error) => {

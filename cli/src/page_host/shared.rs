@@ -137,6 +137,11 @@ impl PageHost {
         (inner.heat, inner.position_mm, inner.is_halted) = (Some(heat), Some(position_mm), is_halted);
     }
 
+    /// Deletes the uploaded file, before the program ends.
+    pub fn forget_job(&self) {
+        self.lock().job = None;
+    }
+
     /// What a person should know: how the last job ended, or why the line is not open.
     #[must_use]
     pub fn message(&self) -> Option<String> {
@@ -152,7 +157,7 @@ impl PageHost {
     pub(super) fn hear(&self, line: &str) {
         let mut inner = self.lock();
         let line = line.trim_end();
-        if line.starts_with(HALTED) {
+        if line.starts_with(HALTED) || line.starts_with("!! the printer is halted") {
             inner.is_halted = true;
         }
         let asks = self.setup.readings == Readings::Asked;

@@ -6,17 +6,26 @@ use super::readings::Readings;
 use super::shared::{PageHost, Phase};
 use crate::send::Watch;
 
-/// Interval of the questions for the position during a job.
-const POSITION_INTERVAL: Duration = Duration::from_secs(2);
+/// Interval of the questions for position and temperatures during a job, in turn.
+const QUESTION_INTERVAL: Duration = Duration::from_secs(1);
+const QUESTIONS: [&str; 2] = ["M114", "M105"];
 
 /// The printer's pause: it goes aside, and waits.
 const PAUSE: &str = "M601";
 
 /// The watch of a job.
 pub struct Watching<'a, E> {
-    pub host: &'a PageHost,
+    host: &'a PageHost,
     /// Whether the program is to end.
-    pub ends: E,
+    ends: E,
+    questions: std::iter::Cycle<std::array::IntoIter<&'static str, 2>>,
+}
+
+impl<'a, E: Fn() -> bool> Watching<'a, E> {
+    /// Of a host's job.
+    pub fn new(host: &'a PageHost, ends: E) -> Self {
+        Self { host, ends, questions: QUESTIONS.into_iter().cycle() }
+    }
 }
 
 impl<E: Fn() -> bool> Watch for Watching<'_, E> {
@@ -58,11 +67,12 @@ impl<E: Fn() -> bool> Watch for Watching<'_, E> {
         if let Some(line) = inner.waiting.pop_front() {
             return Some(line);
         }
-        let is_due = inner.asked_position.is_none_or(|asked| asked.elapsed() >= POSITION_INTERVAL);
-        (self.host.setup.readings == Readings::Asked && is_due).then(|| {
-            inner.asked_position = Some(Instant::now());
-            "M114".to_owned()
-        })
+        let is_due = inner.asked_position.is_none_or(|asked| asked.elapsed() >= QUESTION_INTERVAL);
+        if self.host.setup.readings == Readings::Told || !is_due {
+            return None;
+        }
+        inner.asked_position = Some(Instant::now());
+        self.questions.next().map(str::to_owned)
     }
 
     fn wants_wait_ended(&mut self) -> bool {

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use ferrostep_tests::program::{program, repository};
 use serde_json::Value;
 
+use crate::conversation::{part, printed as printed_lines};
 use crate::printer::Printer;
 
 /// Longest wait for anything.
@@ -309,8 +310,14 @@ fn a_printer_at_a_port_prints_from_the_page() {
     let mut front = Printer::before_port(printer.port());
     let page = front.page();
     page.look_until(|state| state["activity"] == "idle" && state["heat"]["nozzle_celsius"].as_f64() > Some(10.0));
-    page.wish("/line", b"G28");
-    page.look_until(|state| state["activity"] == "idle" && state["position_mm"][2].as_f64().is_some());
+    let lines = part();
+    page.wish("/job", lines.join("\n").as_bytes());
+    page.wish("/start", b"");
+    page.look_until(|state| says(state, "printed: "));
+    page.wish("/line", b"M797");
+    let digest = format!("step_digest:{}", printed_lines(&lines)["step_digest"].as_str().unwrap());
+    page.look_until(|state| state["console"].to_string().contains(&digest));
+    page.look_until(|state| state["position_mm"][2].as_f64() > Some(0.1));
     page.wish("/job", &long_job());
     page.wish("/start", b"");
     page.look_until(|state| state["job"]["line"].as_u64() > Some(20));

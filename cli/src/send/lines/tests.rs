@@ -220,3 +220,80 @@ fn a_held_job_waits_as_long_as_it_takes_and_can_be_ended() {
     assert_eq!(sent(port.heard), ["N1 G28"]);
     assert!(port.now - begun > Duration::from_secs(60));
 }
+
+/// Puts commands of a person between two of the file, and ends the printer's pause.
+struct Between {
+    commands: Vec<&'static str>,
+    is_held: bool,
+    ended: u32,
+}
+
+impl Watch for Between {
+    fn hear(&mut self, _: &str) {}
+
+    fn held(&mut self, is_held: bool) {
+        self.is_held = is_held;
+    }
+
+    fn command_between(&mut self) -> Option<String> {
+        self.commands.pop().map(str::to_owned)
+    }
+
+    fn wants_wait_ended(&mut self) -> bool {
+        self.ended += u32::from(self.is_held);
+        std::mem::take(&mut self.is_held)
+    }
+}
+
+/// M601 has its `ok` when the pause ends, and M108, which ends it, has one of its own: the host is not one ahead after that.
+#[test]
+fn a_person_pauses_between_two_lines_and_goes_on() {
+    let answer = |line: &str, _: usize| match line.split(['*', ' ']).nth(1) {
+        Some("M601") => vec!["//action:paused"],
+        _ if line == "M108" => vec!["//action:resumed", "ok", "ok"],
+        _ => vec!["ok"],
+    };
+    let mut port = printer(answer);
+    let mut lines = ["G28", "G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));
+    let mut watch = Between { commands: vec!["M601", "M105"], is_held: false, ended: 0 };
+    let outcome =
+        send_lines(&mut port, Packing::Plain, || lines.next(), Frame::PLAIN, Patience::DEFAULT, &mut watch).unwrap();
+    assert_eq!((outcome.stop, outcome.sent, watch.ended, port.unheard()), (None, 2, 1, 0));
+    assert_eq!(sent(port.heard), ["N1 M105", "N2 M601", "M108", "N3 G28", "N4 G1 X5", "N5 M400"]);
+}
+
+/// A host that the printer has asked to hold its job (`//action:pause`) goes on by itself: no line waits in the printer.
+#[test]
+fn a_job_that_its_host_holds_goes_on_without_m108() {
+    let mut port = printer(|line, _| match line.split(' ').next() {
+        Some("N1") => vec!["//action:pause", "ok"],
+        _ => vec!["ok"],
+    });
+    let mut lines = ["G28", "G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));
+    let mut watch = AfterAnswer::default();
+    let outcome =
+        send_lines(&mut port, Packing::Plain, || lines.next(), Frame::PLAIN, Patience::DEFAULT, &mut watch).unwrap();
+    assert_eq!((outcome.stop, port.unheard()), (None, 0));
+    assert_eq!(sent(port.heard), ["N1 G28", "N2 G1 X5", "N3 M400"]);
+}
+
+/// Wants the job to go on once the line that held it has its answer.
+#[derive(Default)]
+struct AfterAnswer {
+    is_held: bool,
+    is_wanted: bool,
+}
+
+impl Watch for AfterAnswer {
+    fn hear(&mut self, line: &str) {
+        self.is_wanted = self.is_held && line == "ok";
+    }
+
+    fn held(&mut self, is_held: bool) {
+        self.is_held = is_held;
+    }
+
+    fn wants_wait_ended(&mut self) -> bool {
+        std::mem::take(&mut self.is_wanted)
+    }
+}
