@@ -31,6 +31,11 @@ impl JobLines {
         Ok(Self { input: BufReader::new(input), failed: None })
     }
 
+    /// How many lines there are, up to one that cannot be read.
+    pub fn count(mut self) -> u32 {
+        std::iter::from_fn(|| self.next().and_then(Result::ok)).zip(1..=u32::MAX).last().map_or(0, |(_, number)| number)
+    }
+
     /// The next line; `None` at the end.
     pub fn next(&mut self) -> Option<io::Result<Vec<u8>>> {
         let mut line = Vec::new();
@@ -57,5 +62,6 @@ mod tests {
         let mut lines = JobLines::open(file.path()).unwrap();
         assert_eq!(lines.next().unwrap().unwrap(), b"G28\n");
         assert!(lines.next().unwrap().is_err() && lines.failed.unwrap().contains("longer than"));
+        assert_eq!(JobLines::open(file.path()).unwrap().count(), 1);
     }
 }

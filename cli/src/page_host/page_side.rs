@@ -56,6 +56,11 @@ impl PageSide {
     }
 }
 
+/// The part of a file's lines that is done.
+fn share_of_lines(job: &PageJob) -> f64 {
+    job.lines.map_or(0.0, |lines| (f64::from(job.line) / f64::from(lines.max(1))).min(1.0))
+}
+
 /// A wish that needs a job under way.
 fn in_job(inner: &Inner) -> Result<(), Refusal> {
     if inner.phase.is_job() { Ok(()) } else { refuse("nothing is being printed") }
@@ -99,7 +104,7 @@ impl Printer for PageSide {
                 name: job.name.clone(),
                 bytes: job.bytes,
                 line: job.line,
-                share: scheduled.map_or(0.0, |(share, _)| share),
+                share: scheduled.map_or_else(|| share_of_lines(job), |(share, _)| share),
                 remaining_s: scheduled.map(|(_, left_s)| left_s).or(job.slicer_left_s),
             }
         });
@@ -176,6 +181,7 @@ impl Printer for PageSide {
             bytes: upload.bytes,
             file: Arc::clone(&file),
             schedule: None,
+            lines: None,
             unwanted: Arc::clone(&unwanted),
             line: 0,
             slicer_left_s: None,
@@ -192,12 +198,14 @@ impl Printer for PageSide {
         let (host, path, file) = (Arc::clone(&self.0), file.path().to_owned(), Arc::downgrade(&file));
         let estimate = thread::Builder::new().name("estimate".to_owned()).spawn(move || {
             let schedule = Schedule::of(&path, host.setup.profile, &unwanted);
+            let lines = if schedule.is_err() { JobLines::open(&path).ok().map(JobLines::count) } else { None };
             let mut inner = host.lock();
             let is_its = |job: &&mut PageJob| Weak::ptr_eq(&Arc::downgrade(&job.file), &file);
             let Some(job) = inner.job.as_mut().filter(is_its) else { return };
             match schedule {
                 Ok(schedule) => job.schedule = Some(schedule),
                 Err(error) => {
+                    job.lines = lines;
                     let note = format!("note: {}: the printer would stop here: {error}", job.name);
                     inner.console.add(Speaker::Host, &note);
                 }

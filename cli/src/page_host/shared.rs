@@ -52,6 +52,8 @@ pub(super) struct PageJob {
     pub bytes: u64,
     pub file: Arc<NamedTempFile>,
     pub schedule: Option<Schedule>,
+    /// Number of its lines, counted where there is no schedule.
+    pub lines: Option<u32>,
     /// Tells the estimate that nobody waits for it.
     pub unwanted: Arc<AtomicBool>,
     /// Line of the file up to which commands were answered.
