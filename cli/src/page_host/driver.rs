@@ -30,9 +30,6 @@ const REPORTS: &[u8] = b"M155 S2\nM114\n";
 /// Without them: another host may not want them.
 const NO_REPORTS: &[u8] = b"M155 S0\n";
 
-/// A job on a board that is asked. Reports by themselves would hide that the answer to a line is lost.
-const ASKED: Frame<'static> = Frame { opening: &["M155 S0"], closing: &["M400"], is_upload: false };
-
 /// Talks with the printer until `ends`: opens the line, and again when it is lost. A job under way is ended first.
 pub fn run(host: &PageHost, mut connect: impl FnMut() -> Result<PrinterLine, String>, ends: impl Fn() -> bool) {
     while !ends() {
@@ -165,8 +162,8 @@ fn print(host: &PageHost, line: &mut PrinterLine, file: &NamedTempFile, ends: &i
     let message = match JobLines::open(file.path()) {
         Ok(mut lines) => {
             let mut watch = Watching::new(host, ends);
-            let frame = if host.setup.readings == Readings::Asked { ASKED } else { Frame::PLAIN };
-            let outcome = send::send_lines(line, Packing::Plain, || lines.next(), frame, Patience::DEFAULT, &mut watch);
+            let outcome =
+                send::send_lines(line, Packing::Plain, || lines.next(), Frame::PLAIN, Patience::DEFAULT, &mut watch);
             match (lines.failed, outcome) {
                 (Some(error), _) => format!("the file cannot be read on: {error}; {}", end(host, line)),
                 (None, Err(SendError::Port(error))) => return Err(error),
@@ -180,10 +177,6 @@ fn print(host: &PageHost, line: &mut PrinterLine, file: &NamedTempFile, ends: &i
     (inner.phase, inner.message, inner.wishes) = (Phase::Idle, Some(message), Wishes::default());
     if let Some(job) = &mut inner.job {
         job.line = 0;
-    }
-    drop(inner);
-    if host.setup.readings == Readings::Asked {
-        line.send(REPORTS)?;
     }
     Ok(())
 }

@@ -6,9 +6,8 @@ use super::readings::Readings;
 use super::shared::{PageHost, Phase};
 use crate::send::Watch;
 
-/// Interval of the questions for position and temperatures during a job, in turn.
-const QUESTION_INTERVAL: Duration = Duration::from_secs(1);
-const QUESTIONS: [&str; 2] = ["M114", "M105"];
+/// Interval of the questions for the position during a job.
+const POSITION_INTERVAL: Duration = Duration::from_secs(2);
 
 /// The printer's pause: it goes aside, and waits.
 const PAUSE: &str = "M601";
@@ -18,13 +17,12 @@ pub struct Watching<'a, E> {
     host: &'a PageHost,
     /// Whether the program is to end.
     ends: E,
-    questions: std::iter::Cycle<std::array::IntoIter<&'static str, 2>>,
 }
 
 impl<'a, E: Fn() -> bool> Watching<'a, E> {
     /// Of a host's job.
     pub fn new(host: &'a PageHost, ends: E) -> Self {
-        Self { host, ends, questions: QUESTIONS.into_iter().cycle() }
+        Self { host, ends }
     }
 }
 
@@ -67,12 +65,12 @@ impl<E: Fn() -> bool> Watch for Watching<'_, E> {
         if let Some(line) = inner.waiting.pop_front() {
             return Some(line);
         }
-        let is_due = inner.asked_position.is_none_or(|asked| asked.elapsed() >= QUESTION_INTERVAL);
+        let is_due = inner.asked_position.is_none_or(|asked| asked.elapsed() >= POSITION_INTERVAL);
         if self.host.setup.readings == Readings::Told || !is_due {
             return None;
         }
         inner.asked_position = Some(Instant::now());
-        self.questions.next().map(str::to_owned)
+        Some("M114".to_owned())
     }
 
     fn wants_wait_ended(&mut self) -> bool {

@@ -11,7 +11,7 @@ use super::error::SendError;
 use super::meeting::{Met, meet};
 use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
-use super::protocol::{is_transfer_error, numbered, resend};
+use super::protocol::{is_report, is_transfer_error, numbered, resend};
 use super::watch::Watch;
 
 /// Lines kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice may be one
@@ -196,6 +196,8 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
     fn ask(&mut self, line: &str, expects: Option<&str>) -> Result<Answer, SendError> {
         self.port.send(&self.packing.bytes(line))?;
         let (mut heard_at, mut asked_at) = (self.port.now(), self.port.now());
+        // The last sign that the printer works on a line.
+        let mut at_work = heard_at;
         let (mut again, mut is_answered) = (None, false);
         loop {
             if self.watch.wants_end() {
@@ -210,7 +212,7 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                 if now.duration_since(heard_at) > self.patience.give_up && !self.is_held {
                     return Err(SendError::Silent(vec![format!("(nothing after {:?})", line.trim_end())]));
                 }
-                if now.duration_since(asked_at.max(heard_at)) >= self.patience.repeat && !self.is_held {
+                if now.duration_since(asked_at.max(at_work)) >= self.patience.repeat && !self.is_held {
                     if is_answered {
                         // That was all.
                         self.owed = 0;
@@ -224,6 +226,9 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                 continue;
             };
             heard_at = self.port.now();
+            if !is_report(&said) {
+                at_work = heard_at;
+            }
             self.watch.hear(&said);
             if self.said.len() < MAX_SAID {
                 self.said.push(said.clone());

@@ -22,3 +22,9 @@ pub(super) fn resend(said: &str) -> Option<u32> {
     let rest = said.strip_prefix("Resend:").or_else(|| said.strip_prefix("rs "))?;
     rest.trim().trim_start_matches(['N', ':', ' ']).parse().ok()
 }
+
+/// Whether a line reports temperatures by itself (M155), which says nothing about the line under way. Those of a wait for heat have
+/// the time that it takes yet, `W:`.
+pub(super) fn is_report(said: &str) -> bool {
+    said.trim_start().starts_with("T:") && !said.contains(" W:")
+}

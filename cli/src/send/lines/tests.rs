@@ -297,3 +297,42 @@ impl Watch for AfterAnswer {
         std::mem::take(&mut self.is_wanted)
     }
 }
+
+/// A printer that also reports its temperatures every two seconds (M155).
+struct Reporting<P>(P, Instant, u32);
+
+impl<P: Port> Port for Reporting<P> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.send(bytes)
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
+        let said = self.0.receive(until)?;
+        if said.is_none() && self.0.now() >= self.1 {
+            self.1 = self.0.now() + Duration::from_secs(2);
+            self.2 += 1;
+            assert!(self.2 < 1000, "the host waits for ever");
+            return Ok(Some(" T:20.00 /0.00 B:20.00 /0.00 @:0 B@:0".to_owned()));
+        }
+        Ok(said)
+    }
+
+    fn now(&mut self) -> Instant {
+        self.0.now()
+    }
+}
+
+/// Reports come without a line, so they are no sign that the printer works on one.
+#[test]
+fn a_lost_answer_is_noticed_in_spite_of_reports() {
+    let answer = |line: &str, times: usize| if line.starts_with("N1") && times == 0 { vec![] } else { vec!["ok"] };
+    let printer = printer(answer);
+    let now = printer.now;
+    let mut port = Reporting(printer, now, 0);
+    let mut lines = ["G28", "G1 X5"].into_iter().map(|line: &str| Ok(line.as_bytes().to_vec()));
+    let mut watch = |_: &str| {};
+    let outcome =
+        send_lines(&mut port, Packing::Plain, || lines.next(), Frame::PLAIN, Patience::DEFAULT, &mut watch).unwrap();
+    assert_eq!((outcome.stop, outcome.sent), (None, 2));
+    assert_eq!(sent(port.0.heard), ["N1 G28", "N1 G28", "N2 G1 X5", "N3 M400"]);
+}
