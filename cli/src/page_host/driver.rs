@@ -24,6 +24,9 @@ const LOOKS_UNTIL_RETRY: u32 = 100;
 /// A person's line without an answer for this long has lost it. A wait for heat may take as long without a sign of life.
 const ANSWER: Duration = Duration::from_secs(300);
 
+/// Longest wait for the last answer.
+const LAST_ANSWER: Duration = Duration::from_secs(2);
+
 /// Reports of a board that is asked: temperatures every two seconds, and the position.
 const REPORTS: &[u8] = b"M155 S2\nM114\n";
 
@@ -106,6 +109,13 @@ fn talk(host: &PageHost, line: &mut PrinterLine, ends: &impl Fn() -> bool) -> io
     }
     if host.setup.readings == Readings::Asked {
         line.send(NO_REPORTS)?;
+        // Its answer must not be the first that the next host hears.
+        let end = Instant::now() + LAST_ANSWER;
+        while let Some(said) = line.receive(end)?
+            && !said.starts_with("ok")
+        {
+            host.hear(&said);
+        }
     }
     Ok(())
 }

@@ -325,7 +325,8 @@ fn a_printer_at_a_port_prints_from_the_page() {
     let said = front.end_front();
     assert!(said.contains("cancelled after line ") && said.contains("the printer has ended: waits (M108)"), "{said}");
     let mut host = printer.connect();
-    let heat = host.say("M105").join(" ");
-    assert!(heat.contains("/0.00 @"), "{heat}");
+    host.send("M105\n");
+    let said = host.hear_until(|line| line.starts_with("ok T:"));
+    assert!(said.last().unwrap().contains("/0.00 @"), "{said:?}");
     printer.end();
 }
