@@ -273,7 +273,7 @@ pub struct ServeArguments {
     pub tcp: Option<u16>,
     /// Serves a page that shows the printer and controls it, for this computer's browsers, or for others at another address; its
     /// address with a secret token is printed at the start.
-    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", conflicts_with = "board")]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", value_parser = web_address, conflicts_with = "board")]
     pub web: Option<SocketAddr>,
     /// Largest file that the page uploads, MiB.
     #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=65_536), requires = "web")]
@@ -497,4 +497,10 @@ pub struct JobArguments {
     /// homing or outside the travel, pauses, too much flow, heaters left on.
     #[arg(long)]
     pub strict: bool,
+}
+
+/// The address of a page's server.
+#[cfg(unix)]
+fn web_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "write an address of this computer with a port, such as 127.0.0.1:8790".to_owned())
 }

@@ -23,6 +23,12 @@ fn start(arguments: &ServeArguments, address: SocketAddr, host: &Arc<PageHost>) 
 
 fn announce(server: &Server) {
     tell(format_args!("page: {}", server.url()));
+    if server.address().ip().is_unspecified() {
+        tell(format_args!(
+            "note: at other computers, write this computer's address in place of {}",
+            server.address().ip()
+        ));
+    }
     if !server.address().ip().is_loopback() {
         tell(
             "note: other computers reach this page, and its token crosses the network readable: whoever reads it controls the printer",
