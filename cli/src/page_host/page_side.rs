@@ -50,8 +50,9 @@ impl PageSide {
         let output = self.host().lock().output.clone();
         let Some(output) = output else { return refuse("the line to the printer is not open") };
         self.host().lock().console.add(Speaker::Person, command);
+        // A line that was cut off by a port that does not take its bytes must not hide it.
         output
-            .send(format!("{command}\n").as_bytes())
+            .send(format!("\n{command}\n").as_bytes())
             .map_err(|error| Refusal(format!("{command} was not sent: {error}")))
     }
 }
