@@ -31,6 +31,11 @@ impl Page {
         Self { url: url.to_owned(), address: address.to_owned(), token: token.to_owned() }
     }
 
+    /// The page is there before its line to the printer is open.
+    pub fn wait_until_connected(&self) {
+        self.look_until(|state| state["activity"] != "disconnected");
+    }
+
     /// Its address, with the token.
     pub fn url(&self) -> &str {
         &self.url

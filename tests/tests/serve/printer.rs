@@ -75,7 +75,9 @@ impl Printer {
     pub fn page(&mut self) -> Page {
         let mut said = String::new();
         self.messages.read_line(&mut said).unwrap();
-        Page::at(said.trim().strip_prefix("page: ").unwrap_or_else(|| panic!("{said}")))
+        let page = Page::at(said.trim().strip_prefix("page: ").unwrap_or_else(|| panic!("{said}")));
+        page.wait_until_connected();
+        page
     }
 
     fn start(folder: TempDir, port: PathBuf, line: &[String], arguments: &[&str]) -> Self {
