@@ -20,6 +20,8 @@ pub enum Problem {
     Read {
         /// What it should have been: "profile".
         what: &'static str,
+        /// The name that was probably meant, of those that need no file.
+        meant: Option<&'static str>,
         /// Names that need no file.
         built_in: Vec<&'static str>,
         /// The operating system's reason.
@@ -31,6 +33,8 @@ pub enum Problem {
     UnknownKey {
         /// The key.
         key: String,
+        /// The key that was probably meant.
+        meant: Option<String>,
         /// The keys that its table has, in words.
         expected: String,
     },
@@ -107,11 +111,23 @@ impl fmt::Display for FileError {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Problem::Read { what, built_in, error } => {
-                write!(f, "cannot read {what}: {error}; the built-in {what}s are {}", built_in.join(", "))
+            Problem::Read { what, meant, built_in, error } => {
+                write!(f, "cannot read {what}: {error}; ")?;
+                if let Some(meant) = meant {
+                    write!(f, "did you mean {meant}? ")?;
+                }
+                write!(
+                    f,
+                    "{} built-in {what}s are {}",
+                    if meant.is_some() { "The" } else { "the" },
+                    built_in.join(", ")
+                )
             }
             Problem::Syntax(message) => write!(f, "not valid TOML: {message}"),
-            Problem::UnknownKey { key, expected } => write!(f, "unknown key \"{key}\", expected {expected}"),
+            Problem::UnknownKey { key, meant: Some(meant), .. } => {
+                write!(f, "unknown key \"{key}\": did you mean \"{meant}\"?")
+            }
+            Problem::UnknownKey { key, expected, .. } => write!(f, "unknown key \"{key}\", expected {expected}"),
             Problem::MissingKey { key, expected } => write!(f, "missing key \"{key}\", expected {expected}"),
             Problem::WrongType { key, value, expected } | Problem::OutOfRange { key, value, expected } => {
                 write!(f, "{key} = {value}: expected {expected}")

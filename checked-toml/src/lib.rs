@@ -26,6 +26,7 @@ pub use reader::{Checked, Reader};
 pub use schema::{Key, Schema};
 pub use section::Section;
 pub use values::Choice;
+pub use words::closest;
 
 /// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or an endless device.
 const MAX_BYTES: u64 = 1 << 20;
@@ -41,7 +42,9 @@ pub fn read(
     built_in: impl IntoIterator<Item = &'static str>,
 ) -> Result<String, FileError> {
     read_text(path).map_err(|error| {
-        FileError::new(path, None, Problem::Read { what, built_in: built_in.into_iter().collect(), error })
+        let built_in: Vec<_> = built_in.into_iter().collect();
+        let meant = closest(path, built_in.iter().copied());
+        FileError::new(path, None, Problem::Read { what, meant, built_in, error })
     })
 }
 

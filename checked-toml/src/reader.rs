@@ -14,7 +14,7 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{FileError, Problem};
 use crate::locate::{line_of, one_line};
 use crate::schema::Key;
-use crate::words::{join, one_of};
+use crate::words::{closest, join, one_of};
 
 /// A text, its keys as far as they are read, and its faults.
 pub struct Reader<'a> {
@@ -115,7 +115,8 @@ impl<'a> Reader<'a> {
             let inner = join(path, key.get_ref());
             if !names.iter().any(|name| *name == key.get_ref()) {
                 let line = Some(line_of(self.text, key.span().start));
-                let problem = Problem::UnknownKey { key: one_line(&inner), expected: one_of(&names) };
+                let meant = closest(key.get_ref(), names.iter().copied()).map(str::to_owned);
+                let problem = Problem::UnknownKey { key: one_line(&inner), meant, expected: one_of(&names) };
                 self.fault(Rank::Unknown, line, problem);
             } else if let DeValue::Table(table) = value.get_ref() {
                 self.find_unknown_keys(table, &inner);

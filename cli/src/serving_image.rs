@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use ferrostep::serve::Speed;
+use ferrostep_checked_toml::closest;
 
 use crate::arguments::ServeArguments;
 
@@ -27,7 +28,10 @@ pub fn run(board: &str, arguments: &ServeArguments) -> Result<ExitCode, String> 
     let named = home.join("boards").join(format!("{board}.toml"));
     let file = if named.is_file() { named } else { PathBuf::from(board) };
     if !file.is_file() {
-        return Err(format!("{board}: no such board: choose one of {}, or give a TOML file", names(&home)));
+        let names = names(&home);
+        let meant = closest(board, names.iter().map(String::as_str));
+        let meant = meant.map_or_else(String::new, |meant| format!("did you mean {meant}? "));
+        return Err(format!("{board}: no such board: {meant}choose one of {}, or give a TOML file", names.join(", ")));
     }
     let program = home.join(PROGRAM);
     if !program.is_file() {
@@ -49,13 +53,13 @@ pub fn run(board: &str, arguments: &ServeArguments) -> Result<ExitCode, String> 
 }
 
 /// The names of the built-in boards, separated by commas.
-fn names(home: &Path) -> String {
+fn names(home: &Path) -> Vec<String> {
     let files = std::fs::read_dir(home.join("boards")).into_iter().flatten().flatten().map(|entry| entry.path());
     let boards = files.filter(|path| path.extension().is_some_and(|extension| extension == "toml"));
     let mut names: Vec<String> = boards.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())).collect();
     names.retain(|name| name != "Cargo");
     names.sort();
-    names.join(", ")
+    names
 }
 
 /// The checkout around the working folder, or around this program.

@@ -79,11 +79,14 @@ fn each_misspelt_key_is_named_with_the_right_ones() {
         let value = holder.remove(last).unwrap();
         holder.insert(format!("{last}z"), value);
         let error = refused(&table);
-        let Problem::UnknownKey { key, expected } = error.problem() else {
+        let Problem::UnknownKey { key, meant, expected } = error.problem() else {
             panic!("{path}: {error}");
         };
         assert_eq!(*key, format!("{path}z"));
         assert!(expected.contains(&format!("\"{last}\"")), "{path}: {error}");
+        if last.len() > 3 {
+            assert_eq!(meant.as_deref(), Some(last), "{path}");
+        }
         assert!(error.line().is_some());
     }
 }

@@ -326,3 +326,40 @@ fn unknown_commands_are_listed_once_and_skipped() {
     assert_eq!(echoes, ["M7777 X1", "G123", "M7777 X2", "O100"].map(unknown));
     assert_eq!(position(&summary), json!([5.0, 0.0, 0.0, 0.0]));
 }
+
+/// The likeliest name of a key or a profile is suggested.
+#[test]
+fn misspelt_names_are_answered_with_the_likeliest() {
+    let directory = directory();
+    let job = file(&directory, "job.gcode", "G28\n");
+    let text = fs::read_to_string(repository().join("profiles/corexy.toml")).unwrap();
+    let profile = file(&directory, "mine.toml", text.replace("\nsteps_per_mm", "\nstep_per_mm"));
+    for (profile, expected) in [
+        (profile.to_str().unwrap(), "unknown key \"step_per_mm\": did you mean \"steps_per_mm\"?"),
+        ("Prusa-MINI", "did you mean prusa-mini? The built-in profiles are cartesian, corexy, prusa-mini"),
+        ("corxy", "did you mean corexy?"),
+    ] {
+        let outcome = ferrostep(["print", job.to_str().unwrap(), "--profile", profile]);
+        assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+        assert!(outcome.stderr.contains(expected), "{outcome:#?}");
+    }
+}
+
+/// A line that cannot be read is not shown as an empty one.
+#[test]
+fn a_line_that_is_no_text_is_named_without_a_text() {
+    let directory = directory();
+    let outcome = ferrostep(["print".as_ref(), file(&directory, "job.gcode", b"G28\nG1 X\xff5\n").as_os_str()]);
+    assert!(outcome.stderr.contains("job.gcode: line 2: not text: byte 0xff"), "{outcome:#?}");
+}
+
+/// A file of comments is hardly the one that was meant.
+#[test]
+fn a_file_of_comments_is_remarked() {
+    let directory = directory();
+    let job = file(&directory, "job.gcode", "; only\n; comments\n");
+    let outcome = ferrostep(["print".as_ref(), job.as_os_str(), "--strict".as_ref()]);
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    assert!(outcome.stdout.contains("remark       no line of the file is a command"), "{outcome:#?}");
+    assert!(!outcome.stdout.contains("times faster"), "{outcome:#?}");
+}
