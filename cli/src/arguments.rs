@@ -46,6 +46,12 @@ pub enum Command {
         /// Writes the step and direction signals as a waveform, for GTKWave or PulseView. A whole print is large.
         #[arg(long, value_name = "OUT")]
         vcd: Option<PathBuf>,
+        /// Begins the waveform here, seconds of motion: `motion_time_s` without waits for heat.
+        #[arg(long, value_name = "SECONDS", requires = "vcd", value_parser = seconds)]
+        from: Option<f64>,
+        /// Ends the waveform here, seconds of motion.
+        #[arg(long, value_name = "SECONDS", requires = "vcd", value_parser = seconds)]
+        to: Option<f64>,
     },
     /// Plans the speeds of a file on this computer and writes a prepared job (.gpre), which a board only has to execute.
     Preprocess {
@@ -413,6 +419,12 @@ fn input_shaper(name: &str) -> Result<InputShaperKind, String> {
         let names = InputShaperKind::NAMED.map(|(name, _)| name).join(", ");
         format!("expected {names}, or as mzv(5,0.9)")
     })
+}
+
+/// A time from the start, s.
+fn seconds(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds >= 0.0);
+    number.ok_or_else(|| "expected seconds, 0 or more, as 12.5".to_owned())
 }
 
 /// Two numbers with a comma between them.

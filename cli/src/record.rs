@@ -5,7 +5,7 @@ mod trace;
 mod vcd;
 
 pub use trace::TraceWriter;
-pub use vcd::VcdWriter;
+pub use vcd::{VcdWriter, Window};
 
 use ferrostep_planner::{Move, StepObserver};
 

@@ -1,9 +1,10 @@
 //! Step and direction signals as a value change dump (IEEE 1364), for GTKWave and similar viewers.
 
 use std::io::{self, BufWriter, Write};
+use std::ops::Range;
 
 use ferrostep_planner::TICKS_PER_SECOND;
-use ferrostep_printer::Profile;
+use ferrostep_printer::{DriverTiming, Profile};
 
 use super::motor_names::motor_names;
 use crate::output::{Output, OutputError};
@@ -12,17 +13,51 @@ use crate::output::{Output, OutputError};
 const STEP_IDS: [char; 4] = ['!', '"', '#', '$'];
 const DIRECTION_IDS: [char; 4] = ['%', '&', '\'', '('];
 
+/// All motors.
+const ALL: u8 = 0b1111;
+
 /// Writes the waveform.
 pub struct VcdWriter {
     out: BufWriter<Output>,
     error: Option<io::Error>,
-    /// Length of a pulse, ns; `None` if each edge steps.
-    pulse_ns: Option<u64>,
-    /// Levels of the step signals.
-    levels: u8,
+    timing: DriverTiming,
+    /// The part of the motion that is written, ns.
+    window_ns: Range<u64>,
+    /// Whether the part has begun.
+    is_open: bool,
+    /// The signals' levels.
+    levels: Levels,
     /// When the current pulses end, ns, and their axes.
     falling: Option<(u64, u8)>,
+    /// The last step's time, ns.
+    stepped_ns: u64,
+}
+
+/// Levels of all signals, a bit for each motor.
+#[derive(Clone, Copy, Default)]
+struct Levels {
+    steps: u8,
     directions: u8,
+}
+
+/// A part of the motion, s of the motion clock, for [`VcdWriter`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Its beginning.
+    pub from_s: f64,
+    /// Its end; the end of the motion if absent.
+    pub to_s: Option<f64>,
+}
+
+impl Window {
+    /// All of the motion.
+    pub const ALL: Self = Self { from_s: 0.0, to_s: None };
+
+    fn ns(self) -> Range<u64> {
+        // Saturates for numbers that no print reaches.
+        let ns = |seconds: f64| (seconds * 1e9) as u64;
+        ns(self.from_s)..self.to_s.map_or(u64::MAX, ns)
+    }
 }
 
 impl VcdWriter {
@@ -30,7 +65,7 @@ impl VcdWriter {
     ///
     /// # Errors
     /// The output cannot be written.
-    pub fn new(out: Output, profile: &Profile) -> io::Result<Self> {
+    pub fn new(out: Output, profile: &Profile, window: Window) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(1 << 20, out);
         let names = motor_names(profile);
         writeln!(out, "$comment motion clock, idle time left out $end\n$timescale 1 ns $end")?;
@@ -40,13 +75,17 @@ impl VcdWriter {
                 writeln!(out, "$var wire 1 {id} {signal}_{name} $end")?;
             }
         }
-        writeln!(out, "$upscope $end\n$enddefinitions $end\n#0\n$dumpvars")?;
-        for id in STEP_IDS.into_iter().chain(DIRECTION_IDS) {
-            writeln!(out, "0{id}")?;
-        }
-        writeln!(out, "$end")?;
-        let pulse_ns = (!profile.driver.both_edges).then_some(u64::from(profile.driver.pulse_width_ns));
-        Ok(Self { out, error: None, pulse_ns, levels: 0, falling: None, directions: 0 })
+        writeln!(out, "$upscope $end\n$enddefinitions $end")?;
+        Ok(Self {
+            out,
+            error: None,
+            timing: profile.driver,
+            window_ns: window.ns(),
+            is_open: false,
+            levels: Levels { steps: 0, directions: profile.driver.inverted & ALL },
+            falling: None,
+            stepped_ns: 0,
+        })
     }
 
     pub(super) fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
@@ -56,38 +95,85 @@ impl VcdWriter {
     }
 
     fn step(&mut self, tick: u64, axes: u8, directions: u8) -> io::Result<()> {
-        let now = (u128::from(tick) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64;
-        self.fall()?;
-        writeln!(self.out, "#{now}")?;
-        let changed = (self.directions ^ directions) & axes;
-        self.directions ^= changed;
-        // A pulse has ended before the next one begins.
-        self.levels ^= axes;
-        for motor in 0..4 {
-            if changed >> motor & 1 == 1 {
-                writeln!(self.out, "{}{}", directions >> motor & 1, DIRECTION_IDS[motor])?;
-            }
-            if axes >> motor & 1 == 1 {
-                writeln!(self.out, "{}{}", self.levels >> motor & 1, STEP_IDS[motor])?;
-            }
+        let now_ns = (u128::from(tick) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64;
+        // The levels at the pins: an inverted motor's direction is low where it is high for others.
+        let turned = (self.levels.directions ^ directions ^ self.timing.inverted) & axes;
+        let fallen_ns = self.fall()?;
+        if turned != 0 {
+            let levels = Levels { directions: self.levels.directions ^ turned, ..self.levels };
+            self.change(self.turn_ns(now_ns, fallen_ns), levels)?;
         }
-        self.falling = self.pulse_ns.map(|pulse_ns| (now + pulse_ns, axes));
+        // A pulse has ended before the next one begins.
+        self.change(now_ns, Levels { steps: self.levels.steps ^ axes, ..self.levels })?;
+        let is_pulse = !self.timing.both_edges;
+        self.falling = is_pulse.then(|| (now_ns + u64::from(self.timing.pulse_width_ns), axes));
+        self.stepped_ns = now_ns;
         Ok(())
     }
 
-    fn fall(&mut self) -> io::Result<()> {
-        if let Some((when, axes)) = self.falling.take() {
-            self.levels &= !axes;
-            writeln!(self.out, "#{when}")?;
-            for (_, id) in STEP_IDS.iter().enumerate().filter(|(motor, _)| axes >> motor & 1 == 1) {
-                writeln!(self.out, "0{id}")?;
+    /// The time at which a board changes a direction for a step: with the end of the pulse before; where both edges step, half
+    /// way from the step before, or as late as the set-up time allows.
+    fn turn_ns(&self, now_ns: u64, fallen_ns: Option<u64>) -> u64 {
+        let setup_ns = u64::from(self.timing.direction_setup_ns);
+        let interval_ns = now_ns - self.stepped_ns;
+        let after_ns = match fallen_ns {
+            Some(fallen_ns) => return fallen_ns.min(now_ns),
+            None if self.timing.both_edges => (interval_ns / 2).min(interval_ns.saturating_sub(setup_ns)),
+            // Before the first pulse.
+            None => interval_ns.saturating_sub(setup_ns),
+        };
+        self.stepped_ns + after_ns
+    }
+
+    /// Ends the pulses under way; the time of it.
+    fn fall(&mut self) -> io::Result<Option<u64>> {
+        let Some((when_ns, axes)) = self.falling.take() else { return Ok(None) };
+        self.change(when_ns, Levels { steps: self.levels.steps & !axes, ..self.levels })?;
+        Ok(Some(when_ns))
+    }
+
+    /// Changes levels, and writes what differs if it lies in the window.
+    fn change(&mut self, when_ns: u64, levels: Levels) -> io::Result<()> {
+        if self.window_ns.contains(&when_ns) {
+            self.open()?;
+            writeln!(self.out, "#{when_ns}")?;
+            self.write(
+                levels,
+                Levels {
+                    steps: levels.steps ^ self.levels.steps,
+                    directions: levels.directions ^ self.levels.directions,
+                },
+            )?;
+        }
+        self.levels = levels;
+        Ok(())
+    }
+
+    /// Writes all levels at the beginning of the window.
+    fn open(&mut self) -> io::Result<()> {
+        if !std::mem::replace(&mut self.is_open, true) {
+            writeln!(self.out, "#{}\n$dumpvars", self.window_ns.start)?;
+            self.write(self.levels, Levels { steps: ALL, directions: ALL })?;
+            writeln!(self.out, "$end")?;
+        }
+        Ok(())
+    }
+
+    /// Writes the levels of these motors' signals.
+    fn write(&mut self, levels: Levels, of: Levels) -> io::Result<()> {
+        for (levels, of, ids) in [(levels.directions, of.directions, DIRECTION_IDS), (levels.steps, of.steps, STEP_IDS)]
+        {
+            for (motor, id) in ids.into_iter().enumerate().filter(|(motor, _)| of >> motor & 1 == 1) {
+                writeln!(self.out, "{}{id}", levels >> motor & 1)?;
             }
         }
         Ok(())
     }
 
     pub(super) fn finish(mut self) -> Result<(), OutputError> {
-        match self.error.take().map_or_else(|| self.fall(), Err) {
+        // A window without a change shows the levels, too.
+        let ended = self.error.take().map_or_else(|| self.fall().and_then(|_| self.open()), Err);
+        match ended {
             Ok(()) => Output::keep_buffered(self.out),
             Err(error) => Err(self.out.get_ref().failed(error)),
         }

@@ -13,6 +13,8 @@ struct Signal {
     edges: u64,
     shortest_high_ns: Option<u64>,
     shortest_low_ns: Option<u64>,
+    /// Least time from a change of its direction to its next step.
+    shortest_setup_ns: Option<u64>,
 }
 
 impl Signal {
@@ -30,7 +32,7 @@ impl Signal {
 }
 
 /// All signals by name, after the last change.
-fn read(text: &str) -> BTreeMap<String, Signal> {
+fn read(text: &str, pulse_ns: Option<u64>) -> BTreeMap<String, Signal> {
     let (head, body) = text.split_once("$enddefinitions $end").unwrap();
     assert!(head.contains("$timescale 1 ns $end"), "{head}");
     let mut names = BTreeMap::new();
@@ -50,7 +52,20 @@ fn read(text: &str) -> BTreeMap<String, Signal> {
                 now_ns = time;
             }
             ("$", _) => {}
-            (value @ ("0" | "1"), id) => signals.get_mut(names[id]).unwrap().set(value == "1", now_ns),
+            (value @ ("0" | "1"), id) => {
+                let (name, high) = (names[id], value == "1");
+                // Where pulses step, their beginning counts.
+                if let Some(motor) = name.strip_prefix("step_").filter(|_| high || pulse_ns.is_none()) {
+                    let turned_ns = signals[&format!("direction_{motor}")].changed_ns;
+                    let step = signals.get_mut(name).unwrap();
+                    if step.high != high {
+                        let setup_ns = now_ns - turned_ns;
+                        step.shortest_setup_ns =
+                            Some(step.shortest_setup_ns.map_or(setup_ns, |least| least.min(setup_ns)));
+                    }
+                }
+                signals.get_mut(name).unwrap().set(high, now_ns);
+            }
             _ => panic!("{word:?} is no change of a signal"),
         }
     }
@@ -73,7 +88,7 @@ fn check(job: &[u8], profile: &str, names: [&str; 4], pulse_ns: Option<u64>) {
     ]);
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
     let summary = outcome.json();
-    let signals = read(&std::fs::read_to_string(vcd).unwrap());
+    let signals = read(&std::fs::read_to_string(vcd).unwrap(), pulse_ns);
     for (axis, name) in ["x", "y", "z", "e"].into_iter().zip(names) {
         let signal = &signals[&format!("step_{name}")];
         assert!(signal.rising_edges > 0, "{name} does not move");
@@ -87,6 +102,9 @@ fn check(job: &[u8], profile: &str, names: [&str; 4], pulse_ns: Option<u64>) {
             // Events are 2 us apart; times are cut to the nanosecond.
             assert!(signal.shortest_high_ns.min(signal.shortest_low_ns) >= Some(1_999), "{name}: {signal:?}");
         }
+        // 0.2 us in the profile with pulses, 0.1 us in the other; times are cut to the nanosecond.
+        let setup_ns = if pulse_ns.is_some() { 199 } else { 99 };
+        assert!(signal.shortest_setup_ns >= Some(setup_ns), "{name}: {signal:?}");
         assert!(signals[&format!("direction_{name}")].rising_edges > 0, "{name} never turns round");
     }
     assert_eq!(signals.len(), 8);
@@ -104,4 +122,41 @@ fn the_waveform_has_the_steps_of_a_sliced_file() {
 fn the_waveform_names_corexy_motors_a_and_b() {
     let job = "G28\nM302 P1\nG1 X100 Y120 Z5 F30000\nG2 I10 J5 E3\nG1 X200 Y50 Z2 E1\n";
     check(job.as_bytes(), "corexy", ["a", "b", "z", "e"], None);
+}
+
+/// A part of the waveform has the changes that all of it has there, and begins with the levels of that time.
+#[test]
+fn a_part_of_the_waveform_is_cut_out_of_it() {
+    let directory = directory();
+    let job = file(&directory, "job.gcode", "G28\nG1 X100 Y40 F6000\nG1 X20 Y90\n");
+    let waveform = |name: &str, window: &[&str]| {
+        let out = directory.path().join(name);
+        let mut arguments = vec!["print", job.to_str().unwrap(), "--vcd", out.to_str().unwrap()];
+        arguments.extend(window);
+        let outcome = ferrostep(&arguments);
+        assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+        std::fs::read_to_string(out).unwrap()
+    };
+    let (all, part) = (waveform("all.vcd", &[]), waveform("part.vcd", &["--from", "9.1", "--to", "9.25"]));
+    let time = |line: &str| line.strip_prefix('#').map(|time| time.parse::<u64>().unwrap());
+    let inside = |line: &&str| time(line).is_some_and(|time| (9_100_000_000..9_250_000_000).contains(&time));
+    let expected: Vec<_> = all.lines().filter(inside).collect();
+    assert!(expected.len() > 100, "{}", expected.len());
+    let body = part.split_once("$enddefinitions $end\n").unwrap().1;
+    let (start, changes) = body.split_once("$end\n").unwrap();
+    assert_eq!(start.lines().next(), Some("#9100000000"));
+    assert!(all.ends_with(changes) || all.contains(changes), "the part is a piece of the whole");
+    assert_eq!(changes.lines().filter(|line| line.starts_with('#')).collect::<Vec<_>>(), expected);
+    // The levels at its beginning are those after the changes before.
+    let before: String = all
+        .lines()
+        .take_while(|line| time(line).is_none_or(|time| time < 9_100_000_000))
+        .fold(String::new(), |text, line| text + line + "\n");
+    for level in start.lines().skip(2) {
+        let last = before.lines().rev().find(|line| line.len() == 2 && line.ends_with(&level[1..]));
+        assert_eq!(last, Some(level));
+    }
+    let outcome = ferrostep(["print", job.to_str().unwrap(), "--vcd", "x", "--from", "3", "--to", "2"]);
+    assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+    assert!(outcome.stderr.contains("--to 2: the waveform ends before it begins"), "{outcome:#?}");
 }
