@@ -3,11 +3,11 @@
 
 mod binary;
 mod foreign;
+mod place;
 
-use std::cell::Cell;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor, Read};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -15,9 +15,11 @@ use std::sync::Arc;
 use ferrostep_binary_gcode::{Error as BinaryError, MAGIC};
 use ferrostep_gpre::Header;
 use flate2::bufread::MultiGzDecoder;
+use place::Counting;
 
 pub use binary::{Description, SlicerFigures};
 pub use foreign::Foreign;
+pub use place::Place;
 
 /// Bytes at the start of a file that are examined to tell text from binary data.
 const LOOK_BYTES: usize = 64 * 1024;
@@ -25,6 +27,9 @@ const LOOK_BYTES: usize = 64 * 1024;
 /// Bytes to wait for on a pipe that brings them piece by piece, or the end of a line: a person who types G-code into a pipe gets
 /// an answer to each line.
 const AWAITED_BYTES: usize = 512;
+
+/// First bytes of a gzip file.
+const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
 /// The name that stands for standard input.
 const STANDARD_INPUT: &str = "-";
@@ -84,20 +89,6 @@ pub fn name(path: &Path) -> String {
     if is_standard_input(path) { "standard input".to_owned() } else { crate::terminal::name(path) }
 }
 
-/// Counts the bytes that pass.
-struct Counting<R> {
-    inner: R,
-    count: Rc<Cell<u64>>,
-}
-
-impl<R: Read> Read for Counting<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let read = self.inner.read(buffer)?;
-        self.count.set(self.count.get() + read as u64);
-        Ok(read)
-    }
-}
-
 /// All bytes of a file, or of standard input if the path is `-`, as they are: for [`Input::of_bytes`].
 ///
 /// # Errors
@@ -117,8 +108,7 @@ pub struct Input {
     reader: Box<dyn BufRead>,
     is_prepared: bool,
     description: Option<Description>,
-    read: Rc<Cell<u64>>,
-    size: u64,
+    place: Rc<Place>,
 }
 
 impl Input {
@@ -130,11 +120,14 @@ impl Input {
         if is_standard_input(path) {
             return Self::new(Box::new(io::stdin()), None);
         }
-        let file = File::open(path)?;
+        let mut file = File::open(path)?;
         let metadata = file.metadata()?;
         // A pipe has no size.
         let size = metadata.is_file().then_some(metadata.len());
-        Self::new(Box::new(file), size)
+        let unpacked_size = if size.is_some() { gzip_size(&mut file)? } else { 0 };
+        let input = Self::new(Box::new(file), size)?;
+        input.place.unpacked_size.set(unpacked_size);
+        Ok(input)
     }
 
     /// The same for bytes that have been read.
@@ -147,15 +140,23 @@ impl Input {
     }
 
     fn new(file: Box<dyn Read>, size: Option<u64>) -> Result<Self, InputError> {
-        let read = Rc::new(Cell::new(0));
-        let mut reader: Box<dyn Read> = Box::new(Counting { inner: file, count: Rc::clone(&read) });
-        let mut start = look(&mut reader)?;
-        let is_gzip = start.starts_with(&[0x1f, 0x8b]);
-        if is_gzip {
-            let packed = BufReader::with_capacity(LOOK_BYTES, Cursor::new(start).chain(reader));
-            reader = Box::new(MultiGzDecoder::new(packed));
-            start = look(&mut reader)?;
-        }
+        let place = Rc::new(Place::default());
+        place.size.set(size.unwrap_or(0));
+        let counting = |inner: Box<dyn Read>, count| -> Box<dyn Read> {
+            Box::new(Counting { inner, place: Rc::clone(&place), count })
+        };
+        let mut file = file;
+        let mut start = look(&mut file)?;
+        let is_gzip = start.starts_with(&GZIP_MAGIC);
+        let file = Cursor::new(start).chain(file);
+        let mut reader: Box<dyn Read> = if is_gzip {
+            // What the decoder has consumed counts, not what a buffer has read for it.
+            let inner = BufReader::with_capacity(LOOK_BYTES, file);
+            Box::new(MultiGzDecoder::new(Counting { inner, place: Rc::clone(&place), count: |place| &place.fetched }))
+        } else {
+            counting(Box::new(file), |place| &place.fetched)
+        };
+        start = look(&mut reader)?;
         if start.is_empty() {
             return Err(InputError::Empty);
         }
@@ -168,21 +169,24 @@ impl Input {
             let mut bytes = start;
             reader.read_to_end(&mut bytes)?;
             let description = Description::of(&bytes).map_err(InputError::Binary)?;
-            let size = bytes.len() as u64;
-            let text = binary::GcodeText::new(bytes, Rc::clone(&read));
+            place.size.set(bytes.len() as u64);
+            let text = counting(Box::new(binary::GcodeText::new(bytes, Rc::clone(&place))), |place| &place.unpacked);
             let reader = Box::new(BufReader::with_capacity(LOOK_BYTES, text));
-            return Ok(Self { reader, is_prepared, description: Some(description), read, size });
+            return Ok(Self { reader, is_prepared, description: Some(description), place });
         }
-        let mut reader = BufReader::with_capacity(LOOK_BYTES, Cursor::new(start).chain(reader));
+        let unpacked = counting(Box::new(Cursor::new(start).chain(reader)), |place| &place.unpacked);
+        let mut reader = BufReader::with_capacity(LOOK_BYTES, unpacked);
         if reader.fill_buf()?.starts_with(b"\xef\xbb\xbf") {
             // The byte order mark that some editors on Windows write.
             reader.consume(3);
+            place.take(3);
         }
-        Ok(Self { reader: Box::new(reader), is_prepared, description: None, read, size: size.unwrap_or(0) })
+        Ok(Self { reader: Box::new(reader), is_prepared, description: None, place })
     }
 
     /// Puts bytes back in front of those that remain, for the next reader.
     pub fn put_back(&mut self, bytes: Vec<u8>) {
+        self.place.put_back(bytes.len());
         let rest = std::mem::replace(&mut self.reader, Box::new(io::empty()));
         self.reader = Box::new(Cursor::new(bytes).chain(rest));
     }
@@ -197,15 +201,26 @@ impl Input {
         self.description.as_ref()
     }
 
-    /// A counter of the bytes read from the disk so far (compressed bytes, for gzip; of binary G-code its own bytes).
-    pub fn counter(&self) -> Rc<Cell<u64>> {
-        Rc::clone(&self.read)
+    /// How far it has been read.
+    pub fn place(&self) -> Rc<Place> {
+        Rc::clone(&self.place)
     }
 
-    /// Size of the file on the disk, bytes, as [`Self::counter`] counts; 0 for a pipe.
+    /// Size of the file on the disk, bytes; 0 for a pipe.
     pub fn size_bytes(&self) -> u64 {
-        self.size
+        self.place.size.get()
     }
+}
+
+/// The size that a gzip file's last four bytes say; 0 for another file. The file stands at its beginning again.
+fn gzip_size(file: &mut File) -> io::Result<u64> {
+    let mut magic = [0; 2];
+    let mut last = [0; 4];
+    // A file that is too short for both is no gzip.
+    let is_gzip = file.read_exact(&mut magic).is_ok() && magic == GZIP_MAGIC;
+    let is_read = is_gzip && file.seek(SeekFrom::End(-4)).is_ok() && file.read_exact(&mut last).is_ok();
+    file.rewind()?;
+    Ok(if is_read { u32::from_le_bytes(last).into() } else { 0 })
 }
 
 /// The first bytes.
@@ -239,7 +254,9 @@ fn must_be_text(start: &[u8], size: Option<u64>) -> Result<(), InputError> {
 
 impl Read for Input {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        self.reader.read(buffer)
+        let read = self.reader.read(buffer)?;
+        self.place.take(read);
+        Ok(read)
     }
 }
 
@@ -250,5 +267,6 @@ impl BufRead for Input {
 
     fn consume(&mut self, bytes: usize) {
         self.reader.consume(bytes);
+        self.place.take(bytes);
     }
 }

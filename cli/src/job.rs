@@ -8,8 +8,8 @@ use ferrostep_printer::{CommandError, Ports, Printer};
 
 use crate::comments::Comments;
 
-/// Bytes read at once.
-const PORTION_BYTES: usize = 64 * 1024;
+/// Bytes read at once: so much may be executed between two looks at the progress.
+const PORTION_BYTES: usize = 4 * 1024;
 
 /// Why a job stopped before its end.
 #[derive(Debug)]
@@ -55,6 +55,8 @@ pub enum JobError {
 impl fmt::Display for JobError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            // What cannot be read has no text to show.
+            Self::Line { line, text, message } if text.is_empty() => write!(out, "line {line}: {message}"),
             Self::Line { line, text, message } => write!(out, "line {line}: {text:?}: {message}"),
             Self::Read { line, error } => write!(out, "after line {line}: the file cannot be read: {error}"),
             Self::Prepared { frame, line, offset, message } => {
@@ -84,6 +86,8 @@ pub struct JobProgress {
     pub layers: u32,
     /// Time of the print by the slicer's comment, s.
     pub slicer_time_s: Option<f64>,
+    /// Motion of all of the job, s, where its file says it: a prepared job that is executed from its beginning.
+    pub motion_time_s: Option<f64>,
 }
 
 /// Observes the lines of a job.

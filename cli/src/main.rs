@@ -29,7 +29,7 @@ use ferrostep::input::{self, Input};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::method_comparison;
 use ferrostep::output::{Accepted, Output, OutputError, Protected};
-use ferrostep::record::{Recorder, TraceWriter, VcdWriter};
+use ferrostep::record::{Recorder, TraceWriter, VcdWriter, Window};
 use ferrostep::remarks::{Remark, RemarkKind};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
@@ -40,7 +40,6 @@ use ferrostep_papers::tables::{Chapter, Paper};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use arguments::{Arguments, Command, Format, JobArguments};
 use outcome::{exit_code, result};
@@ -50,9 +49,15 @@ use progress::Progress;
 const MAX_NOTICES: u32 = 20;
 
 fn main() -> ExitCode {
-    let outcome = match Arguments::parse().command {
-        Command::Print { job, look_ahead, from_frame, trace, vcd } => {
-            print(&job, look_ahead.map(|blocks| blocks as usize), from_frame, trace.as_deref(), vcd.as_deref())
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(answer) => return outcome::of_arguments(&answer),
+    };
+    let outcome = match arguments.command {
+        Command::Print { job, look_ahead, from_frame, trace, vcd, from, to } => {
+            let window = Window { from_s: from.unwrap_or(0.0), to_s: to };
+            let vcd = vcd.as_deref().map(|path| (path, window));
+            print(&job, look_ahead.map(|blocks| blocks as usize), from_frame, trace.as_deref(), vcd)
         }
         Command::Preprocess { job, out, format } => preprocess(&job, &out, format),
         Command::Inspect { file, items, entries } => {
@@ -103,8 +108,7 @@ fn papers(paper: Option<Paper>, json: bool, folder: Option<&Path>) -> Result<Exi
 
 fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(profile).map_err(|error| error.to_string())?;
-    let bar = ProgressBar::new(method_comparison::ways().count() as u64)
-        .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").map_err(|error| error.to_string())?);
+    let bar = progress::bar(method_comparison::ways().count() as u64, "{bar:20} {pos}/{len} {wide_msg}");
     let table = method_comparison::compare(file, &profile, |interpolation, acceleration| {
         bar.set_message(format!("{}, {}", interpolation.name(), acceleration.name()));
         bar.inc(1);
@@ -142,7 +146,7 @@ fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
             input::name(&job.file)
         ));
     }
-    let progress = Progress::new(input.size_bytes());
+    let progress = Progress::new();
     let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies(&progress));
     Ok(run(job, input, &session, &progress, 0))
 }
@@ -152,8 +156,13 @@ fn print(
     look_ahead: Option<usize>,
     from_frame: Option<u32>,
     trace: Option<&Path>,
-    vcd: Option<&Path>,
+    vcd: Option<(&Path, Window)>,
 ) -> Result<ExitCode, String> {
+    if let Some((_, Window { from_s, to_s: Some(to_s) })) = vcd
+        && to_s <= from_s
+    {
+        return Err(format!("--to {to_s}: the waveform ends before it begins (--from {from_s}): write a later time"));
+    }
     let (profile, input) = open(job)?;
     let named = job.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gpre"));
     match (named, input.is_prepared()) {
@@ -175,7 +184,7 @@ fn print(
     let from = from_frame.unwrap_or(0);
     let usual = if input.is_prepared() { gpre::LOOK_AHEAD_BLOCKS } else { LOOK_AHEAD_BLOCKS };
     let look_ahead = look_ahead.unwrap_or(usual);
-    let progress = Progress::new(input.size_bytes());
+    let progress = Progress::new();
     if trace.is_none() && vcd.is_none() {
         let session = Session::print(profile, look_ahead, (), replies(&progress));
         return Ok(run(job, input, &session, &progress, from));
@@ -188,10 +197,12 @@ fn print(
     if let Some(trace) = &trace {
         protected.push(Protected { path: trace.target(), what: "the trace" });
     }
-    let vcd = vcd.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
+    let window = vcd.map_or(Window::ALL, |(_, window)| window);
+    let vcd = vcd.map(|(path, _)| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
     let vcd = vcd.map_err(|error| error.to_string())?;
     recorder.trace = trace.map(|out| TraceWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
-    recorder.vcd = vcd.map(|out| VcdWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
+    recorder.vcd =
+        vcd.map(|out| VcdWriter::new(out, &profile, window)).transpose().map_err(|error| error.to_string())?;
     let session = Session::print(profile, look_ahead, recorder, replies(&progress));
     let code = run(job, input, &session, &progress, from);
     // A job that stops leaves complete files up to that place.
@@ -215,14 +226,14 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
     let part =
         Output::create(out, Accepted::File, &inputs(&job.file, &job.profile)).map_err(|error| error.to_string())?;
     let mut part = BufWriter::new(part);
-    let progress = Progress::new(input.size_bytes());
+    let progress = Progress::new();
     let replies = replies(&progress);
     let started = Instant::now();
-    let counter = input.counter();
+    let place = input.place();
     let picture = gpre::take_thumbnail(&mut input).map_err(|error| format!("{name}: cannot be read: {error}"))?;
     let target = gpre::Target { out: &mut part, encoding };
     let prepared = gpre::prepare(&mut input, picture, profile, replies, target, |done, figures| {
-        progress.show(counter.get(), done, figures, started.elapsed());
+        progress.show(place.share(), done, || *figures);
     });
     progress.end();
     let prepared = match prepared {
@@ -306,13 +317,13 @@ fn run<D: Desk, F: Fn(&str)>(
     let profile = session.profile();
     let mut printer = session.printer();
     let mut done = JobProgress::default();
-    let counter = input.counter();
-    let look = |job: &JobProgress| {
-        progress.show(counter.get(), job, &session.figures(), started.elapsed());
-    };
+    let place = input.place();
+    let look = |job: &JobProgress| progress.show(place.share(), job, || session.figures());
     let mut watch = Watch::new(profile, session.replies().remarks());
     let outcome = if input.is_prepared() {
-        session.run(gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look))
+        // It is planned already, and most of it fits into the look-ahead: only its execution takes time.
+        let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
+        session.run_with(job, |session| progress.pass_time(|| session.figures()))
     } else {
         session.run(job::run_watched(&mut input, &mut printer, &mut done, &mut watch, look))
     };

@@ -109,7 +109,7 @@ impl Output {
 
     /// Creates the temporary file, in the same folder so that it can be renamed.
     fn begin(path: &Path, target: PathBuf, replaced: Option<Metadata>) -> Result<Self, OutputError> {
-        let refuse = |error: io::Error| OutputError::new(path, error);
+        let refuse = |error: io::Error| OutputError::new(path, without_part_name(&error));
         let name = target.file_name().ok_or_else(|| OutputError::new(path, "the path has no file name"))?;
         let folder = folder_of(&target);
         let mut prefix = std::ffi::OsString::from(".");
@@ -200,6 +200,12 @@ impl Seek for Output {
     fn seek(&mut self, place: SeekFrom) -> io::Result<u64> {
         self.file()?.seek(place)
     }
+}
+
+/// The operating system's reason, without the temporary file's name that tempfile adds.
+fn without_part_name(error: &io::Error) -> String {
+    let text = error.to_string();
+    text.rsplit_once(" at path \"").map_or(text.clone(), |(reason, _)| reason.to_owned())
 }
 
 /// The folder of a file; for a bare name the working folder.

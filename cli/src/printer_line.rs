@@ -142,7 +142,7 @@ impl PrinterLine {
             Address::Serial(name) => {
                 refuse_what_is_no_port(name)?;
                 let port =
-                    serialport::new(name.as_str(), baud).timeout(READ).open().map_err(|error| error.to_string())?;
+                    serialport::new(name.as_str(), baud).timeout(READ).open().map_err(|error| unopened(&error))?;
                 let input = port.try_clone().map_err(|error| error.to_string())?;
                 Ok(Self::over(input, port))
             }
@@ -199,6 +199,17 @@ fn connect(host: &str) -> io::Result<TcpStream> {
         }
     }
     Err(failed)
+}
+
+/// Why a port cannot be opened. A device that is no terminal refuses its settings with ENOTTY, which is written "Not a typewriter".
+fn unopened(error: &serialport::Error) -> String {
+    let text = error.to_string();
+    match text.as_str() {
+        "Not a typewriter" | "Inappropriate ioctl for device" => {
+            "this device is no serial port: `ferrostep ports` lists them; or tcp:HOST:PORT".to_owned()
+        }
+        _ => text,
+    }
 }
 
 /// Checks the file of this name before it is opened for writing.

@@ -1,42 +1,75 @@
 //! The progress bar, on standard error.
 
-use std::time::Duration;
+use std::cell::Cell;
+use std::time::{Duration, Instant};
 
 use ferrostep::desk::Figures;
-use ferrostep::duration::hms;
 use ferrostep::job::JobProgress;
 use ferrostep::terminal::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 
+/// Length of the bar, characters.
+const LENGTH: usize = 20;
+
+/// Least time between two messages: what changes faster cannot be read.
+const INTERVAL: Duration = Duration::from_millis(50);
+
 /// Shows the progress of a job. If standard error is not a terminal, only messages appear.
 pub struct Progress {
     bar: ProgressBar,
+    started: Instant,
+    shown: Cell<Option<Instant>>,
+    /// The greatest share so far.
+    most: Cell<f64>,
+    /// The job's motion, s, if its file says it.
+    motion_time_s: Cell<Option<f64>>,
+    layers: Cell<Option<u32>>,
 }
 
 impl Progress {
-    /// A bar for a file of this size.
-    pub fn new(size_bytes: u64) -> Self {
-        let bar = ProgressBar::new(size_bytes);
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}") {
-            bar.set_style(style.progress_chars("=> "));
+    /// A bar that begins now.
+    pub fn new() -> Self {
+        Self {
+            bar: bar(0, "{wide_msg}"),
+            started: Instant::now(),
+            shown: Cell::default(),
+            most: Cell::default(),
+            motion_time_s: Cell::default(),
+            layers: Cell::default(),
         }
-        Self { bar }
     }
 
-    /// Moves the bar.
-    pub fn show(&self, read_bytes: u64, job: &JobProgress, figures: &Figures, elapsed: Duration) {
-        self.bar.set_position(read_bytes);
-        let wall_s = elapsed.as_secs_f64().max(1e-6);
-        let share = read_bytes as f64 / self.bar.length().unwrap_or(0).max(1) as f64;
-        // By the share of the file: the time that the printer will still need, not the desk.
-        let left_s = if share > 0.0 { figures.print_time_s * (1.0 / share - 1.0) } else { 0.0 };
-        self.bar.set_message(format!(
-            "layer {}  printed {}  left {}  {:.0} x real time",
-            job.layers,
-            hms(figures.print_time_s),
-            hms(left_s.max(0.0)),
-            figures.motion_time_s / wall_s
-        ));
+    /// Takes in where the job is, and moves the bar. `share`: the part of the file that was read, 0 to 1, if its size is known.
+    pub fn show(&self, share: Option<f64>, job: &JobProgress, figures: impl FnOnce() -> Figures) {
+        self.motion_time_s.set(job.motion_time_s);
+        // Of a prepared job the number of all layers is known, not of the present one.
+        self.layers.set((job.motion_time_s.is_none() && job.layers > 0).then_some(job.layers));
+        self.show_if_due(share, figures);
+    }
+
+    /// Moves the bar of a prepared job, whose time is known, while it is executed.
+    pub fn pass_time(&self, figures: impl FnOnce() -> Figures) {
+        if self.motion_time_s.get().is_some() {
+            self.show_if_due(None, figures);
+        }
+    }
+
+    fn show_if_due(&self, share: Option<f64>, figures: impl FnOnce() -> Figures) {
+        let now = Instant::now();
+        if self.bar.is_hidden() || self.shown.get().is_some_and(|shown| now.duration_since(shown) < INTERVAL) {
+            return;
+        }
+        self.shown.set(Some(now));
+        let figures = figures();
+        let share = match self.motion_time_s.get() {
+            Some(all_s) if all_s > 0.0 => Some((figures.motion_time_s / all_s).min(1.0)),
+            _ => share,
+        };
+        // Shares of packed files are estimates: the bar does not go back.
+        let share = share.map(|share| share.max(self.most.get()));
+        self.most.set(share.unwrap_or_default());
+        // All of the line at once: a bar and a message of indicatif's would be drawn one after the other.
+        self.bar.set_message(line(share, self.layers.get(), &figures, self.started.elapsed()));
     }
 
     /// A message, above the bar.
@@ -47,5 +80,77 @@ impl Progress {
     /// Removes the bar.
     pub fn end(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// A bar with a template of indicatif's. Of its parts only `{wide_msg}` may be long: it is cut to the terminal's width, and a
+/// line that wraps would be left behind at each change.
+pub fn bar(length: u64, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style.progress_chars("=> ")),
+        Err(_) => bar,
+    }
+}
+
+/// The bar, where the share is known, and the text beside it, the most important first.
+fn line(share: Option<f64>, layers: Option<u32>, figures: &Figures, elapsed: Duration) -> String {
+    let mut parts = Vec::new();
+    if let Some(share) = share {
+        let filled = "=".repeat((share * LENGTH as f64) as usize) + ">";
+        parts.push(format!("{filled:LENGTH$.LENGTH$} {:>3.0} %", (share * 100.0).floor()));
+    }
+    if let Some(share) = share.filter(|share| *share > 0.0 && figures.motion_time_s > 0.0) {
+        // The time that the printer will still need, not the desk: what is left is taken to move as what has been executed.
+        parts.push(format!("left {}", clock(figures.motion_time_s * (1.0 / share - 1.0))));
+    }
+    parts.push(format!("printed {}", clock(figures.print_time_s)));
+    parts.extend(layers.map(|layers| format!("layer {layers}")));
+    parts.push(format!("{:.0} x", figures.motion_time_s / elapsed.as_secs_f64().max(1e-6)));
+    parts.join("  ")
+}
+
+/// Hours, minutes and seconds as a clock writes them.
+fn clock(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
+    if hours > 0 { format!("{hours}:{minutes:02}:{seconds:02}") } else { format!("{minutes}:{seconds:02}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use ferrostep_planner::StepDigests;
+
+    use super::*;
+
+    #[test]
+    fn a_print_of_days_fits_into_80_columns() {
+        let figures = Figures {
+            print_time_s: 90.0 * 3600.0,
+            motion_time_s: 89.0 * 3600.0,
+            motor_steps: [0; 4],
+            max_event_rate_hz: 0,
+            underruns: 0,
+            starvation_flushes: 0,
+            slowed_moves: 0,
+            merged_moves: 0,
+            digests: StepDigests::default(),
+        };
+        let text = line(Some(0.5), Some(1234), &figures, Duration::from_secs(30));
+        assert_eq!(text, "==========>           50 %  left 89:00:00  printed 90:00:00  layer 1234  10680 x");
+        assert!(text.len() <= 80, "{}", text.len());
+        assert!(
+            line(Some(1.0), None, &figures, Duration::from_secs(30))
+                .starts_with("==================== 100 %  left 0:00  ")
+        );
+        let text = line(None, None, &figures, Duration::from_secs(30));
+        assert_eq!(text, "printed 90:00:00  10680 x");
+    }
+
+    #[test]
+    fn times_are_written_as_clocks_do() {
+        for (seconds, text) in [(0.4, "0:00"), (59.6, "1:00"), (3599.0, "59:59"), (3661.0, "1:01:01"), (-1.0, "0:00")] {
+            assert_eq!(clock(seconds), text);
+        }
     }
 }

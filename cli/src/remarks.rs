@@ -35,6 +35,8 @@ pub enum RemarkKind {
     Flow,
     /// A heater that is still on at the end.
     HeaterOn,
+    /// A file without a command.
+    NoCommands,
 }
 
 /// A remark.

@@ -133,6 +133,11 @@ impl From<&Figures> for Motors {
     }
 }
 
+/// A number of things: "1 move", "2 moves".
+fn counted(count: u64, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 impl fmt::Display for Summary {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ended = if self.stopped.is_some() { "stopped" } else { "done" };
@@ -142,7 +147,7 @@ impl fmt::Display for Summary {
         writeln!(out, "  print time   {print} ({motion} of it in motion{slicer})")?;
         writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };
-        writeln!(out, "  moves        {} in {} lines{layers}", self.moves, self.lines)?;
+        writeln!(out, "  moves        {} in {}{layers}", self.moves, counted(self.lines.into(), "line"))?;
         let at = &self.position_mm;
         writeln!(out, "  position     X{:.3} Y{:.3} Z{:.3} E{:.5}", at.x, at.y, at.z, at.e)?;
         if let Some(motors) = &self.motors {
@@ -150,8 +155,11 @@ impl fmt::Display for Summary {
             writeln!(out, "  steps        X {} Y {} Z {} E {}", steps.x, steps.y, steps.z, steps.e)?;
             writeln!(
                 out,
-                "  step events  at most {} /s; {} underruns, {} starvation flushes; {} moves slowed for the board",
-                motors.max_event_rate_hz, motors.underruns, motors.starvation_flushes, motors.slowed_moves
+                "  step events  at most {} /s; {} underruns, {} starvation flushes; {} slowed for the board",
+                motors.max_event_rate_hz,
+                motors.underruns,
+                motors.starvation_flushes,
+                counted(motors.slowed_moves, "move")
             )?;
             writeln!(out, "  digests      order {} step {}", motors.order_digest, motors.step_digest)?;
         }
@@ -164,12 +172,17 @@ impl fmt::Display for Summary {
             writeln!(out, "  slicer says  {}", one_line(&said.join(", ")))?;
         }
         if self.clamped_moves > 0 {
-            writeln!(out, "  soft limits  changed {} moves", self.clamped_moves)?;
+            writeln!(out, "  soft limits  changed {}", counted(self.clamped_moves, "move"))?;
         }
         if !self.unknown_commands.is_empty() {
             writeln!(out, "  unknown      {}", one_line(&self.unknown_commands.join(", ")))?;
         }
         remarks::write_all(out, self.remarks.as_deref().unwrap_or_default())?;
-        write!(out, "  real time    {:.2} s, {:.0} times faster than the printer", self.wall_s, self.realtime_factor)
+        write!(out, "  real time    {:.2} s", self.wall_s)?;
+        // Without motion there is nothing to compare with.
+        if self.motion_time_s > 0.0 {
+            write!(out, ", {:.0} times faster than the printer", self.realtime_factor)?;
+        }
+        Ok(())
     }
 }

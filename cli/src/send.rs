@@ -41,22 +41,23 @@ const MAX_UNREPORTED: u32 = 2;
 /// The board's answer to a transfer that begins during another one.
 const OTHER_JOB: &str = "echo:gpre: another job is being received";
 
-/// Sends a job and waits until the board has executed it, or stops. Lines of the board that are not reports go to `hear`.
+/// Sends a job and waits until the board has executed it, or stops. `watch` hears the lines of the
+/// board that are not reports, and may end the job.
 ///
 /// A board that is already in the middle of the same job, because its host was restarted, continues it.
 ///
 /// # Errors
-/// The board does not answer, does not take the job, or is gone. A refusal or a stop by the board is not an error but a
+/// The board does not answer, does not take the job, or is gone; or `watch` wants the end. A refusal or a stop by the board is not an error but a
 /// [`Report`].
 pub fn send(
     port: &mut impl Port,
     sender: &mut Sender,
     patience: Patience,
     mut look: impl FnMut(&Sender),
-    mut hear: impl FnMut(&str),
+    mut watch: impl Watch,
 ) -> Result<Report, SendError> {
     let mut heard = VecDeque::new();
-    meet(port, Packing::Plain, patience, &mut hear)?;
+    meet(port, Packing::Plain, patience, &mut |line: &str| watch.hear(line))?;
     // The line end completes a frame that an earlier host left unfinished.
     let begin = format!("\n{}{}", numbered(0, "M110 N0"), numbered(1, &sender.command(patience.board_s)));
     port.send(begin.as_bytes())?;
@@ -65,18 +66,23 @@ pub fn send(
     // Commands accepted since the transfer was last opened; openings that were accepted without a report.
     let (mut accepted, mut unreported) = (0, 0);
     loop {
+        if watch.wants_end() {
+            abort(port, sender, patience)?;
+            return Err(SendError::Asked);
+        }
         while let Some(frame) = sender.next_frame() {
             port.send(&frame)?;
             asked = port.now();
         }
         let wait = if sender.awaits_answer() { patience.ask } else { patience.ask * 8 };
-        if let Some(line) = port.receive(asked + wait)? {
+        let until = (asked + wait).min(port.now() + patience.look);
+        if let Some(line) = port.receive(until)? {
             last = port.now();
             // A report before the board has accepted both commands belongs to an earlier host.
             let reports = sender.has_begun() || accepted >= BEGINNING_COMMANDS;
             let is_report = if reports { sender.hear(&line) } else { Report::parse(&line).is_some() };
             if !is_report {
-                hear(&line);
+                watch.hear(&line);
                 accepted += u32::from(line.starts_with("ok"));
                 if line.starts_with("Resend:") {
                     // The `ok` after a resend request accepts nothing.
@@ -113,6 +119,19 @@ pub fn send(
             asked = now;
         }
     }
+}
+
+/// Ends a transfer: aborts it, stops the motion under way, and waits until the board reports the end, after which it executes
+/// lines again. A board that reports nothing is given up.
+fn abort(port: &mut impl Port, sender: &mut Sender, patience: Patience) -> Result<(), SendError> {
+    // M410 acts as its bytes arrive; without it the moves that the board has already are executed first.
+    port.send(&[&sender.abort()[..], b"\nM410\n"].concat())?;
+    let until = port.now() + patience.give_up;
+    while sender.end().is_none() {
+        let Some(line) = port.receive(until)? else { break };
+        sender.hear(&line);
+    }
+    Ok(())
 }
 
 /// A report in words.

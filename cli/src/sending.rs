@@ -11,11 +11,15 @@ use ferrostep::printer_line::{self, Address, FoundPort, PrinterLine};
 use ferrostep::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
 use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use crate::arguments::SendArguments;
 use crate::outcome::exit_code;
+use crate::progress;
 use person::Person;
+
+/// Length of the bar of G-code.
+const SHARES: u64 = 1000;
 
 /// Lists the serial ports of this computer.
 ///
@@ -88,14 +92,19 @@ pub fn run(arguments: &SendArguments) -> Result<ExitCode, String> {
         }
         false => None,
     };
-    let person = Person::new()?;
+    let mut person = Person::new()?;
     let address = arguments.port.clone().map_or_else(choose, Ok)?;
     let mut line = PrinterLine::open(&address, arguments.baud).map_err(|error| format!("{address}: {error}"))?;
     let Some(job) = job else {
         return Ok(send_gcode(&mut line, input, person, arguments.meatpack, arguments.to_card.as_deref()));
     };
-    let end = match send_prepared(&mut line, job) {
+    let end = match send_prepared(&mut line, job, &mut person) {
         Ok(end) => end,
+        Err(error @ SendError::Asked) => {
+            let code = failed(&error);
+            person::cool_down(&mut line);
+            return Ok(code);
+        }
         Err(error) => return Ok(failed(&error)),
     };
     tell(send::describe(&end));
@@ -108,27 +117,43 @@ pub fn run(arguments: &SendArguments) -> Result<ExitCode, String> {
     Ok(if end.word == Word::Done { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-fn send_prepared(line: &mut PrinterLine, job: Vec<u8>) -> Result<ferrostep_gpre::transfer::Report, SendError> {
+fn send_prepared(
+    line: &mut PrinterLine,
+    job: Vec<u8>,
+    person: &mut Person,
+) -> Result<ferrostep_gpre::transfer::Report, SendError> {
     let mut sender = Sender::new(job);
-    let bar = ProgressBar::new(sender.size() as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {bytes} of {total_bytes}  {msg}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    let say = |text: &str| {
-        // Acknowledgements would fill the screen.
-        if text != "ok" && !text.is_empty() {
-            bar.suspend(|| tell(text));
-        }
-    };
+    let bar = progress::bar(sender.size() as u64, "{bar:20} {percent:>3} %  {bytes} of {total_bytes}  {wide_msg}");
     let show = |sender: &Sender| {
         bar.set_position(sender.arrived() as u64);
         if sender.repeats() > 0 {
             bar.set_message(format!("{} resends", sender.repeats()));
         }
     };
-    let end = send::send(line, &mut sender, Patience::DEFAULT, show, say);
+    let watch = PreparedWatch { bar: &bar, person };
+    let end = send::send(line, &mut sender, Patience::DEFAULT, show, watch);
     bar.finish_and_clear();
     end
+}
+
+/// Shows a board's messages while a prepared job is sent, and asks whether it is to end.
+struct PreparedWatch<'a> {
+    bar: &'a ProgressBar,
+    person: &'a mut Person,
+}
+
+impl Watch for PreparedWatch<'_> {
+    fn hear(&mut self, line: &str) {
+        // Acknowledgements would fill the screen.
+        if line != "ok" && !line.is_empty() {
+            self.bar.suspend(|| tell(line));
+        }
+    }
+
+    fn wants_end(&mut self) -> bool {
+        let bar = self.bar;
+        self.person.wants_end(|question| bar.suspend(|| tell(question)))
+    }
 }
 
 /// Sends G-code to be printed, or to be written to the card under a name; packed if that is wanted and the printer knows it.
@@ -138,14 +163,18 @@ fn send_gcode(line: &mut PrinterLine, input: Input, person: Person, meatpack: bo
         Ok(packing) => packing,
         Err(error) => return failed(&error),
     };
-    let (size, read) = (input.size_bytes(), input.counter());
+    let (place, has_size) = (input.place(), input.size_bytes() > 0);
     let mut lines = BufReader::new(input).split(b'\n');
-    let bar = ProgressBar::new(size);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    let mut show =
-        Show { bar, person, read: move || read.get(), line: 0, refused: 0, temperatures: String::new(), left: None };
+    let bar = progress::bar(SHARES, if has_size { "{bar:20} {percent:>3} %  {wide_msg}" } else { "{wide_msg}" });
+    let mut show = Show {
+        bar,
+        person,
+        share: move || place.share(),
+        line: 0,
+        refused: 0,
+        temperatures: String::new(),
+        left: None,
+    };
     let begin = to_card.map(|name| format!("M28 {name}"));
     let opening = begin.as_deref().map(|begin| [begin]);
     let frame = match &opening {
@@ -204,10 +233,10 @@ fn choose_packing(line: &mut PrinterLine, meatpack: bool) -> Result<Packing, Sen
 }
 
 /// The display while G-code is sent.
-struct Show<R> {
+struct Show<S> {
     bar: ProgressBar,
     person: Person,
-    read: R,
+    share: S,
     line: u32,
     refused: u32,
     temperatures: String,
@@ -215,15 +244,15 @@ struct Show<R> {
     left: Option<String>,
 }
 
-impl<R: Fn() -> u64> Show<R> {
+impl<S: Fn() -> Option<f64>> Show<S> {
     fn show(&self) {
-        self.bar.set_position((self.read)());
+        self.bar.set_position(((self.share)().unwrap_or(0.0) * SHARES as f64) as u64);
         let left = self.left.as_ref().map_or(String::new(), |minutes| format!("  {minutes} min left (slicer)"));
         self.bar.set_message(format!("line {}{left}  {}", self.line, self.temperatures));
     }
 }
 
-impl<R: Fn() -> u64> Watch for Show<R> {
+impl<S: Fn() -> Option<f64>> Watch for Show<S> {
     fn hear(&mut self, line: &str) {
         let line = line.trim();
         let temperatures = line.strip_prefix("ok ").unwrap_or(line);

@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Read, stderr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
 
 use ferrostep::duration::hms;
 use ferrostep::input::{self, Input};
@@ -32,14 +31,14 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let protected = crate::inputs(&arguments.file, &arguments.profile);
     let out = Output::create(&path, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
 
-    let progress = Progress::new(input.size_bytes());
-    let (started, counter) = (Instant::now(), input.counter());
+    let progress = Progress::new();
+    let place = input.place();
     // What is read once cannot be asked twice, and a large file should not be.
     let asks = arguments.file.is_file() && !input.is_prepared() && input.size_bytes() <= MAX_ASKED_BYTES;
     let (shown, chances) = std::thread::scope(|scope| {
         let chances = asks.then(|| scope.spawn(|| show::chances(profile, &arguments.file)));
         let shown = show::record(profile, &mut input, MAX_NODES, crate::replies(&progress), |done, figures| {
-            progress.show(counter.get(), done, figures, started.elapsed());
+            progress.show(place.share(), done, || *figures);
         });
         (shown, chances.and_then(|thread| thread.join().ok()).unwrap_or_default())
     });

@@ -45,6 +45,10 @@ impl<'a> Watch<'a> {
 
     /// Adds the remarks about the end.
     pub fn end(&self, heating: &impl Heating) {
+        if self.line == 0 {
+            let message = "no line of the file is a command: is it the one that was meant?";
+            self.remarks.note(RemarkKind::NoCommands, None, message);
+        }
         for heater in Heater::ALL {
             let celsius = heating.status(heater).target_celsius;
             if celsius > 0.0 {

@@ -47,6 +47,7 @@ pub async fn play_from<P: Ports>(
     let header = reader.header()?;
     header.matches(profile.plan_hash, PLANNER_VERSION).map_err(refused)?;
     progress.layers = header.layers;
+    progress.motion_time_s = (from == 0).then_some(header.motion_ms as f64 * 1e-3);
     if from >= header.frames.max(1) {
         return Err(entry::no_such_frame(from, header.frames));
     }

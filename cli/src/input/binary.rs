@@ -1,6 +1,5 @@
 //! Binary G-code: its metadata, and its G-code as text.
 
-use std::cell::Cell;
 use std::fmt;
 use std::io::{self, Read};
 use std::rc::Rc;
@@ -9,6 +8,7 @@ use ferrostep_binary_gcode::{BlockKind, Decoder, Error, Progress, Selection, Thu
 use ferrostep_gpre::Thumbnail;
 use serde::Serialize;
 
+use super::place::Place;
 use crate::duration::hms;
 use crate::terminal::one_line;
 
@@ -146,15 +146,15 @@ fn rest<'a>(file: &'a [u8], decoder: &Decoder) -> &'a [u8] {
 pub struct GcodeText {
     file: Vec<u8>,
     decoder: Decoder,
-    /// How far the file has been read, bytes.
-    read: Rc<Cell<u64>>,
+    /// Where the count of the file's bytes is kept.
+    place: Rc<Place>,
 }
 
 impl GcodeText {
     /// Starts with a whole file.
-    pub fn new(file: Vec<u8>, read: Rc<Cell<u64>>) -> Self {
-        read.set(0);
-        Self { file, decoder: Decoder::new(Selection::GCODE), read }
+    pub fn new(file: Vec<u8>, place: Rc<Place>) -> Self {
+        place.fetched.set(0);
+        Self { file, decoder: Decoder::new(Selection::GCODE), place }
     }
 }
 
@@ -165,7 +165,7 @@ impl Read for GcodeText {
         }
         loop {
             let progress = self.decoder.advance(rest(&self.file, &self.decoder), buffer);
-            self.read.set(self.decoder.position());
+            self.place.fetched.set(self.decoder.position());
             match progress.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))? {
                 Progress::More => {}
                 Progress::Contents(_, length) => return Ok(length),

@@ -17,6 +17,8 @@ pub enum SendError {
     Halted(String),
     /// The board asks for a line of G-code that it has answered long ago, or that does not exist.
     LongOver(u32),
+    /// [`Watch::wants_end`](super::Watch::wants_end) has asked for it; the transfer of the prepared job was aborted.
+    Asked,
 }
 
 impl fmt::Display for SendError {
@@ -29,6 +31,7 @@ impl fmt::Display for SendError {
             Self::LongOver(number) => {
                 write!(out, "the board asks for line {number} again, which it has answered before: was it reset?")
             }
+            Self::Asked => out.write_str("stopped by Ctrl-C"),
         }
     }
 }

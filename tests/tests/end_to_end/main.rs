@@ -35,6 +35,8 @@ mod pauses;
 mod prepared;
 mod prints;
 mod programs;
+#[cfg(unix)]
+mod progress_bar;
 mod protocol;
 #[cfg(unix)]
 mod pty_board;

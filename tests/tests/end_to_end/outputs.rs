@@ -350,6 +350,9 @@ fn an_unwritable_result_is_an_error() {
         &["inspect", out, "--entries"],
         &["papers", "wu"],
         &["papers", "wu", "--json"],
+        &["--help"],
+        &["--version"],
+        &["print", "--help"],
     ] {
         let outcome = into_device("/dev/full", arguments);
         assert_eq!(outcome.status, Some(1), "{arguments:?}: {outcome:#?}");
@@ -368,6 +371,15 @@ fn a_closed_pipe_is_not_an_error() {
         let outcome: Outcome = child.wait_with_output().unwrap().into();
         assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{arguments:?}");
     }
+}
+
+/// The name of the temporary file says nothing to a person.
+#[test]
+fn a_missing_folder_is_named_without_the_temporary_file() {
+    let outcome = ferrostep(["preprocess", "examples/cube.gcode", "-o", "/no-such-folder/x.gpre"]);
+    assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+    let expected = "/no-such-folder/x.gpre: cannot be written: No such file or directory (os error 2)\n";
+    assert!(outcome.stderr.ends_with(expected), "{}", outcome.stderr);
 }
 
 /// A file's name and its content must not control the terminal.

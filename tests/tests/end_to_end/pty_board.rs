@@ -51,6 +51,11 @@ impl Pty {
         Self { master, _port: port, path }
     }
 
+    /// The end that is held here; the other one is open no longer than its programs.
+    pub fn into_master(self) -> OwnedFd {
+        self.master
+    }
+
     /// The path that a host opens.
     pub fn path(&self) -> &Path {
         &self.path

@@ -182,6 +182,37 @@ fn ctrl_c_ends_waits_motion_and_heat() {
     assert!(pushed < 500.0, "{pushed}");
 }
 
+/// The same for a prepared job: the transfer is aborted, and then the heaters are switched off.
+#[test]
+fn ctrl_c_ends_a_prepared_job() {
+    let folder = folder();
+    let text = "M302 P1\nM140 S60\nM572 S0\nG1 E900 F300\nG1 E1000 F300\nG1 X1 F600\n";
+    let (gcode, job) = (file(&folder, text), folder.path().join("job.gpre"));
+    let prepared = Command::new(program()).arg("preprocess").arg(&gcode).arg("-o").arg(&job).output().unwrap();
+    assert!(prepared.status.success(), "{prepared:?}");
+    let printer = Printer::at_pty(&[]);
+    let mut command = Command::new(program());
+    command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
+    let mut sender = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // M572 is reported as the job begins, before the long move.
+    let mut messages = BufReader::new(sender.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("M302") && !said.contains("M572") {
+        assert!(messages.read_line(&mut said).unwrap() > 0, "{said}");
+    }
+    assert!(Command::new("kill").args(["-INT", &sender.id().to_string()]).status().unwrap().success());
+    let mut output = sender.wait_with_output().unwrap();
+    messages.read_to_end(&mut output.stderr).unwrap();
+    says(&output, 1, "error: stopped by Ctrl-C");
+    says(&output, 1, "the bed's heater (M140 S0)");
+    let mut host = printer.connect();
+    let heat = host.say("M105").join(" ");
+    assert!(heat.contains("/0.00 B:") && heat.contains("/0.00 @"), "{heat}");
+    host.say("M400");
+    let pushed = printer.end()["position_mm"]["e"].as_f64().unwrap();
+    assert!(pushed < 500.0, "{pushed}");
+}
+
 #[test]
 fn what_is_no_printer_is_refused_and_left_as_it_is() {
     let folder = folder();
@@ -192,6 +223,7 @@ fn what_is_no_printer_is_refused_and_left_as_it_is() {
         (letter.to_str().unwrap(), "this is an ordinary file, expected a serial port: `ferrostep ports` lists them"),
         (folder.path().to_str().unwrap(), "this is a folder"),
         ("/dev/no-such-port", "/dev/no-such-port: No such file"),
+        ("/dev/null", "/dev/null: this device is no serial port: `ferrostep ports` lists them"),
         ("tcp:localhost", "expected tcp:HOST:PORT"),
         ("tcp:127.0.0.1:1", "no connection: "),
     ] {
