@@ -123,6 +123,18 @@ pub enum Command {
         #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
         profile: String,
     },
+    /// Prints the script by which a shell completes this command's words.
+    Completions {
+        /// The shell.
+        #[arg(value_enum)]
+        shell: clap_complete::Shell,
+    },
+    /// Prints the manual page, or writes a page for each subcommand into a folder.
+    Man {
+        /// The folder, which must exist.
+        #[arg(short, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
 }
 
 /// What `calibrate` measures.

@@ -3,6 +3,7 @@
 mod arguments;
 mod calibrating;
 mod comparing;
+mod manual;
 mod outcome;
 mod progress;
 mod sending;
@@ -81,6 +82,8 @@ fn main() -> ExitCode {
         Command::Show(arguments) => showing::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Calibrate { calibration } => calibrating::run(&calibration),
+        Command::Completions { shell } => manual::completions(shell),
+        Command::Man { out } => manual::pages(out.as_deref()),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),
     };

@@ -23,6 +23,7 @@ mod hosts;
 mod idle_heaters;
 mod inputs;
 mod job_remarks;
+mod manual;
 mod methods;
 mod odd_lines;
 #[cfg(unix)]
