@@ -16,6 +16,7 @@ mod no_std;
 mod on_target;
 mod policy;
 mod release;
+mod reproducible;
 mod seed;
 mod size;
 mod slicers;
@@ -84,6 +85,8 @@ enum Task {
     Hosts,
     /// Write what a release consists of into a folder: images, the command, their checksums, parts lists and licences
     Release(release::Options),
+    /// Build a board's image in two folders and compare them: the last commit makes the same bytes anywhere
+    Reproducible(reproducible::Options),
     /// Make small mistakes in the code, one at a time, and list those that no test notices
     Mutants(mutants::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
@@ -102,6 +105,7 @@ fn main() -> ExitCode {
         Task::Mainboard(_) => "mainboard",
         Task::Hosts => "hosts",
         Task::Release(_) => "release",
+        Task::Reproducible(_) => "reproducible",
         Task::Mutants(_) => "mutants",
         Task::NoStd => "no-std",
     };
@@ -115,6 +119,7 @@ fn main() -> ExitCode {
         Task::OnTarget(options) => on_target::test(&mut run, &options),
         Task::Mainboard(options) => mainboard::run(&mut run, &options),
         Task::Hosts => hosts::install(&mut run).map(|folder| println!("{}", folder.display())),
+        Task::Reproducible(options) => reproducible::check(&mut run, &options),
         Task::Release(options) => release::write(&mut run, &options),
         Task::Mutants(options) => mutants::run(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),

@@ -1,10 +1,11 @@
 //! A release: a folder with all files that users get, and what they need to check them.
 //!
-//! Images of all boards, the `ferrostep` command for this machine, a parts list (SBOM, CycloneDX) and the notices of others
+//! Images of all boards, the `ferrostep` command for this machine with its completions and manual pages, an archive of these, a parts list (SBOM, CycloneDX) and the notices of others
 //! for each, the licence texts, this version's part of the changelog, and the SHA-256 of every file.
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use sha2::{Digest, Sha256};
 
@@ -64,19 +65,72 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
     run.step("command", || {
         system::run(cargo().args(["build", "--release", "--locked", "--package", "ferrostep"]))?;
         let name = format!("ferrostep{}", std::env::consts::EXE_SUFFIX);
-        copy(&system::target_directory().join("release").join(&name), &folder.join(name))
+        let program = system::target_directory().join("release").join(&name);
+        copy(&program, &folder.join(name))?;
+        write_manual(&program, &folder)
     })?;
     run.step("parts lists", || parts_lists(&folder))?;
     run.step("notices", || notices(&folder))?;
+    run.step("archive", || write_archive(&folder, version))?;
     run.step("checksums", || write_file(&folder.join(CHECKSUMS), &checksums(&folder)?))?;
     println!("{}", folder.display());
     Ok(())
 }
 
+/// Shells for which a release has completions, with the names by which they look for them.
+const SHELLS: [(&str, &str); 4] =
+    [("bash", "ferrostep.bash"), ("zsh", "_ferrostep"), ("fish", "ferrostep.fish"), ("powershell", "_ferrostep.ps1")];
+
+/// Writes the completions and the manual pages that the command makes of itself.
+fn write_manual(program: &Path, folder: &Path) -> Result<(), Failure> {
+    let make_folder = |name: &str| {
+        let folder = folder.join(name);
+        fs::create_dir_all(&folder).map(|()| folder.clone()).map_err(|error| format!("{}: {error}", folder.display()))
+    };
+    let completions = make_folder("completions")?;
+    for (shell, name) in SHELLS {
+        let script = system::run_for_output(Command::new(program).args(["completions", shell]))?;
+        write_file(&completions.join(name), &script)?;
+    }
+    system::run(Command::new(program).args(["man", "-o"]).arg(make_folder("man")?))
+}
+
+/// What of a release belongs to the desktop tool, and goes into its archive.
+const TOOL: [&str; 8] = [
+    "ferrostep",
+    "completions",
+    "man",
+    "LICENSE-APACHE",
+    "LICENSE-MIT",
+    "NOTICES-cli.md",
+    "CHANGES.md",
+    "ferrostep-cli.cdx.json",
+];
+
+/// Packs the desktop tool with its completions, pages, licences and notices, the same bytes each time: by tar and gzip, where they are GNU's.
+fn write_archive(folder: &Path, version: &str) -> Result<(), Failure> {
+    if !cfg!(target_os = "linux") {
+        eprintln!("    an archive is made on Linux only");
+        return Ok(());
+    }
+    let name = format!("ferrostep-{version}-{}-linux", std::env::consts::ARCH);
+    let mut tar = Command::new("tar");
+    tar.args([
+        "--sort=name",
+        "--owner=0",
+        "--group=0",
+        "--numeric-owner",
+        "--mtime=@0",
+        "--use-compress-program=gzip -n -9",
+    ]);
+    tar.arg(format!("--transform=s,^,{name}/,")).arg("-cf").arg(folder.join(format!("{name}.tar.gz")));
+    system::run(tar.arg("-C").arg(folder).args(TOOL))
+}
+
 /// Whether the sources are those of the commit that is tagged as this version.
 fn check_sources(version: &str) -> Result<(), Failure> {
     let git = |arguments: &[&str]| {
-        let mut git = std::process::Command::new("git");
+        let mut git = Command::new("git");
         system::output(git.args(arguments).current_dir(system::root()))
             .ok_or("git does not answer: is this a repository?")
     };
@@ -194,7 +248,7 @@ fn checksums(folder: &Path) -> Result<String, Failure> {
 }
 
 /// All files in a folder and its subfolders, in the order of their paths.
-fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+pub fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(shown)? {

@@ -57,11 +57,18 @@ fn every_subcommand_has_a_manual_page() {
         assert!(text.replace("\\-", "-").contains(&page), "{page}: {text}");
         // Where there is groff, it has nothing to complain of.
         if let Ok(output) = Command::new("groff").args(["-man", "-Tutf8", "-ww", "-z"]).arg(&path).output() {
-            assert_eq!((output.status.success(), String::from_utf8_lossy(&output.stderr).as_ref()), (true, ""), "{page}");
+            assert_eq!(
+                (output.status.success(), String::from_utf8_lossy(&output.stderr).as_ref()),
+                (true, ""),
+                "{page}"
+            );
         }
     }
     let whole = ferrostep(["man"]);
-    assert_eq!((whole.status, whole.stdout), (Some(0), fs::read_to_string(directory.path().join("ferrostep.1")).unwrap()));
+    assert_eq!(
+        (whole.status, whole.stdout),
+        (Some(0), fs::read_to_string(directory.path().join("ferrostep.1")).unwrap())
+    );
     let missing = ferrostep(["man".as_ref(), "-o".as_ref(), directory.path().join("none").as_os_str()]);
     assert_eq!(missing.status, Some(2), "{missing:#?}");
     assert!(missing.stderr.contains("no such folder: create it"), "{missing:#?}");
