@@ -17,7 +17,7 @@ pub struct Options {
     board: String,
 }
 
-/// Folders of the clones, within the target directory, and what is done there.
+/// Folders of the clones, within one for temporary files, and what is done there.
 const FOLDERS: [(&str, &str); 2] =
     [("a", "image in one folder"), ("another-folder/that-lies-deeper", "image in another folder")];
 
@@ -26,10 +26,14 @@ const FOLDERS: [(&str, &str); 2] =
 /// # Errors
 /// A build fails, or a file differs.
 pub fn check(run: &mut Run, options: &Options) -> Result<(), Failure> {
-    let folder = system::target_directory().join("reproducible");
-    if folder.exists() {
-        fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    }
+    // Not within the repository, whose `.cargo/config.toml` would hold there beside the clone's own.
+    let folder = std::env::temp_dir().join(format!("ferrostep-reproducible-{}", std::process::id()));
+    let outcome = build_and_compare(run, options, &folder);
+    let removed = fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()));
+    outcome.and(removed)
+}
+
+fn build_and_compare(run: &mut Run, options: &Options, folder: &Path) -> Result<(), Failure> {
     let mut images = Vec::new();
     for (name, step) in FOLDERS {
         let clone = folder.join(name);
