@@ -123,6 +123,18 @@ pub enum Command {
         #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
         profile: String,
     },
+    /// Makes a profile of another firmware's configuration (Klipper's printer.cfg, Marlin's Configuration.h) and lists what it keeps of
+    /// each setting, and why not.
+    Import {
+        /// The configuration; files that it includes, and Configuration_adv.h, are looked for beside it.
+        file: PathBuf,
+        /// The profile to write; without it only the list is printed.
+        #[arg(short, value_name = "PROFILE.toml")]
+        out: Option<PathBuf>,
+        /// Prints profile, list and assumed values as one JSON object.
+        #[arg(long)]
+        json: bool,
+    },
     /// Prints the script by which a shell completes this command's words.
     Completions {
         /// The shell.

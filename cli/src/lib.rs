@@ -8,6 +8,7 @@ pub mod compare;
 pub mod desk;
 pub mod duration;
 pub mod gpre;
+pub mod import;
 pub mod input;
 pub mod job;
 pub mod method_comparison;

@@ -3,6 +3,7 @@
 mod arguments;
 mod calibrating;
 mod comparing;
+mod importing;
 mod manual;
 mod outcome;
 mod progress;
@@ -82,6 +83,7 @@ fn main() -> ExitCode {
         Command::Show(arguments) => showing::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Calibrate { calibration } => calibrating::run(&calibration),
+        Command::Import { file, out, json } => importing::run(&file, out.as_deref(), json),
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::pages(out.as_deref()),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),

@@ -21,6 +21,7 @@ mod homing_places;
 mod hostile;
 mod hosts;
 mod idle_heaters;
+mod imports;
 mod inputs;
 mod job_remarks;
 mod manual;

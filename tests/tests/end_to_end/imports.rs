@@ -1,0 +1,256 @@
+//! `ferrostep import`: profiles from other firmwares' configurations.
+
+use ferrostep::import::{ImportError, of_text};
+use proptest::prelude::*;
+use serde_json::Value;
+
+use crate::command::{Outcome, directory, ferrostep, file};
+
+fn import(name: &str) -> Value {
+    let outcome = ferrostep(["import", &format!("tests/configurations/{name}"), "--json"]);
+    assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{outcome:#?}");
+    outcome.json()
+}
+
+/// The profile's values.
+fn profile(imported: &Value) -> toml::Table {
+    imported["profile"].as_str().unwrap().parse().unwrap()
+}
+
+#[track_caller]
+fn says(imported: &Value, expected: &str) {
+    let (profile, expected) = (profile(imported), expected.parse::<toml::Table>().unwrap());
+    for (path, value) in flat(&expected, "") {
+        let found = flat(&profile, "").into_iter().find(|(found, _)| *found == path).map(|(_, value)| value);
+        let near = match (&found, &value) {
+            (Some(found), value) => match (number(found), number(value)) {
+                (Some(found), Some(value)) => (found - value).abs() < 1e-4,
+                _ => found == value,
+            },
+            (None, _) => false,
+        };
+        assert!(near, "{path}: {found:?}, expected {value:?}");
+    }
+}
+
+fn number(value: &toml::Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
+}
+
+fn flat(table: &toml::Table, path: &str) -> Vec<(String, toml::Value)> {
+    let each = table.iter().flat_map(|(key, value)| match value {
+        toml::Value::Table(inner) => flat(inner, &format!("{path}{key}.")),
+        value => vec![(format!("{path}{key}"), value.clone())],
+    });
+    each.collect()
+}
+
+/// Why a setting is not kept; `None` if it is.
+#[track_caller]
+fn lost(imported: &Value, key: &str) -> Option<String> {
+    let rows = imported["rows"].as_array().unwrap();
+    let row = rows.iter().find(|row| row["key"] == key).unwrap_or_else(|| panic!("no row for {key} in {rows:#?}"));
+    row["kept"].is_null().then(|| row["why"].as_str().unwrap().to_owned())
+}
+
+/// Lines of a file with a setting, each of which must have a row.
+#[track_caller]
+fn every_line_has_a_row(imported: &Value, name: &str, is_setting: fn(&str) -> bool) {
+    let path = ferrostep_tests::program::repository().join("tests/configurations").join(name);
+    let text = std::fs::read_to_string(path).unwrap();
+    for (index, line) in text.lines().enumerate().filter(|(_, line)| is_setting(line)) {
+        let is_row = |row: &&Value| row["file"] == name && row["line"] == index + 1;
+        assert!(imported["rows"].as_array().unwrap().iter().any(|row| is_row(&row)), "{name}:{}: {line}", index + 1);
+    }
+}
+
+#[test]
+fn a_cartesian_machine_of_klippers_becomes_a_profile() {
+    let imported = import("bed-slinger.cfg");
+    says(
+        &imported,
+        "kinematics = \"cartesian\"\n\
+         size_mm = { x = 235, y = 230, z = 250 }\nlower_end_mm = { y = -4, z = -2 }\n\
+         steps_per_mm = { x = 80, y = 80, z = 1600, e = 829.828 }\n\
+         max_feed_mm_per_s = { x = 300, y = 300, z = 10 }\n\
+         max_acceleration_mm_per_s2 = { x = 3000, z = 100 }\n\
+         acceleration_mm_per_s2 = { print = 3000, travel = 3000 }\n\
+         junction_deviation_mm = 0.003452\nnozzle_diameter_mm = 0.4\n\
+         homing.x = { end = \"min\", sensor = \"end-stop\", position_mm = 0, fast_mm_per_s = 50, slow_mm_per_s = 25, back_off_mm = 5 }\n\
+         homing.y = { end = \"min\", triggers_low = true, position_mm = -4, slow_mm_per_s = 10, back_off_mm = 6 }\n\
+         homing.z = { end = \"min\", sensor = \"probe\", position_mm = 0 }\n\
+         homing.raise_mm = 10\nhoming.home_at_mm = { x = 117, y = 117 }\n\
+         homing.probe_offset_mm = { x = -44, y = -6, z = -1.25 }\n\
+         nozzle = { sensor = \"semitec-104gt-2\", max_celsius = 260, proportional = 0.1, integral = 0.004, derivative = 0.5 }\n\
+         bed = { max_celsius = 130, proportional = 0.2 }\n\
+         driver.inverted = [\"x\"]\npressure_advance.seconds = 0.045\n\
+         input_shaper = { x = { kind = \"ei\", frequency_hz = 45 }, y = { kind = \"ei\", frequency_hz = 38.5 } }\n",
+    );
+    for (key, why) in [
+        ("include", "not read: "),
+        ("[bed_mesh] mesh_min", "no mesh of the bed"),
+        ("[gcode_macro START] gcode", "macros"),
+        ("[gcode_macro END] gcode", "macros"),
+        ("[fan] pin", "fans are the board's"),
+        ("[stepper_x] step_pin", "pins are the board's"),
+        ("[heater_bed] sensor_type", "no thermistor that a profile knows"),
+        ("[extruder] max_extrude_only_distance", "no such key"),
+    ] {
+        let said = lost(&imported, key).unwrap_or_else(|| panic!("{key} is kept"));
+        assert!(said.contains(why), "{key}: {said}");
+    }
+    let is_setting = |line: &str| {
+        let line = line.trim_start_matches("#*# ");
+        !line.starts_with([' ', '#', ';', '[', '<']) && !line.is_empty()
+    };
+    every_line_has_a_row(&imported, "bed-slinger.cfg", is_setting);
+}
+
+#[test]
+fn a_corexy_machine_of_klippers_becomes_a_profile() {
+    let imported = import("corexy.cfg");
+    says(
+        &imported,
+        "kinematics = \"corexy\"\nsteps_per_mm = { x = 160, z = 800 }\nmax_feed_mm_per_s.z = 400\n\
+         homing.x = { end = \"max\", sensor = \"stall\", position_mm = 300 }\n\
+         drivers.x = { current_ma = 800, hold_current_percent = 50, microsteps = 32, mm_per_turn = 40, stealth_chop = true, \
+         spread_cycle_above_mm_per_s = 0, stall_threshold = 90 }\n\
+         nozzle.sensor = { r25_ohm = 100000, beta_k = 3950 }\nbed.sensor = \"epcos-100k\"\n",
+    );
+    // Out of a profile's range: its value is the built-in one, and the reason is said.
+    says(&imported, "bed.max_celsius = 125");
+    assert!(lost(&imported, "[heater_bed] max_temp").unwrap().contains("expected 60 to 200"));
+    assert!(lost(&imported, "[stepper_z1] microsteps").unwrap().contains("one driver an axis"));
+    assert!(lost(&imported, "[stepper_x] homing_retract_dist").unwrap().contains("above 0"));
+    let is_setting = |line: &str| line.contains(" = ");
+    every_line_has_a_row(&imported, "corexy.cfg", is_setting);
+}
+
+#[test]
+fn marlins_configuration_becomes_a_profile() {
+    let imported = import("Configuration.h");
+    says(
+        &imported,
+        "name = \"Slinger\"\nkinematics = \"cartesian\"\nsize_mm = { x = 220, y = 210, z = 240 }\nlower_end_mm.y = -5\n\
+         steps_per_mm = { x = 80, y = 80, z = 400, e = 93.5 }\nmax_feed_mm_per_s = { x = 250, z = 10, e = 50 }\n\
+         acceleration_mm_per_s2 = { print = 1000, travel = 1300, retract = 1100 }\njunction_deviation_mm = 0.04\n\
+         instantaneous_corner_velocity_mm_per_s.z = 0.4\n\
+         homing.x = { end = \"min\", triggers_low = true, fast_mm_per_s = 50, slow_mm_per_s = 25, back_off_mm = 5 }\n\
+         homing.y.position_mm = -5\nhoming.z = { sensor = \"probe\", fast_mm_per_s = 4, slow_mm_per_s = 1, back_off_mm = 2 }\n\
+         homing.probe_offset_mm = { x = 10, y = -8, z = -1.5 }\nhoming.home_at_mm.x = 100\n\
+         nozzle = { sensor = \"semitec-104gt-2\", max_celsius = 275, proportional = 0.09 }\n\
+         drivers.x = { current_ma = 580, microsteps = 16, stealth_chop = true }\ndriver.inverted = [\"y\"]\n\
+         pressure_advance.seconds = 0.08\nmin_extrusion_celsius = 170\n",
+    );
+    assert!(lost(&imported, "TEMP_SENSOR_BED").unwrap().contains("no thermistor that a profile knows"));
+    assert!(lost(&imported, "AUTO_BED_LEVELING_BILINEAR").unwrap().contains("no mesh"));
+    assert!(lost(&imported, "MOTHERBOARD").unwrap().contains("the board's"));
+    assert!(!imported["rows"].as_array().unwrap().iter().any(|row| row["key"] == "JUNCTION_DEVIATION_MM"));
+    every_line_has_a_row(&imported, "Configuration_adv.h", |line| line.starts_with("#define"));
+}
+
+#[test]
+fn an_imported_machine_prints() {
+    let directory = directory();
+    for name in ["bed-slinger.cfg", "corexy.cfg", "Configuration.h"] {
+        let out = directory.path().join(format!("{name}.toml"));
+        let out = out.to_str().unwrap();
+        let imported = ferrostep(["import", &format!("tests/configurations/{name}"), "-o", out]);
+        assert_eq!(imported.status, Some(0), "{imported:#?}");
+        assert!(imported.stdout.contains("not kept, ") && imported.stdout.contains("look at each"), "{imported:#?}");
+        let printed = ferrostep(["estimate", "examples/cube.gcode", "--profile", out, "--json"]);
+        assert_eq!(printed.status, Some(0), "{name}: {printed:#?}");
+    }
+}
+
+fn refused(text: &str) -> ImportError {
+    of_text("printer.cfg", text, &mut |_| Err("none".to_owned())).unwrap_err()
+}
+
+#[test]
+fn what_is_no_configuration_of_a_known_machine_is_refused_by_name() {
+    for (text, expected) in [
+        ("", "neither Klipper's printer.cfg"),
+        ("[mcu]\nserial: x\n", "neither Klipper's printer.cfg"),
+        (
+            "[printer]\nkinematics: delta\n",
+            "printer.cfg:2: kinematics: delta: profiles know cartesian, corexy and corexz",
+        ),
+        ("[printer]\nmax_velocity: 3\n", "printer.cfg:1: [printer] has no kinematics"),
+        ("G28\n", "printer.cfg:1: \"G28\" is neither a section nor a setting"),
+        ("a: 1\n", "printer.cfg:1: a setting before the first section"),
+        ("[printer\n", "printer.cfg:1: a section without ]"),
+        ("#define DELTA\n#define DEFAULT_AXIS_STEPS_PER_UNIT {1}\n", "printer.cfg:1: DELTA: profiles know"),
+        ("#if 1\n#define DEFAULT_AXIS_STEPS_PER_UNIT {1}\n", "printer.cfg:1: this #if has no #endif"),
+    ] {
+        let said = refused(text).to_string();
+        assert!(said.contains(expected), "{text:?}: {said}");
+    }
+    let directory = directory();
+    let config = file(&directory, "printer.cfg", "[printer]\nkinematics: delta\n");
+    let out = directory.path().join("out.toml");
+    let outcome: Outcome = ferrostep(["import".as_ref(), config.as_os_str(), "-o".as_ref(), out.as_os_str()]);
+    assert_eq!((outcome.status, out.exists()), (Some(2), false), "{outcome:#?}");
+    let missing = ferrostep(["import", "no-such.cfg"]);
+    assert!(missing.stderr.contains("no-such.cfg: cannot be read"), "{missing:#?}");
+}
+
+/// Pieces of configurations, put together in any order.
+const PIECES: [&str; 30] = [
+    "[printer]\nkinematics: cartesian\n",
+    "[printer]\nkinematics: corexy\n",
+    "[stepper_x]\n",
+    "[stepper_z]\n",
+    "[extruder]\n",
+    "[heater_bed]\n",
+    "[tmc2209 stepper_x]\n",
+    "[probe]\n",
+    "microsteps: ",
+    "rotation_distance: ",
+    "gear_ratio: ",
+    "position_max: ",
+    "position_min: ",
+    "position_endstop: ",
+    "endstop_pin: probe:z_virtual_endstop\n",
+    "run_current: ",
+    "max_velocity: ",
+    "max_accel: ",
+    "0\n",
+    "-1e308\n",
+    "1e-300\n",
+    "nan\n",
+    "50:0\n",
+    "#define DEFAULT_AXIS_STEPS_PER_UNIT {A,A*A,1/0}\n",
+    "#define A (A+A)\n",
+    "#define COREXY\n",
+    "#if ENABLED(A)\n",
+    "#endif\n",
+    "[include x]\n",
+    "é: ü\n",
+];
+
+proptest! {
+    /// Any text is a profile that passes its checks, or an error that can be told.
+    #[test]
+    fn any_text_is_imported_or_refused(pieces in prop::collection::vec(prop::sample::select(&PIECES[..]), 0..40)) {
+        let text = pieces.concat();
+        let mut includes = 0;
+        let imported = of_text("any", &text, &mut |_| { includes += 1; Ok(vec![("x".to_owned(), text.clone())]) });
+        match imported {
+            Ok(imported) => {
+                prop_assert!(ferrostep_profiles::parse(&imported.profile, "any").is_ok());
+                prop_assert!(imported.rows.iter().all(|row| row.kept.is_some() || !row.why.is_empty()));
+            }
+            Err(error) => prop_assert!(!error.to_string().is_empty()),
+        }
+        prop_assert!(includes < 200);
+    }
+
+    #[test]
+    fn any_bytes_do_no_harm(text in ".{0,300}") {
+        let _ = of_text("any", &text, &mut |_| Err("none".to_owned()));
+        let _ = of_text("any", &format!("[printer]\nkinematics: corexy\n{text}"), &mut |_| Err("none".to_owned()));
+        let marlin = format!("#define DEFAULT_AXIS_STEPS_PER_UNIT {{ 80, 80 }}\n#define X_MAX_POS {text}\n");
+        let _ = of_text("any", &marlin, &mut |_| Err("none".to_owned()));
+    }
+}
