@@ -26,7 +26,12 @@ impl Draft {
     /// One that says nothing yet.
     pub fn new() -> Self {
         let base: Table = ferrostep_profiles::builtin_text(BASE).and_then(|text| text.parse().ok()).unwrap_or_default();
-        Self { table: base.clone(), base, set_by: BTreeMap::new(), rows: Vec::new() }
+        let mut draft = Self { table: base.clone(), base, set_by: BTreeMap::new(), rows: Vec::new() };
+        // A profile says all three or none.
+        for axis in ["x", "y", "z"] {
+            draft.put(&format!("lower_end_mm.{axis}"), 0.0);
+        }
+        draft
     }
 
     /// Adds a row about a setting that is not kept.
@@ -102,7 +107,10 @@ impl Draft {
 
     /// Puts the base's value in the place of a refused one, or removes an optional table; `false` if nothing changes.
     fn give_up(&mut self, key: &str, reason: &str) -> bool {
-        let mut path = key;
+        // Numbers that are right for an end stop are not for a stall: the sensor is given up, not all of its axis.
+        let axis = key.strip_prefix("homing.").filter(|_| reason.contains("stall")).and_then(|rest| rest.get(..1));
+        let sensor = axis.map(|axis| format!("homing.{axis}.sensor")).filter(|sensor| self.says(sensor));
+        let mut path = sensor.as_deref().unwrap_or(key);
         loop {
             let base = get(&self.base, path).cloned();
             if get(&self.table, path) != base.as_ref() && (base.is_some() || get(&self.table, path).is_some()) {

@@ -117,6 +117,9 @@ fn a_corexy_machine_of_klippers_becomes_a_profile() {
          spread_cycle_above_mm_per_s = 0, stall_threshold = 90 }\n\
          nozzle.sensor = { r25_ohm = 100000, beta_k = 3950 }\nbed.sensor = \"epcos-100k\"\n",
     );
+    // Klipper's 5 mm/s, to which a driver's stall signal is blind, would be refused: an end stop stands in.
+    says(&imported, "homing.y = { end = \"max\", sensor = \"end-stop\", fast_mm_per_s = 5 }");
+    assert!(lost(&imported, "[stepper_y] endstop_pin").unwrap().contains("the driver cannot measure"));
     // Out of a profile's range: its value is the built-in one, and the reason is said.
     says(&imported, "bed.max_celsius = 125");
     assert!(lost(&imported, "[heater_bed] max_temp").unwrap().contains("expected 60 to 200"));
