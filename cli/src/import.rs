@@ -13,8 +13,6 @@ mod marlin_map;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-pub use draft::Draft;
-
 /// Longest file that is read, bytes; files of printers have less than a tenth.
 const MAX_BYTES: u64 = 1 << 20;
 
