@@ -70,11 +70,6 @@ impl Draft {
         set(&mut self.table, path, Some(rounded(value.into())));
     }
 
-    /// Removes a key or a table.
-    pub fn remove(&mut self, path: &str) {
-        set(&mut self.table, path, None);
-    }
-
     /// A number that is set, or the base's.
     pub fn number(&self, path: &str) -> Option<f64> {
         number(get(&self.table, path)?)

@@ -71,7 +71,7 @@ fn a_cartesian_machine_of_klippers_becomes_a_profile() {
         &imported,
         "kinematics = \"cartesian\"\n\
          size_mm = { x = 235, y = 230, z = 250 }\nlower_end_mm = { y = -4, z = -2 }\n\
-         steps_per_mm = { x = 80, y = 80, z = 1600, e = 829.828 }\n\
+         steps_per_mm = { x = 80, y = 80, z = 1600, e = 830 }\n\
          max_feed_mm_per_s = { x = 300, y = 300, z = 10 }\n\
          max_acceleration_mm_per_s2 = { x = 3000, z = 100 }\n\
          acceleration_mm_per_s2 = { print = 3000, travel = 3000 }\n\
