@@ -362,4 +362,5 @@ fn a_file_of_comments_is_remarked() {
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
     assert!(outcome.stdout.contains("remark       no line of the file is a command"), "{outcome:#?}");
     assert!(!outcome.stdout.contains("times faster"), "{outcome:#?}");
+    assert_eq!(print(&job).json()["remarks"][0]["kind"], "no_commands");
 }
