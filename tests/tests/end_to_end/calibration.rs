@@ -11,10 +11,13 @@ fn record() -> String {
     let (omega, damping, rate_hz) = (TAU * 60.0, 0.08, 1600.0);
     let mut text = "Sample,X,Y,Z\n".to_owned();
     let (mut place, mut speed) = (0.0, 0.0);
+    let (mut random, mut acceleration) = (1_u64, 0.0);
     for sample in 0..48_000 {
-        // Neither regular nor random: the changes come at all distances.
-        let number = sample / 160 + 1;
-        let acceleration = f64::from(number * number * 7919 % 11) * 400.0;
+        // Knuth's generator of numbers that look random.
+        if sample % 160 == 0 {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            acceleration = (random >> 60) as f64 * 300.0;
+        }
         let mut of_mass = 0.0;
         for _ in 0..10 {
             let h = 1.0 / (10.0 * rate_hz);
@@ -53,7 +56,8 @@ fn a_record_becomes_keys_that_a_profile_takes() {
 
 #[test]
 fn waves_on_a_print_become_keys() {
-    let outcome = ferrostep(["calibrate", "shaper", "--axis", "y", "--waves", "5", "--over-mm", "10.2", "--speed", "100"]);
+    let outcome =
+        ferrostep(["calibrate", "shaper", "--axis", "y", "--waves", "5", "--over-mm", "10.2", "--speed", "100"]);
     assert!(outcome.stdout.contains("frame in Y  49.02 Hz +- 1.44 Hz"), "{}", outcome.stdout);
     assert!(outcome.stdout.contains("[input_shaper.y]\nkind = \"zv\"\nfrequency_hz = 49.0\n"), "{}", outcome.stdout);
 }
@@ -72,7 +76,10 @@ fn what_measures_nothing_is_refused_and_no_plot_is_left() {
         (&[], "expected a record of an accelerometer, or --waves, --over-mm and --speed"),
         (&["--waves", "5", "--over-mm", "10"], "expected a record of an accelerometer, or --waves"),
         (&["--waves", "5", "--over-mm", "0", "--speed", "100"], "these waves are no frequency between 10 and 200 Hz"),
-        (&["--waves", "5", "--over-mm", "10", "--speed", "100", "--plot", plot.to_str().unwrap()], "--plot draws a record"),
+        (
+            &["--waves", "5", "--over-mm", "10", "--speed", "100", "--plot", plot.to_str().unwrap()],
+            "--plot draws a record",
+        ),
         (&[good, "--waves", "5"], "cannot be used with"),
         (&[good, "--plot", good], "the record"),
     ] {
