@@ -78,7 +78,8 @@ fn normal_equations<const N: usize>(
 fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     for column in 0..N {
         let pivot = (column..N).max_by(|a, b| matrix[*a][column].abs().total_cmp(&matrix[*b][column].abs()))?;
-        if !(matrix[pivot][column].abs() > 0.0) {
+        let largest = matrix[pivot][column].abs();
+        if largest == 0.0 || largest.is_nan() {
             return None;
         }
         matrix.swap(column, pivot);

@@ -97,7 +97,7 @@ impl Mode {
         let frequency_hz = speed_mm_per_s * waves / over_mm;
         let part = reading_mm / over_mm;
         // NaN is in no range.
-        if !(frequency_hz >= low && frequency_hz <= high && part >= 0.0 && part <= 0.5) {
+        if !(low..=high).contains(&frequency_hz) || !(0.0..=0.5).contains(&part) {
             return Err(ModeError::Waves);
         }
         Ok(Self {
@@ -151,8 +151,9 @@ impl Mode {
         let half = |index: usize| WIDER * TWO_SIDED_95 * fit.covariance[index][index].sqrt();
         let (frequency_part, damping_part) = (half(2), half(3));
         let [frequency_least, damping_least] = ONE_MODE;
-        let near = (frequency_hz / peak_hz - 1.0).abs() < 0.2;
-        if !near || !(damping < 0.7) || !(frequency_part < 0.2) {
+        // NaN is a mode no more than the rest.
+        let is_mode = (frequency_hz / peak_hz - 1.0).abs() < 0.2 && damping < 0.7 && frequency_part < 0.2;
+        if !is_mode {
             return Err(ModeError::Shape);
         }
         let others = peaks

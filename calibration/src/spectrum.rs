@@ -87,8 +87,9 @@ impl Spectrum {
     /// # Errors
     /// [`SpectrumError`].
     pub fn of(record: &Record, axis: usize) -> Result<Self, SpectrumError> {
-        // NaN passes neither.
-        if !(record.rate_hz >= LEAST_RATE_HZ) {
+        // NaN is above nothing.
+        let is_fast = record.rate_hz >= LEAST_RATE_HZ;
+        if !is_fast {
             return Err(SpectrumError::Rate(record.rate_hz));
         }
         if record.duration_s() < LEAST_DURATION_S {
