@@ -291,10 +291,10 @@ proptest! {
         header in prop::sample::select(vec!["#time,accel_x,accel_y,accel_z\n", "Sample,X,Y,Z\n", ""]),
         body in "([0-9.eE+,-]{0,24}\n|Rate [0-9.]{0,5}, overflows [0-9]{0,3}\n|.{0,20}\n){0,40}",
     ) {
-        if let Ok(record) = Record::parse(&format!("{header}{body}")) {
-            if let Ok(spectrum) = Spectrum::of(&record, 0) {
-                let _ = Mode::of(&spectrum);
-            }
+        if let Ok(record) = Record::parse(&format!("{header}{body}"))
+            && let Ok(spectrum) = Spectrum::of(&record, 0)
+        {
+            let _ = Mode::of(&spectrum);
         }
     }
 
@@ -307,11 +307,11 @@ proptest! {
     ) {
         let axis: Vec<f64> = samples.iter().copied().cycle().take(samples.len() * repeats).collect();
         let record = Record { rate_hz, acceleration_mm_per_s2: [axis.clone(), axis.clone(), axis] };
-        if let Ok(spectrum) = Spectrum::of(&record, 0) {
-            if let Ok(mode) = Mode::of(&spectrum) {
-                let comparison = compare(Some(&spectrum), &mode);
-                prop_assert!(comparison.scores.is_empty() || comparison.choice.index() < comparison.scores.len());
-            }
+        if let Ok(spectrum) = Spectrum::of(&record, 0)
+            && let Ok(mode) = Mode::of(&spectrum)
+        {
+            let comparison = compare(Some(&spectrum), &mode);
+            prop_assert!(comparison.scores.is_empty() || comparison.choice.index() < comparison.scores.len());
         }
     }
 }
