@@ -169,7 +169,12 @@ fn rows(a: &Side, b: &Side) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut row = |name: &str, of: &dyn Fn(&Side) -> Option<f64>, shown: &dyn Fn(f64) -> String| {
         let (Some(first), Some(second)) = (of(a), of(b)) else { return };
-        let change = if first == 0.0 { String::new() } else { format!("{:+.1} %", 100.0 * (second / first - 1.0)) };
+        let per_mille = if first == 0.0 { 0.0 } else { (1000.0 * (second / first - 1.0)).round() };
+        let change = match (first == 0.0, per_mille == 0.0) {
+            (true, _) => String::new(),
+            (false, true) => "0.0 %".to_owned(),
+            (false, false) => format!("{:+.1} %", per_mille / 10.0),
+        };
         rows.push(Row { name: name.to_owned(), values: [shown(first), shown(second)], change });
     };
     let number =
