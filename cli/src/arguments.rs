@@ -155,6 +155,8 @@ pub enum Calibration {
     /// The frequency of the frame and the input shaper for it: from a record of an accelerometer, as Klipper's TEST_RESONANCES (raw_data)
     /// and RepRapFirmware's M956 write it, or from waves behind a corner of a print.
     Shaper(CalibrateShaperArguments),
+    /// Pressure advance: writes lines of different K to print, and turns the number of the best one into keys.
+    Advance(CalibrateAdvanceArguments),
 }
 
 /// Arguments of `calibrate shaper`.
@@ -184,6 +186,41 @@ pub struct CalibrateShaperArguments {
     /// Draws the record's spectrum, and what the recommended shaper leaves of it.
     #[arg(long, value_name = "OUT.svg")]
     pub plot: Option<PathBuf>,
+}
+
+/// Arguments of `calibrate advance`.
+#[derive(clap::Args)]
+pub struct CalibrateAdvanceArguments {
+    /// The G-code to write.
+    #[arg(short, value_name = "LINES.gcode", conflicts_with = "best", required_unless_present = "best")]
+    pub out: Option<PathBuf>,
+    /// The line that looks best, counted from the front; its K is printed as keys of the profile.
+    #[arg(long, value_name = "LINE")]
+    pub best: Option<u16>,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
+    pub profile: String,
+    /// K of the first line, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    pub from: f64,
+    /// How much more each line has, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.005)]
+    pub step: f64,
+    /// How many lines.
+    #[arg(long, value_name = "N", default_value_t = 21, value_parser = clap::value_parser!(u16).range(1..=200))]
+    pub lines: u16,
+    /// Speed at the ends of a line, mm/s.
+    #[arg(long, value_name = "MM_PER_S", default_value_t = 20.0)]
+    pub slow: f64,
+    /// Speed in the middle of a line, mm/s.
+    #[arg(long, value_name = "MM_PER_S", default_value_t = 100.0)]
+    pub fast: f64,
+    /// Temperature of the nozzle, degrees Celsius.
+    #[arg(long, value_name = "CELSIUS", default_value_t = 210.0)]
+    pub nozzle: f64,
+    /// Temperature of the bed, degrees Celsius; 0 leaves it off.
+    #[arg(long, value_name = "CELSIUS", default_value_t = 60.0)]
+    pub bed: f64,
 }
 
 /// An axis with a shaper.

@@ -1,5 +1,6 @@
 //! Profile keys from measurements of a printer.
 
+pub mod advance;
 pub mod chart;
 
 use std::fmt;

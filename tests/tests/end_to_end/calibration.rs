@@ -90,3 +90,59 @@ fn what_measures_nothing_is_refused_and_no_plot_is_left() {
     }
     assert_eq!(fs::read_to_string(good).unwrap(), record());
 }
+
+/// Writes one line with this K, and simulates it on a nozzle whose time constant is 0.04 s: filament misplaced along the line, mm^3.
+fn misplaced(directory: &tempfile::TempDir, seconds: &str) -> f64 {
+    let path = directory.path().join(format!("k{seconds}.gcode"));
+    let lines = path.to_str().unwrap();
+    let outcome = ferrostep(["calibrate", "advance", "-o", lines, "--from", seconds, "--lines", "1", "--bed", "0"]);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    let result = ferrostep(["simulate", lines, "--nozzle-time-constant", "0.04", "--json"]).json();
+    result["elsewhere_volume_mm3"].as_f64().unwrap_or_else(|| panic!("{result:#}"))
+}
+
+/// The simulator knows nothing of the pattern: of its lines the one with the nozzle's own K misplaces least.
+#[test]
+fn the_best_line_is_that_of_the_nozzle() {
+    let directory = directory();
+    let of = |seconds| misplaced(&directory, seconds);
+    let best = of("0.04");
+    for other in ["0", "0.02", "0.03", "0.05", "0.06", "0.08"] {
+        assert!(of(other) > 1.5 * best, "{other} {best}");
+    }
+}
+
+#[test]
+fn lines_of_advance_print_on_every_machine_and_their_number_is_a_key() {
+    let directory = directory();
+    let path = directory.path().join("lines.gcode");
+    let lines = path.to_str().unwrap();
+    for profile in ["cartesian", "corexy", "prusa-mini"] {
+        let written = ferrostep(["calibrate", "advance", "--profile", profile, "-o", lines]);
+        assert_eq!(written.status, Some(0), "{written:#?}");
+        let printed = ferrostep(["print", lines, "--profile", profile, "--strict"]);
+        assert_eq!(printed.status, Some(0), "{profile}: {printed:#?}");
+    }
+    let text = fs::read_to_string(&path).unwrap();
+    assert!(text.contains("; line 9\nM900 K0.0400\n"), "{text}");
+    let keys = ferrostep(["calibrate", "advance", "--best", "9"]).stdout;
+    assert_eq!(keys, "K is 0.0400 s +- 0.0025 s\n\nIn the profile:\n\n[pressure_advance]\nseconds = 0.0400\n");
+    for (arguments, says) in [
+        (&["--best", "22"][..], "--best 22: expected a line from 1 to 21 (--lines)"),
+        (&["--best", "0"], "expected a line from 1 to 21"),
+        (&["--best", "1", "-o", lines], "cannot be used with"),
+        (&[], "required"),
+        (&["-o", lines, "--lines", "60"], "have room for"),
+        (&["-o", lines, "--from", "nan"], "--from NaN: expected 0 to"),
+        (&["-o", lines, "--step", "0"], "--step 0: expected 0.0001 to"),
+        (&["-o", lines, "--step", "0.5"], "--lines 21: expected few enough"),
+        (&["-o", lines, "--fast", "900"], "--fast 900: expected 1 to 200 mm/s"),
+        (&["-o", lines, "--nozzle", "100"], "--nozzle 100: expected 170 to"),
+        (&["-o", lines, "--bed", "200"], "--bed 200: expected 0 to"),
+    ] {
+        let outcome = ferrostep(["calibrate", "advance"].into_iter().chain(arguments.iter().copied()));
+        assert_eq!(outcome.status, Some(2), "{arguments:?} {outcome:#?}");
+        assert!(outcome.stderr.contains(says), "{arguments:?} {outcome:#?}");
+    }
+    assert_eq!(fs::read_to_string(&path).unwrap(), text);
+}
