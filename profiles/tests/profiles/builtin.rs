@@ -238,7 +238,10 @@ fn what_is_neither_a_name_nor_a_file_is_answered_with_the_names() {
     assert!(matches!(error.problem(), Problem::Read { .. }));
     let text = error.to_string();
     assert!(text.starts_with("carthesian: cannot read profile: "), "{text}");
-    assert!(text.ends_with("the built-in profiles are cartesian, corexy, prusa-mini"), "{text}");
+    assert!(
+        text.ends_with("did you mean cartesian? The built-in profiles are cartesian, corexy, prusa-mini"),
+        "{text}"
+    );
 }
 
 #[test]
