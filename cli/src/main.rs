@@ -330,7 +330,9 @@ fn run<D: Desk, F: Fn(&str)>(
         let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
         session.run_with(job, |session| progress.pass_time(|| session.figures()))
     } else {
-        session.run(job::run_watched(&mut input, &mut printer, &mut done, &mut watch, look))
+        let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut done, &mut watch, look));
+        watch.end_of_text();
+        outcome
     };
     watch.end(&session.heating());
     let wall_s = started.elapsed().as_secs_f64();

@@ -178,7 +178,9 @@ pub(crate) fn record_without(
         let mut lines = Lines { session: &session, text: Rc::clone(&text), state, line: 0, heats: &heats };
         let mut onlookers = (&mut watch, &mut lines);
         let run = job::run_watched(&mut source, &mut printer, &mut done, &mut onlookers, look);
-        (session.run_with(run, between), text)
+        let outcome = session.run_with(run, between);
+        watch.end_of_text();
+        (outcome, text)
     };
     watch.end(&session.heating());
     let tally = printer.tally();

@@ -43,12 +43,16 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Adds the remarks about the end.
-    pub fn end(&self, heating: &impl Heating) {
+    /// Adds the remark about a text without commands. A prepared job, whose lines are not watched, has none.
+    pub fn end_of_text(&self) {
         if self.line == 0 {
             let message = "no line of the file is a command: is it the one that was meant?";
             self.remarks.note(RemarkKind::NoCommands, None, message);
         }
+    }
+
+    /// Adds the remarks about the end.
+    pub fn end(&self, heating: &impl Heating) {
         for heater in Heater::ALL {
             let celsius = heating.status(heater).target_celsius;
             if celsius > 0.0 {
