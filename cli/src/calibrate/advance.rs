@@ -135,7 +135,7 @@ impl AdvanceLines {
         self.steps.check()?;
         let fastest = profile.limits.max_feed_mm_per_s[0];
         for (option, speed) in [("--slow", self.slow_mm_per_s), ("--fast", self.fast_mm_per_s)] {
-            if !(1.0..=f64::from(fastest)).contains(&speed) {
+            if !(1.0..=fastest).contains(&speed) {
                 return Err(AdvanceError::Value(option, speed, format!("1 to {fastest} mm/s, as fast as X moves")));
             }
         }
