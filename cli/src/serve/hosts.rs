@@ -101,7 +101,8 @@ impl Hosts {
         let mut heard = HostBytes::default();
         if let Some(page) = &mut self.page {
             let bytes = page.line.read(max_bytes)?;
-            if page.ownership.is_pages() {
+            // It writes only while it owns the printer, and may have let go since.
+            if !page.ownership.is_outsides() {
                 heard.bytes = bytes;
             } else {
                 heard.is_stop |= has_stop(&mut page.page_scanner, &bytes);
@@ -198,6 +199,18 @@ mod tests {
                 return is_stop;
             }
         }
+    }
+
+    /// The page writes only while it owns the printer: what comes later was written before it let go.
+    #[test]
+    fn a_line_that_the_page_has_sent_is_read_after_it_has_let_go() {
+        let (line, mut page) = Line::pair().unwrap();
+        let ownership = Arc::new(Ownership::default());
+        let mut hosts = Hosts::new(None, Some(PageLine::new(line, Arc::clone(&ownership))));
+        assert!(ownership.take_for_page());
+        page.write_all(b"M999\n").unwrap();
+        ownership.release_page();
+        assert!(!read(&mut hosts, b"M999\n"));
     }
 
     #[test]
