@@ -92,7 +92,7 @@ fn send(line: &mut Line<'_>, job: Vec<u8>) -> (Report, Vec<String>) {
     // Small frames, so that one in a hundred is several.
     sender.set_frame_bytes(16);
     let mut heard = Vec::new();
-    let end = send::send(line, &mut sender, PATIENCE, |_| {}, |line| heard.push(line.to_owned())).unwrap();
+    let end = send::send(line, &mut sender, PATIENCE, |_| {}, |line: &str| heard.push(line.to_owned())).unwrap();
     (end, heard)
 }
 
