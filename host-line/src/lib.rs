@@ -269,34 +269,15 @@ impl Line {
             let written = match &mut self.end {
                 End::Pty { board_end, .. } => match board_end.write(bytes) {
                     Err(error) if is_idle(&error) => return Ok(()),
-                    other => other?,
+                    other => Some(other?),
                 },
-                End::Tcp { client, .. } => {
-                    let Some(stream) = client else { return Ok(()) };
-                    match stream.write(bytes) {
-                        Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
-                        Ok(written) => written,
-                        Err(_gone) => {
-                            *client = None;
-                            self.has_departed = true;
-                            self.waiting.clear();
-                            return Ok(());
-                        }
-                    }
-                }
-                End::Pair(host) => {
-                    let Some(stream) = host else { return Ok(()) };
-                    match stream.write(bytes) {
-                        Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
-                        Ok(written) => written,
-                        Err(_gone) => {
-                            *host = None;
-                            self.has_departed = true;
-                            self.waiting.clear();
-                            return Ok(());
-                        }
-                    }
-                }
+                End::Tcp { client, .. } => write_to(client, bytes),
+                End::Pair(host) => write_to(host, bytes),
+            };
+            let Some(written) = written else {
+                self.has_departed = true;
+                self.waiting.clear();
+                return Ok(());
             };
             if written == 0 {
                 return Ok(());
@@ -304,6 +285,19 @@ impl Line {
             self.waiting.drain(..written);
         }
         Ok(())
+    }
+}
+
+/// Writes to a host that is there, and returns how many bytes it took. `None`: it has just gone.
+fn write_to(host: &mut Option<impl Write>, bytes: &[u8]) -> Option<usize> {
+    let Some(stream) = host else { return Some(0) };
+    match stream.write(bytes) {
+        Err(error) if error.kind() == ErrorKind::WouldBlock => Some(0),
+        Ok(written) => Some(written),
+        Err(_gone) => {
+            *host = None;
+            None
+        }
     }
 }
 
