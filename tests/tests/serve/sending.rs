@@ -149,6 +149,31 @@ fn a_printer_that_halts_ends_the_job() {
     }
 }
 
+/// Starts the command and sends it Ctrl-C's signal as soon as its messages have this text.
+fn interrupted(command: &mut Command, text: &str) -> Output {
+    let mut sender = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut messages = BufReader::new(sender.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains(text) {
+        assert!(messages.read_line(&mut said).unwrap() > 0, "{said}");
+    }
+    assert!(Command::new("kill").args(["-INT", &sender.id().to_string()]).status().unwrap().success());
+    let mut output = sender.wait_with_output().unwrap();
+    messages.read_to_end(&mut output.stderr).unwrap();
+    output
+}
+
+/// The heaters are off, and the long move has ended.
+fn is_cold_and_still(printer: Printer) {
+    let mut host = printer.connect();
+    let heat = host.say("M105").join(" ");
+    assert!(heat.contains("/0.00 B:") && heat.contains("/0.00 @"), "{heat}");
+    // Longer than this host's patience, if the move went on.
+    host.say("M400");
+    let pushed = printer.end()["position_mm"]["e"].as_f64().unwrap();
+    assert!(pushed < 500.0, "{pushed}");
+}
+
 /// Without a terminal the program cannot ask.
 #[test]
 fn ctrl_c_ends_waits_motion_and_heat() {
@@ -157,29 +182,15 @@ fn ctrl_c_ends_waits_motion_and_heat() {
     let job = file(&folder, "M302 P1\nM140 S60\nG1 E900 F300\nM109 S200 Q1\nG1 X1 F600\n");
     let mut command = Command::new(program());
     command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
-    let mut sender = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     // A word without effect is reported as its line begins: the printer waits for heat, behind a move of three minutes.
-    let mut messages = BufReader::new(sender.stderr.take().unwrap());
-    let mut said = String::new();
-    while !said.contains("M109 S200 Q1") {
-        assert!(messages.read_line(&mut said).unwrap() > 0, "{said}");
-    }
-    assert!(Command::new("kill").args(["-INT", &sender.id().to_string()]).status().unwrap().success());
-    let mut output = sender.wait_with_output().unwrap();
-    messages.read_to_end(&mut output.stderr).unwrap();
+    let output = interrupted(&mut command, "M109 S200 Q1");
     says(&output, 1, "error: after line 3 of the file: stopped by Ctrl-C");
     says(
         &output,
         1,
         "the printer has ended: waits (M108), motion (M410), the nozzle's heater (M104 S0), the bed's heater (M140 S0)",
     );
-    let mut host = printer.connect();
-    let heat = host.say("M105").join(" ");
-    assert!(heat.contains("/0.00 B:") && heat.contains("/0.00 @"), "{heat}");
-    // Longer than this host's patience, if the move went on.
-    host.say("M400");
-    let pushed = printer.end()["position_mm"]["e"].as_f64().unwrap();
-    assert!(pushed < 500.0, "{pushed}");
+    is_cold_and_still(printer);
 }
 
 /// The same for a prepared job: the transfer is aborted, and then the heaters are switched off.
@@ -193,24 +204,11 @@ fn ctrl_c_ends_a_prepared_job() {
     let printer = Printer::at_pty(&[]);
     let mut command = Command::new(program());
     command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
-    let mut sender = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     // Said as the job begins, before the long move.
-    let mut messages = BufReader::new(sender.stderr.take().unwrap());
-    let mut said = String::new();
-    while !said.contains("begun") {
-        assert!(messages.read_line(&mut said).unwrap() > 0, "{said}");
-    }
-    assert!(Command::new("kill").args(["-INT", &sender.id().to_string()]).status().unwrap().success());
-    let mut output = sender.wait_with_output().unwrap();
-    messages.read_to_end(&mut output.stderr).unwrap();
+    let output = interrupted(&mut command, "begun");
     says(&output, 1, "error: stopped by Ctrl-C");
     says(&output, 1, "the bed's heater (M140 S0)");
-    let mut host = printer.connect();
-    let heat = host.say("M105").join(" ");
-    assert!(heat.contains("/0.00 B:") && heat.contains("/0.00 @"), "{heat}");
-    host.say("M400");
-    let pushed = printer.end()["position_mm"]["e"].as_f64().unwrap();
-    assert!(pushed < 500.0, "{pushed}");
+    is_cold_and_still(printer);
 }
 
 #[test]
