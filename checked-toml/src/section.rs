@@ -66,6 +66,11 @@ impl<'r> Section<'r> {
         self.reader.refuse(&self.path(key), expected);
     }
 
+    /// Binds other files to this value in place of the key's own, from which it follows with keys that are read apart.
+    pub fn bind(&self, key: &str, value: &dyn fmt::Debug) {
+        self.reader.state.borrow_mut().bound.insert(self.path(key), format!("{value:?}"));
+    }
+
     /// A table that must be there.
     pub fn section(&self, key: &'static str, about: &'static str) -> Self {
         self.expect(key, "a table");

@@ -7,13 +7,16 @@
 
 mod axes;
 mod drivers;
+pub mod error_budget;
 mod extrusion;
 mod heaters;
 mod homing;
 mod machine;
 mod motion;
 mod pause;
+pub mod response;
 
+use error_budget::ErrorBudget;
 use ferrostep_printer::Profile;
 
 use ferrostep_checked_toml::{Checked, Reader, Schema, line_of_key};
@@ -74,11 +77,24 @@ pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
 /// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of their range, then
 /// values that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
-    let reader = Reader::new(text, origin)?;
-    let machine = machine::profile(&reader.root());
-    let Checked { value: (profile, texts), hash } = reader.finish(machine)?;
+    let Checked { value: (profile, texts, _), hash } = read(text, origin)?;
     let [name, model_names] = texts.map(|text| &*Box::leak(text.into_boxed_str()));
     Ok(Profile { name, model_names, plan_hash: hash, ..profile })
+}
+
+/// What a profile's text says of errors, and of the frame that makes them. The accelerations that follow are in the [`Profile`].
+///
+/// # Errors
+/// As [`parse`].
+pub fn error_budget(text: &str, origin: &str) -> Result<ErrorBudget, ProfileError> {
+    let Checked { value: (_, _, budget), .. } = read(text, origin)?;
+    Ok(budget)
+}
+
+fn read(text: &str, origin: &str) -> Result<Checked<(Profile, [String; 2], ErrorBudget)>, ProfileError> {
+    let reader = Reader::new(text, origin)?;
+    let machine = machine::profile(&reader.root());
+    reader.finish(machine)
 }
 
 /// The keys of a profile.

@@ -6,6 +6,7 @@ use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_
 
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
+use crate::error_budget::{self, ErrorBudget};
 use crate::{extrusion, heaters, homing, motion, pause};
 
 /// Ticks of the nominal time base in a microsecond.
@@ -32,11 +33,11 @@ const MAX_NAME: usize = 32;
 /// Longest list of names, bytes.
 const MAX_MODEL_NAMES: usize = 64;
 
-/// The machine; its name and its models' are apart, for a [`Profile`] has them for ever.
+/// The machine; its name and its models' are apart, for a [`Profile`] has them for ever, and what only the desk needs.
 ///
 /// A prepared job is bound to every key but those that are read `apart`: what changes neither the plan nor what it may ask of
 /// the machine.
-pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2]) {
+pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2], ErrorBudget) {
     let apart = keys.apart();
     let name = name(&apart);
     let model_names = model_names(&apart);
@@ -53,8 +54,10 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2]) {
     let steps_per_mm = keys
         .numbers("steps_per_mm", MOTORS, [STEPS_PER_MM; 4])
         .required("motor steps, microsteps included; five decimals are kept; CoreXY: of motors A and B under x and y, CoreXZ: of A and C under x and z");
-    let limits = limits(keys);
+    let mut limits = limits(keys);
     let motion = motion::motion(keys);
+    let budget_of_error = error_budget::read(keys);
+    budget_of_error.apply(keys, &motion.shapers, &steps_per_mm, &mut limits);
     let interval_us = keys
         .number("minimum_event_interval_us", EVENT_INTERVAL)
         .required("step events nearer to each other than this leave as one");
@@ -120,7 +123,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2]) {
         extrusion: extrusion::extrusion(&apart),
         drivers: drivers.map(|driver| driver.map(|driver| driver.settings)),
     };
-    (profile, [name, model_names])
+    (profile, [name, model_names], budget_of_error)
 }
 
 /// What slicers call the machine.

@@ -3,6 +3,7 @@
 
 mod book;
 mod builtin;
+mod error_budget;
 mod heater_keys;
 mod heaters;
 mod input_shaper;
