@@ -91,6 +91,13 @@ pub enum Command {
     Estimate {
         #[command(flatten)]
         job: JobArguments,
+        /// Estimates with these error budgets in place of the profile's, mm, and shows the accelerations that follow: a range, each value
+        /// twice the one before (0.015..0.06), or a list.
+        #[arg(long, value_name = "VALUES", conflicts_with = "strict")]
+        error_budget: Option<Values>,
+        /// Simulates the error with each budget, too: on the profile's frame as it was measured, and as soft and as stiff as it may be.
+        #[arg(long, requires = "error_budget")]
+        simulate: bool,
     },
     /// Estimates a file's time with other values of the profile's keys: what a higher acceleration would gain, for one.
     Sweep(SweepArguments),
@@ -286,7 +293,7 @@ pub struct ServeArguments {
 
 /// Arguments of `sweep`.
 #[derive(clap::Args)]
-#[command(group = clap::ArgGroup::new("changed").args(["acceleration", "set"]).required(true))]
+#[command(group = clap::ArgGroup::new("changed").args(["acceleration", "error_budget", "set"]).required(true))]
 pub struct SweepArguments {
     /// The job: G-code, as text or binary (.bgcode), plain or gzip.
     pub file: PathBuf,
@@ -297,10 +304,16 @@ pub struct SweepArguments {
     /// before (500..16000), or a list (500,1000,3000).
     #[arg(long, value_name = "VALUES")]
     pub acceleration: Option<Values>,
+    /// Error budgets, mm, from which the accelerations of X and Y follow: a range or a list, as above.
+    #[arg(long, value_name = "VALUES")]
+    pub error_budget: Option<Values>,
     /// Any other key of the profile that is a number, with its values: junction_deviation_mm=0.005..0.08. Given more than once, the
     /// keys change together.
     #[arg(long, value_name = "KEY=VALUES", value_parser = key_and_values)]
     pub set: Vec<(String, Values)>,
+    /// Simulates the error with each value, too: on the profile's frame as it was measured, and as soft and as stiff as it may be.
+    #[arg(long)]
+    pub simulate: bool,
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,

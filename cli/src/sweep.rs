@@ -1,6 +1,7 @@
 //! What a job would take with other values of a profile's keys.
 
 pub mod chart;
+mod error;
 mod filter;
 mod values;
 
@@ -8,6 +9,7 @@ use std::fmt;
 use std::path::Path;
 
 use ferrostep_printer::Profile;
+use ferrostep_profiles::response::FrameMode;
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -28,6 +30,9 @@ pub const ACCELERATION_KEYS: [&str; 4] = [
     "max_acceleration_mm_per_s2.y",
 ];
 
+/// The key that `--error-budget` stands for.
+pub const ERROR_BUDGET_KEY: &str = "error_budget_mm";
+
 /// Commands by which a job sets limits of its own, which would hold over the profile's.
 const LIMITS: [&str; 5] = ["M201", "M203", "M204", "M205", "SET_VELOCITY_LIMIT"];
 
@@ -36,6 +41,9 @@ const FILTERS: [&str; 5] = ["M593", "SET_INPUT_SHAPER", "M900", "M572", "SET_PRE
 
 /// Tables of the profile which those set.
 const FILTER_TABLES: [&str; 2] = ["input_shaper", "pressure_advance"];
+
+/// Keys of which accelerations follow for the profile's own filters, so that the job may set neither.
+const BUDGET_KEYS: [&str; 2] = [ERROR_BUDGET_KEY, "frame"];
 
 /// Keys, and the values that they take together.
 #[derive(Clone, Debug)]
@@ -46,6 +54,8 @@ pub struct Sweep {
     pub label: String,
     /// The values.
     pub values: Values,
+    /// Simulates the error, too, on the frame that the profile names.
+    pub with_error: bool,
 }
 
 /// Why a sweep cannot be made.
@@ -59,6 +69,8 @@ pub enum SweepError {
     Prepared,
     /// The job stops with the profile as it is.
     Job(JobError),
+    /// An error is to be simulated, and the profile names no frame.
+    NoFrame,
 }
 
 impl fmt::Display for SweepError {
@@ -70,12 +82,16 @@ impl fmt::Display for SweepError {
                 "this is a prepared job, whose speeds are planned already, and sweep takes the G-code that it was made from",
             ),
             Self::Job(error) => error.fmt(out),
+            Self::NoFrame => out.write_str(
+                "--simulate plays the steps on the printer's frame: the profile needs frame.x and frame.y with the frequency_hz and \
+                 frequency_uncertainty_hz that `ferrostep calibrate shaper` prints",
+            ),
         }
     }
 }
 
 /// A job with one value.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Row {
     /// The keys' value.
     pub value: f64,
@@ -85,6 +101,13 @@ pub struct Row {
     /// Moves that were slowed because a board could not keep up with them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slowed_moves: Option<u64>,
+    /// Largest accelerations of X and Y that follow from an error budget, mm/s^2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acceleration_mm_per_s2: Option<[f64; 2]>,
+    /// Distance from the path that the nozzle stays within in 99 % of the printing time, um: the worst of the frames that the profile
+    /// allows for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_um: Option<f64>,
     /// Why the job stops with this value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<String>,
@@ -129,32 +152,43 @@ pub fn sweep(file: &Path, profile_text: &str, profile_name: &str, sweep: &Sweep)
             Ok((value, checked(&table, profile_name)?))
         })
         .collect::<Result<_, SweepError>>()?;
+    let frame = match (sweep.with_error, frame(profile_text, profile_name)?) {
+        (false, _) => None,
+        (true, [Some(x), Some(y)]) => Some([x, y]),
+        (true, _) => return Err(SweepError::NoFrame),
+    };
+    let is_budget = sweep.keys.iter().any(|key| key == ERROR_BUDGET_KEY);
     let dropped = dropped(&sweep.keys);
     let (print_time_s, _, lines_left_out) = estimate(file, own, &dropped)?;
+    let one = |value: f64, profile: Profile| -> Row {
+        let mut row = Row { value, ..Row::default() };
+        match estimate(file, profile, &dropped) {
+            Ok((time_s, slowed_moves, _)) => (row.print_time_s, row.slowed_moves) = (Some(time_s), Some(slowed_moves)),
+            Err(error) => return Row { stopped: Some(error.to_string()), ..row },
+        }
+        let [x, y, ..] = profile.limits.max_acceleration_mm_per_s2;
+        row.acceleration_mm_per_s2 = is_budget.then_some([x, y]);
+        match frame.map(|frame| error::simulated_um(file, profile, &dropped, frame)) {
+            Some(Err(reason)) => Row { stopped: Some(reason), ..row },
+            error => Row { error_um: error.and_then(Result::ok), ..row },
+        }
+    };
     let rows = std::thread::scope(|scope| {
-        let dropped = &dropped;
-        let threads: Vec<_> = profiles
-            .into_iter()
-            .map(|(value, profile)| (value, scope.spawn(move || estimate(file, profile, dropped))))
-            .collect();
-        threads
-            .into_iter()
-            .map(|(value, thread)| match thread.join() {
-                Ok(Ok((time_s, slowed_moves, _))) => {
-                    Row { value, print_time_s: Some(time_s), slowed_moves: Some(slowed_moves), stopped: None }
-                }
-                Ok(Err(error)) => stopped(value, error.to_string()),
-                Err(_) => stopped(value, "the estimate failed".to_owned()),
-            })
-            .collect()
+        let one = &one;
+        let threads: Vec<_> =
+            profiles.into_iter().map(|(value, profile)| (value, scope.spawn(move || one(value, profile)))).collect();
+        let failed = |value| Row { value, stopped: Some("the estimate failed".to_owned()), ..Row::default() };
+        threads.into_iter().map(|(value, thread)| thread.join().unwrap_or_else(|_| failed(value))).collect()
     });
     let file = file.to_string_lossy().into_owned();
     let Sweep { keys, label, .. } = sweep.clone();
     Ok(Swept { file, profile: own.name.to_owned(), keys, label, print_time_s, lines_left_out, rows })
 }
 
-fn stopped(value: f64, reason: String) -> Row {
-    Row { value, print_time_s: None, slowed_moves: None, stopped: Some(reason) }
+/// The frame that a profile's text names.
+fn frame(text: &str, name: &str) -> Result<[Option<FrameMode>; 2], SweepError> {
+    let budget = ferrostep_profiles::error_budget(text, name);
+    Ok(budget.map_err(|error| SweepError::Profile(error.to_string()))?.frame)
 }
 
 /// A profile by its text, with other values of some keys.
@@ -171,8 +205,10 @@ pub fn profile_with(text: &str, name: &str, values: &[(String, f64)]) -> Result<
 
 /// The commands whose settings would hold over those of these keys.
 pub(crate) fn dropped(keys: &[String]) -> Dropped {
-    let sets_filters = |key: &String| FILTER_TABLES.iter().any(|table| key.split('.').next() == Some(table));
-    let filters: &[&str] = if keys.iter().any(sets_filters) { &FILTERS } else { &[] };
+    let is_of = |key: &String, tables: &[&str]| tables.iter().any(|table| key.split('.').next() == Some(table));
+    let sets_filters = |key: &String| is_of(key, &FILTER_TABLES);
+    let needs_filters = |key: &String| sets_filters(key) || is_of(key, &BUDGET_KEYS);
+    let filters: &[&str] = if keys.iter().any(needs_filters) { &FILTERS } else { &[] };
     let limits: &[&str] = if keys.iter().all(sets_filters) { &[] } else { &LIMITS };
     Dropped::new([limits, filters].concat())
 }
@@ -217,16 +253,30 @@ impl fmt::Display for Swept {
         if self.lines_left_out > 0 {
             writeln!(out, "left out: {} lines that set what is compared here", self.lines_left_out)?;
         }
-        writeln!(out, "{:>12}  {:>16}  {:>9}  {:>12}", "value", "print", "change", "slowed moves")?;
-        writeln!(out, "{:>12}  {:>16}", "the profile", hms(self.print_time_s))?;
-        for Row { value, print_time_s, slowed_moves, stopped } in &self.rows {
-            match (print_time_s, slowed_moves, stopped) {
-                (Some(time_s), Some(slowed), _) => {
-                    let change = 100.0 * (time_s / self.print_time_s - 1.0);
-                    writeln!(out, "{value:>12}  {:>16}  {change:>+7.1} %  {slowed:>12}", hms(*time_s))?;
-                }
-                (.., reason) => writeln!(out, "{value:>12}  stops: {}", reason.as_deref().unwrap_or_default())?,
+        let has = |is_there: fn(&Row) -> bool| self.rows.iter().any(is_there);
+        let columns = [has(|row| row.acceleration_mm_per_s2.is_some()), has(|row| row.error_um.is_some())];
+        let write_columns = |out: &mut fmt::Formatter<'_>, texts: [String; 2]| -> fmt::Result {
+            for (text, width) in
+                columns.iter().zip(texts.iter().zip([15, 12])).filter(|(is_shown, _)| **is_shown).map(|(_, text)| text)
+            {
+                write!(out, "  {text:>width$}")?;
             }
+            writeln!(out)
+        };
+        write!(out, "{:>12}  {:>16}  {:>9}  {:>12}", "value", "print", "change", "slowed moves")?;
+        write_columns(out, ["X, Y mm/s²".to_owned(), "error, 99 %".to_owned()])?;
+        writeln!(out, "{:>12}  {:>16}", "the profile", hms(self.print_time_s))?;
+        for row in &self.rows {
+            let Row { value, stopped, .. } = row;
+            let (Some(time_s), Some(slowed), None) = (row.print_time_s, row.slowed_moves, stopped) else {
+                writeln!(out, "{value:>12}  stops: {}", stopped.as_deref().unwrap_or_default())?;
+                continue;
+            };
+            let change = 100.0 * (time_s / self.print_time_s - 1.0);
+            write!(out, "{value:>12}  {:>16}  {change:>+7.1} %  {slowed:>12}", hms(time_s))?;
+            let acceleration = row.acceleration_mm_per_s2.map(|[x, y]| format!("{x:.0}, {y:.0}"));
+            let error = row.error_um.map(|error_um| format!("{:.3} mm", 1e-3 * error_um));
+            write_columns(out, [acceleration.unwrap_or_default(), error.unwrap_or_default()])?;
         }
         Ok(())
     }

@@ -6,15 +6,15 @@ use std::process::ExitCode;
 
 use ferrostep::input;
 use ferrostep::output::{Accepted, Output};
-use ferrostep::sweep::{self, ACCELERATION_KEYS, Sweep, Values, chart};
+use ferrostep::sweep::{self, ACCELERATION_KEYS, ERROR_BUDGET_KEY, Sweep, Values, chart};
 
-use crate::arguments::SweepArguments;
+use crate::arguments::{JobArguments, SweepArguments};
 use crate::outcome::result;
 
 /// Estimates the job with each value and tells the times.
 pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
     if input::is_standard_input(&arguments.file) {
-        return Err("sweep reads the job once for each value: give it a file, not -".to_owned());
+        return Err("the job is read once for each value: give a file, not -".to_owned());
     }
     let sweep = keys(arguments)?;
     let profile = ferrostep_profiles::text(&arguments.profile).map_err(|error| error.to_string())?;
@@ -28,18 +28,40 @@ pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
     Ok(result(arguments.json.then_some(&swept), || swept.to_string()))
 }
 
-/// What is to be changed: the keys of `--set`, with the same values each, or those of `--acceleration`.
+/// `estimate --error-budget`.
+pub fn budgets(job: JobArguments, values: Values, simulate: bool) -> Result<ExitCode, String> {
+    let JobArguments { file, profile, json, strict: _ } = job;
+    let error_budget = Some(values);
+    run(&SweepArguments {
+        file,
+        profile,
+        acceleration: None,
+        error_budget,
+        set: Vec::new(),
+        simulate,
+        json,
+        plot: None,
+    })
+}
+
+/// What is to be changed: the keys of `--set`, with the same values each, or what `--acceleration` and `--error-budget` stand for.
 fn keys(arguments: &SweepArguments) -> Result<Sweep, String> {
+    let with_error = arguments.simulate;
     if let Some(values) = &arguments.acceleration {
         let label = "acceleration of print, travel, X and Y, mm/s²".to_owned();
-        return Ok(Sweep { keys: ACCELERATION_KEYS.map(str::to_owned).to_vec(), label, values: values.clone() });
+        let keys = ACCELERATION_KEYS.map(str::to_owned).to_vec();
+        return Ok(Sweep { keys, label, values: values.clone(), with_error });
+    }
+    if let Some(values) = &arguments.error_budget {
+        let keys = vec![ERROR_BUDGET_KEY.to_owned()];
+        return Ok(Sweep { keys, label: "error budget, mm".to_owned(), values: values.clone(), with_error });
     }
     let [(_, values), ..] = &arguments.set[..] else { return Err("nothing to change".to_owned()) };
     if let Some((key, _)) = arguments.set.iter().find(|(_, others)| others != values) {
         return Err(format!("--set {key}: keys that change together take the same values"));
     }
     let keys: Vec<String> = arguments.set.iter().map(|(key, _)| key.clone()).collect();
-    Ok(Sweep { label: keys.join(", "), keys, values: values.clone() })
+    Ok(Sweep { label: keys.join(", "), keys, values: values.clone(), with_error })
 }
 
 /// A key and its values.

@@ -66,7 +66,11 @@ impl Case {
 }
 
 /// The plans, in the order of the rows.
-pub const PLANS: [Plan; 4] = [Plan::Ferrostep, Plan::CloserFerrostep, Plan::Klipper, Plan::TunedKlipper];
+pub const PLANS: [Plan; 5] =
+    [Plan::Ferrostep, Plan::CloserFerrostep, Plan::BudgetFerrostep, Plan::Klipper, Plan::TunedKlipper];
+
+/// The error budget of [`Plan::BudgetFerrostep`], mm.
+const BUDGET_MM: f64 = 0.04;
 
 /// Whose rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +79,9 @@ pub enum Plan {
     Ferrostep,
     /// The same with a quarter of it.
     CloserFerrostep,
+    /// With the profile's junction deviation, and accelerations that follow from an error budget of 0.04 mm on a frame that is known to
+    /// 5 %.
+    BudgetFerrostep,
     /// Klipper's rules with its defaults.
     Klipper,
     /// Klipper's rules as its users set them who want time: corners at 10 mm/s, no minimum cruise.
@@ -86,6 +93,7 @@ impl Plan {
         match self {
             Self::Ferrostep => "Ferrostep, 0.02 mm",
             Self::CloserFerrostep => "Ferrostep, 0.005 mm",
+            Self::BudgetFerrostep => "Ferrostep, budget",
             Self::Klipper => "Klipper",
             Self::TunedKlipper => "Klipper, tuned",
         }
@@ -115,9 +123,25 @@ pub struct Cell {
 /// Time, s, and the error that 99 % of the time stays below, um.
 pub type Figures = (f64, f64);
 
+/// A profile with the budget, the filter and a frame known to 5 %.
+fn with_budget(text: &str, case: &Case, kind: ShaperKind) -> String {
+    let mut text = format!("error_budget_mm = {BUDGET_MM}\n{text}");
+    for (axis, hz) in ["x", "y"].into_iter().zip(case.frequency_hz) {
+        let (uncertainty_hz, damping) = (0.05 * hz, FrameSettings::USUAL.damping);
+        let _ = write!(
+            text,
+            "\n[frame.{axis}]\nfrequency_hz = {hz}\nfrequency_uncertainty_hz = {uncertainty_hz}\ndamping = {damping}\n\
+             [input_shaper.{axis}]\nkind = \"{kind}\"\nfrequency_hz = {hz}\n"
+        );
+    }
+    text
+}
+
 /// Plays a case's job, which is the file at `job`.
 pub fn measure(case: &Case, job: &Path, cell: Cell) -> Figures {
-    let mut profile = ferrostep_profiles::load(&case.profile).unwrap();
+    let text = ferrostep_profiles::text(&case.profile).unwrap();
+    let text = if cell.plan == Plan::BudgetFerrostep { with_budget(&text, case, cell.kind) } else { text };
+    let mut profile = ferrostep_profiles::parse(&text, &case.profile).unwrap();
     assert_eq!(profile.limits.junction_deviation_mm, 0.02, "{}", case.profile);
     if cell.plan == Plan::CloserFerrostep {
         profile.limits.junction_deviation_mm = 0.005;
@@ -148,7 +172,7 @@ pub fn measure(case: &Case, job: &Path, cell: Cell) -> Figures {
         Plan::TunedKlipper => {
             klipper(KlipperSettings { square_corner_velocity_mm_per_s: 10.0, minimum_cruise_ratio: 0.0, ..default })
         }
-        Plan::Ferrostep | Plan::CloserFerrostep => {
+        Plan::Ferrostep | Plan::CloserFerrostep | Plan::BudgetFerrostep => {
             simulation.set_filters(filters.steps);
             let ((report, _), stopped) = simulation.run(&machine, |_| {}).unwrap();
             assert!(stopped.is_none(), "{}: {stopped:?}", case.name);
