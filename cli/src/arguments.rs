@@ -18,7 +18,10 @@ use ferrostep_simulator::shapers::ShaperKind;
 use crate::comparing::key_and_value;
 use crate::sweeping::key_and_values;
 
-pub use calibrate::{CalibrateAdvanceArguments, CalibrateShaperArguments, Calibration};
+pub use calibrate::{
+    CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration, HeatArguments,
+    TriedArgument,
+};
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.
 #[derive(Parser)]

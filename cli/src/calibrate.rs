@@ -2,6 +2,9 @@
 
 pub mod advance;
 pub mod chart;
+pub mod flow;
+pub mod pattern;
+pub mod speed;
 
 use std::fmt;
 use std::path::Path;
@@ -139,13 +142,17 @@ impl fmt::Display for FrameMeasurement {
         };
         writeln!(
             out,
-            "\n* {why}, of a frame as measured and {:.1} % stiffer or softer.\n\nIn the profile:\n\n[input_shaper.{}]\nkind = \
-             \"{}\"\nfrequency_hz = {:.1}\ndamping = {:.3}",
+            "\n* {why}, of a frame as measured and {:.1} % stiffer or softer.\n\nIn the profile:\n\n[input_shaper.{axis}]\nkind = \
+             \"{}\"\nfrequency_hz = {:.1}\ndamping = {:.3}\n\n[frame.{axis}]\nfrequency_hz = {:.1}\nfrequency_uncertainty_hz = \
+             {:.1}\ndamping = {:.3}",
             100.0 * shapers.change,
-            axis.to_ascii_lowercase(),
             taken.kind,
             taken.frequency_hz,
             shapers.damping_of(taken),
+            mode.frequency_hz,
+            shapers.change * mode.frequency_hz,
+            mode.damping,
+            axis = axis.to_ascii_lowercase(),
         )
     }
 }

@@ -5,11 +5,17 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ferrostep::calibrate::advance::{AdvanceLines, AdvanceSteps};
+use ferrostep::calibrate::flow::{FlowSteps, FlowTube};
+use ferrostep::calibrate::pattern::Temperatures;
+use ferrostep::calibrate::speed::{SpeedMoves, SpeedSteps, Tried};
 use ferrostep::calibrate::{self, FrameMeasurement, chart};
 use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep::terminal;
 
-use crate::arguments::{CalibrateAdvanceArguments, CalibrateShaperArguments, Calibration};
+use crate::arguments::{
+    CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration, HeatArguments,
+    TriedArgument,
+};
 use crate::outcome::{exit_code, result};
 
 /// Measures what is asked for.
@@ -17,6 +23,8 @@ pub fn run(calibration: &Calibration) -> Result<ExitCode, String> {
     match calibration {
         Calibration::Shaper(arguments) => shaper(arguments),
         Calibration::Advance(arguments) => advance(arguments),
+        Calibration::Flow(arguments) => flow(arguments),
+        Calibration::Speed(arguments) => speed(arguments),
     }
 }
 
@@ -44,11 +52,49 @@ fn advance(arguments: &CalibrateAdvanceArguments) -> Result<ExitCode, String> {
         steps,
         slow_mm_per_s: arguments.slow,
         fast_mm_per_s: arguments.fast,
-        nozzle_celsius: arguments.nozzle,
-        bed_celsius: arguments.bed,
+        temperatures: temperatures(arguments.heat),
     };
-    let text = lines.gcode(&profile).map_err(|error| error.to_string())?;
-    let protected = [Protected { path: Path::new(&arguments.profile), what: "the profile" }];
+    write(out, &arguments.profile, &lines.gcode(&profile).map_err(|error| error.to_string())?)
+}
+
+fn flow(arguments: &CalibrateFlowArguments) -> Result<ExitCode, String> {
+    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let steps =
+        FlowSteps { first_mm3_per_s: arguments.from, step_mm3_per_s: arguments.step, bands: arguments.bands };
+    let keys = match (&arguments.out, arguments.whole_to_mm) {
+        (Some(out), _) => {
+            let tube = FlowTube { steps, temperatures: temperatures(arguments.heat), fan_percent: arguments.fan };
+            return write(out, &arguments.profile, &tube.gcode(&profile).map_err(|error| error.to_string())?);
+        }
+        (None, Some(whole_mm)) => steps.keys_of_height(whole_mm, &profile),
+        (None, None) => FlowSteps::keys_of_walls(&arguments.walls, &profile),
+    };
+    Ok(exit_code(terminal::write_result(&keys.map_err(|error| error.to_string())?)))
+}
+
+fn speed(arguments: &CalibrateSpeedArguments) -> Result<ExitCode, String> {
+    let (tried, first, step) = match arguments.of {
+        TriedArgument::Acceleration => (Tried::Acceleration, 1000.0, 1000.0),
+        TriedArgument::Speed => (Tried::Speed, 100.0, 50.0),
+    };
+    let [first, step] = [arguments.from.unwrap_or(first), arguments.step.unwrap_or(step)];
+    let steps = SpeedSteps { tried, first, step, stages: arguments.stages };
+    let Some(out) = &arguments.out else {
+        let keys = steps.keys(arguments.good.unwrap_or_default()).map_err(|error| error.to_string())?;
+        return Ok(exit_code(terminal::write_result(&keys)));
+    };
+    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let moves = SpeedMoves { steps, repeats: arguments.repeats, temperatures: temperatures(arguments.heat) };
+    write(out, &arguments.profile, &moves.gcode(&profile).map_err(|error| error.to_string())?)
+}
+
+fn temperatures(heat: HeatArguments) -> Temperatures {
+    Temperatures { nozzle_celsius: heat.nozzle, bed_celsius: heat.bed }
+}
+
+/// Writes a pattern, which must not replace the profile.
+fn write(out: &Path, profile: &str, text: &str) -> Result<ExitCode, String> {
+    let protected = [Protected { path: Path::new(profile), what: "the profile" }];
     let mut out = Output::create(out, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
     out.write_all(text.as_bytes()).map_err(|error| out.failed(error).to_string())?;
     out.keep().map_err(|error| error.to_string())?;

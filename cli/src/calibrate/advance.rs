@@ -1,11 +1,11 @@
 //! Lines that show which pressure advance fits.
 
-use std::f64::consts::PI;
-use std::fmt::{self, Write};
+use std::fmt::Write;
 
 use ferrostep_planner::PressureAdvance;
-use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+
+use super::pattern::{Bead, MARGIN_MM, PatternError, RETRACTED_MM, RETRACTION_MM_PER_S, Temperatures, in_range, mm, nozzle_mm};
 
 /// Parts of a line: slow, fast, slow; mm.
 const PARTS_MM: [f64; 3] = [20.0, 40.0, 20.0];
@@ -16,19 +16,9 @@ const APART_MM: f64 = 5.0;
 /// Every fifth line begins this far to the left, so that they can be counted; mm.
 const MARK_MM: f64 = 4.0;
 
-/// Free space around the pattern, mm.
-const MARGIN_MM: f64 = 10.0;
-
 /// Layer height and line width for each mm of the nozzle's diameter.
 const HEIGHT_OF_NOZZLE: f64 = 0.5;
 const WIDTH_OF_NOZZLE: f64 = 1.125;
-
-/// The nozzle of a profile that does not name it, mm.
-const USUAL_NOZZLE_MM: f64 = 0.4;
-
-/// Filament pulled back on the way to the next line, mm, and its speed, mm/s.
-const RETRACTED_MM: f64 = 0.8;
-const RETRACTION_MM_PER_S: f64 = 30.0;
 
 /// Which values the lines have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,42 +40,9 @@ pub struct AdvanceLines {
     pub slow_mm_per_s: f64,
     /// Speed of the middle, mm/s.
     pub fast_mm_per_s: f64,
-    /// Temperature of the nozzle, degrees Celsius.
-    pub nozzle_celsius: f64,
-    /// Temperature of the bed, degrees Celsius; 0 leaves it off.
-    pub bed_celsius: f64,
+    /// How hot nozzle and bed are.
+    pub temperatures: Temperatures,
 }
-
-/// Such lines cannot be printed.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AdvanceError {
-    /// A value: its option, what was given, what is right.
-    Value(&'static str, f64, String),
-    /// There is no such line.
-    NoLine(u16, u16),
-    /// The bed has room for fewer lines.
-    Room(u16, f64),
-    /// The bed is narrower than a line.
-    Narrow,
-}
-
-impl fmt::Display for AdvanceError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Value(option, value, expected) => write!(out, "{option} {value}: expected {expected}"),
-            Self::NoLine(line, lines) => write!(out, "--best {line}: expected a line from 1 to {lines} (--lines)"),
-            Self::Room(lines, room_mm) => {
-                write!(out, "--lines {lines}: {room_mm:.0} mm of the bed in Y have room for {:.0}", room_mm / APART_MM)
-            }
-            Self::Narrow => {
-                let length_mm: f64 = PARTS_MM.iter().sum::<f64>() + MARK_MM + 2.0 * MARGIN_MM;
-                write!(out, "the bed is narrower in X than the {length_mm:.0} mm of the pattern")
-            }
-        }
-    }
-}
-
-impl std::error::Error for AdvanceError {}
 
 impl AdvanceSteps {
     /// K of a line, counted from 1; s.
@@ -93,18 +50,13 @@ impl AdvanceSteps {
         self.first_s + f64::from(line.saturating_sub(1)) * self.step_s
     }
 
-    fn check(&self) -> Result<(), AdvanceError> {
+    fn check(&self) -> Result<(), PatternError> {
         let most_s = PressureAdvance::MAX_SECONDS;
-        // NaN is in no range.
-        if !(0.0..=most_s).contains(&self.first_s) {
-            return Err(AdvanceError::Value("--from", self.first_s, format!("0 to {most_s} s")));
-        }
-        if !(1e-4..=most_s).contains(&self.step_s) {
-            return Err(AdvanceError::Value("--step", self.step_s, format!("0.0001 to {most_s} s")));
-        }
+        in_range("--from", self.first_s, 0.0..=most_s, "s")?;
+        in_range("--step", self.step_s, 1e-4..=most_s, "s")?;
         let last_s = self.seconds(self.lines);
         if last_s > most_s {
-            return Err(AdvanceError::Value(
+            return Err(PatternError::Value(
                 "--lines",
                 f64::from(self.lines),
                 format!("few enough for K up to {most_s} s"),
@@ -116,11 +68,11 @@ impl AdvanceSteps {
     /// The keys of a profile for the line that looks best, counted from 1.
     ///
     /// # Errors
-    /// [`AdvanceError`].
-    pub fn keys(&self, best: u16) -> Result<String, AdvanceError> {
+    /// [`PatternError`].
+    pub fn keys(&self, best: u16) -> Result<String, PatternError> {
         self.check()?;
         if !(1..=self.lines).contains(&best) {
-            return Err(AdvanceError::NoLine(best, self.lines));
+            return Err(PatternError::Value("--best", f64::from(best), format!("a line from 1 to {} (--lines)", self.lines)));
         }
         Ok(format!(
             "K is {:.4} s +- {:.4} s\n\nIn the profile:\n\n[pressure_advance]\nseconds = {0:.4}\n",
@@ -131,55 +83,48 @@ impl AdvanceSteps {
 }
 
 impl AdvanceLines {
-    fn check(&self, profile: &Profile) -> Result<(), AdvanceError> {
+    fn check(&self, profile: &Profile) -> Result<(), PatternError> {
         self.steps.check()?;
         let fastest = profile.limits.max_feed_mm_per_s[0];
         for (option, speed) in [("--slow", self.slow_mm_per_s), ("--fast", self.fast_mm_per_s)] {
             if !(1.0..=fastest).contains(&speed) {
-                return Err(AdvanceError::Value(option, speed, format!("1 to {fastest} mm/s, as fast as X moves")));
+                return Err(PatternError::Value(option, speed, format!("1 to {fastest} mm/s, as fast as X moves")));
             }
         }
-        let [nozzle, bed] = [profile.nozzle.max_target_celsius, profile.bed.max_target_celsius].map(f64::from);
-        let melts = f64::from(profile.min_extrusion_celsius);
-        if !(melts..=nozzle).contains(&self.nozzle_celsius) {
-            return Err(AdvanceError::Value("--nozzle", self.nozzle_celsius, format!("{melts} to {nozzle} C")));
-        }
-        if !(0.0..=bed).contains(&self.bed_celsius) {
-            return Err(AdvanceError::Value("--bed", self.bed_celsius, format!("0 to {bed} C")));
-        }
-        Ok(())
+        self.temperatures.check(profile)
     }
 
     /// The G-code: a line for each value, slow, fast and slow again, between them travels with the filament pulled back.
     ///
     /// # Errors
-    /// [`AdvanceError`].
-    pub fn gcode(&self, profile: &Profile) -> Result<String, AdvanceError> {
+    /// [`PatternError`].
+    pub fn gcode(&self, profile: &Profile) -> Result<String, PatternError> {
         self.check(profile)?;
-        let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
         let room_mm = mm(profile.size_10nm[1] - profile.lower_end_10nm[1].max(0)) - 2.0 * MARGIN_MM;
         // Two places more: for what is pushed out first, and for the marks.
         let needed_mm = APART_MM * f64::from(self.steps.lines + 2);
         if needed_mm > room_mm {
-            return Err(AdvanceError::Room(self.steps.lines, room_mm - 2.0 * APART_MM));
+            let room = (room_mm / APART_MM - 2.0).floor().max(0.0);
+            let expected = format!("at most {room}, for which the bed has room in Y");
+            return Err(PatternError::Value("--lines", f64::from(self.steps.lines), expected));
         }
         let length_mm: f64 = PARTS_MM.iter().sum();
         let left_mm = 0.5 * (mm(profile.size_10nm[0]) - length_mm);
         if left_mm < MARGIN_MM + MARK_MM {
-            return Err(AdvanceError::Narrow);
+            return Err(PatternError::Narrow(length_mm + 2.0 * (MARK_MM + MARGIN_MM)));
         }
-        let nozzle_mm = profile.nozzle_diameter_mm.map_or(USUAL_NOZZLE_MM, f64::from);
+        let bead = Bead::of_nozzle(nozzle_mm(profile), HEIGHT_OF_NOZZLE, WIDTH_OF_NOZZLE);
         let pattern = Pattern {
             left_mm,
             front_mm: 0.5 * (mm(profile.size_10nm[1]) - needed_mm),
-            height_mm: HEIGHT_OF_NOZZLE * nozzle_mm,
-            filament_per_mm: bead_mm2(nozzle_mm) / (0.25 * PI * mm(profile.extrusion.filament_diameter_10nm).powi(2)),
+            height_mm: bead.height_mm,
+            filament_per_mm: bead.filament_per_mm(profile),
         };
         Ok(self.write(&pattern, profile))
     }
 
     fn write(&self, pattern: &Pattern, profile: &Profile) -> String {
-        let Self { steps, slow_mm_per_s, fast_mm_per_s, nozzle_celsius, bed_celsius } = *self;
+        let Self { steps, slow_mm_per_s, fast_mm_per_s, temperatures } = *self;
         let mut out = format!(
             "; Pressure advance on {}: {} lines from the front to the back, K from {} to {:.4} s.\n\
              ; The best line is as wide where its speed changes as elsewhere. Then: ferrostep calibrate advance --from {} --step {} \
@@ -192,10 +137,7 @@ impl AdvanceLines {
             steps.step_s,
             steps.lines
         );
-        if bed_celsius > 0.0 {
-            let _ = writeln!(out, "M140 S{bed_celsius}\nM104 S{nozzle_celsius}\nM190 S{bed_celsius}");
-        }
-        let _ = writeln!(out, "M109 S{nozzle_celsius}\nG21\nG90\nM83\nG28\nG1 Z5 F600");
+        temperatures.begin(&mut out);
         let speeds = [slow_mm_per_s, fast_mm_per_s, slow_mm_per_s];
         // What is pushed out first has no K.
         let _ = writeln!(out, "M900 K0");
@@ -227,18 +169,12 @@ impl AdvanceLines {
         }
         let _ = writeln!(
             out,
-            "M900 K{}\nG1 E-{RETRACTED_MM} F{}\nG1 Z20 F600\nM104 S0\nM140 S0\nM84",
-            profile.motion.pressure_advance.seconds,
-            60.0 * RETRACTION_MM_PER_S
+            "M900 K{}",
+            profile.motion.pressure_advance.seconds
         );
+        super::pattern::end(&mut out, 20.0);
         out
     }
-}
-
-/// Cross section of a bead: a rectangle with round ends, mm^2.
-fn bead_mm2(nozzle_mm: f64) -> f64 {
-    let (height_mm, width_mm) = (HEIGHT_OF_NOZZLE * nozzle_mm, WIDTH_OF_NOZZLE * nozzle_mm);
-    (width_mm - height_mm) * height_mm + 0.25 * PI * height_mm * height_mm
 }
 
 /// Where the lines are, and how thick.

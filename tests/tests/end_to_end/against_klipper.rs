@@ -4,6 +4,9 @@
 #[allow(dead_code, reason = "the whole table takes minutes; the example makes it")]
 mod table;
 
+#[path = "../../examples/against_klipper/chart.rs"]
+mod chart;
+
 use crate::command::{directory, repository};
 use ferrostep_planner::ShaperKind;
 use table::{Case, Cell, FRAMES, Plan, measure, row_start, write_job};
@@ -19,6 +22,11 @@ fn row(page: &str, name: &str, plan: Plan, kind: ShaperKind) -> Vec<f64> {
 }
 
 #[test]
+fn the_books_chart_shows_its_tables() {
+    chart::keep_current(&repository()).unwrap();
+}
+
+#[test]
 fn the_books_rows_are_what_the_simulator_measures() {
     let page = std::fs::read_to_string(repository().join("docs/src/against-klipper.md")).unwrap();
     let folder = directory();
@@ -27,6 +35,7 @@ fn the_books_rows_are_what_the_simulator_measures() {
     for (plan, kind, frame) in [
         (Plan::Ferrostep, ShaperKind::Zv, 0),
         (Plan::CloserFerrostep, ShaperKind::Mzv, 5),
+        (Plan::BudgetFerrostep, ShaperKind::Zv, 1),
         (Plan::Klipper, ShaperKind::Mzv, 0),
         (Plan::TunedKlipper, ShaperKind::Zv, 3),
     ] {

@@ -89,9 +89,82 @@ fn what_cannot_be_swept_is_refused() {
         assert!(outcome.stderr.contains(expected), "{words:?}: {}", outcome.stderr);
     }
     let from_input = ferrostep(["sweep", "-", "--acceleration", "1,2"]);
-    assert!(from_input.stderr.contains("give it a file, not -"), "{}", from_input.stderr);
+    assert!(from_input.stderr.contains("give a file, not -"), "{}", from_input.stderr);
     let over_the_job =
         ferrostep(["sweep", job.to_str().unwrap(), "--acceleration", "1,2", "--plot", job.to_str().unwrap()]);
     assert_eq!(over_the_job.status, Some(2), "{over_the_job:#?}");
     assert_eq!(fs::read_to_string(&job).unwrap(), "G28\n");
+}
+
+/// The profile of a fast bed slinger whose frame is known to 5 %, with ZV.
+fn measured_profile() -> String {
+    let mut text = fs::read_to_string(repository().join("tests/data/fast-bed-slinger.toml")).unwrap();
+    for (axis, hz) in [("x", 50.0), ("y", 40.0)] {
+        text += &format!(
+            "\n[frame.{axis}]\nfrequency_hz = {hz}\nfrequency_uncertainty_hz = {}\ndamping = 0.06\n\
+             [input_shaper.{axis}]\nkind = \"zv\"\nfrequency_hz = {hz}\n",
+            0.05 * hz
+        );
+    }
+    text
+}
+
+/// Of the curves of a gyroid, which are the hardest of the examples.
+#[test]
+fn a_budget_is_kept_on_the_simulated_frame_and_time_falls_with_it() {
+    let directory = directory();
+    let packed = fs::read(repository().join("examples/gyroid.gcode.gz")).unwrap();
+    let gyroid = String::from_utf8(ferrostep_oracle::gcode_text(&packed).unwrap().into()).unwrap();
+    let lines: Vec<&str> = gyroid.lines().take(12_000).collect();
+    // What the job sets itself would hold over what follows from the budget.
+    let job = file(&directory, "job.gcode", format!("M220 S400\nM201 X9000 Y9000\nM593 F20\n{}\n", lines.join("\n")));
+    let own = file(&directory, "own.toml", measured_profile());
+    let [job, own] = [&job, &own].map(|path| path.to_str().unwrap());
+    let words = ["--profile", own, "--error-budget", "0.015,0.03,0.06", "--simulate", "--json"];
+    let estimated = ferrostep(["estimate", job].into_iter().chain(words)).json();
+    let rows = estimated["rows"].as_array().unwrap();
+    let of = |row: &serde_json::Value, key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {row}"));
+    let (mut before_s, mut before_um) = (f64::INFINITY, 0.0);
+    for (row, budget_um) in rows.iter().zip([15.0, 30.0, 60.0]) {
+        let (time_s, error_um) = (of(row, "print_time_s"), of(row, "error_um"));
+        assert!(error_um <= budget_um && error_um > 0.5 * budget_um, "{row}");
+        assert!(time_s < before_s && error_um > before_um, "{row}");
+        let [x, y] = [0, 1].map(|axis| row["acceleration_mm_per_s2"][axis].as_f64().unwrap());
+        assert!(y < 0.8 * x && y > 100.0, "{row}");
+        (before_s, before_um) = (time_s, error_um);
+    }
+    assert_eq!(rows.len(), 3);
+    // A sweep of the key is the same, and without words for it nothing is simulated.
+    let swept = ferrostep(["sweep", job, "--profile", own, "--set", "error_budget_mm=0.03", "--json"]).json();
+    assert_eq!(swept["rows"][0]["acceleration_mm_per_s2"], rows[1]["acceleration_mm_per_s2"]);
+    assert_eq!(swept["rows"][0]["print_time_s"], rows[1]["print_time_s"]);
+    assert!(swept["rows"][0]["error_um"].is_null(), "{swept}");
+}
+
+#[test]
+fn budgets_that_no_frame_is_known_for_are_refused() {
+    let directory = directory();
+    let job = file(&directory, "job.gcode", "G28\nG1 X50 F6000\n");
+    let own = file(&directory, "own.toml", measured_profile());
+    let [job, own] = [&job, &own].map(|path| path.to_str().unwrap());
+    for (words, says) in [
+        (
+            &["estimate", job, "--error-budget", "0.02"][..],
+            "error_budget_mm = 0.02: expected frame.x and frame.y beside it",
+        ),
+        (
+            &["estimate", job, "--profile", own, "--error-budget", "0.005"],
+            "error_budget_mm = 0.005: expected at least 0.0",
+        ),
+        (&["estimate", job, "--error-budget", "little"], "\"little\" is no number"),
+        (&["estimate", job, "--simulate"], "--error-budget"),
+        (&["sweep", job, "--acceleration", "500", "--simulate"], "--simulate plays the steps on the printer's frame"),
+        (&["sweep", job, "--error-budget", "0.02", "--acceleration", "500"], "cannot be used with"),
+    ] {
+        let outcome = ferrostep(words);
+        assert_eq!((outcome.status, outcome.stdout.as_str()), (Some(2), ""), "{words:?} {outcome:#?}");
+        assert!(outcome.stderr.contains(says), "{words:?}: {}", outcome.stderr);
+    }
+    let shown = ferrostep(["estimate", job, "--profile", own, "--error-budget", "0.03"]);
+    assert!(shown.stdout.contains("X, Y mm/s²") && !shown.stdout.contains("error, 99 %"), "{}", shown.stdout);
 }
