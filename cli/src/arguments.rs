@@ -19,8 +19,8 @@ use crate::comparing::key_and_value;
 use crate::sweeping::key_and_values;
 
 pub use calibrate::{
-    CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration, HeatArguments,
-    TriedArgument,
+    CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration,
+    HeatArguments, TriedArgument,
 };
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.

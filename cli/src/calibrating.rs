@@ -13,8 +13,8 @@ use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep::terminal;
 
 use crate::arguments::{
-    CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration, HeatArguments,
-    TriedArgument,
+    CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration,
+    HeatArguments, TriedArgument,
 };
 use crate::outcome::{exit_code, result};
 
@@ -59,8 +59,7 @@ fn advance(arguments: &CalibrateAdvanceArguments) -> Result<ExitCode, String> {
 
 fn flow(arguments: &CalibrateFlowArguments) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
-    let steps =
-        FlowSteps { first_mm3_per_s: arguments.from, step_mm3_per_s: arguments.step, bands: arguments.bands };
+    let steps = FlowSteps { first_mm3_per_s: arguments.from, step_mm3_per_s: arguments.step, bands: arguments.bands };
     let keys = match (&arguments.out, arguments.whole_to_mm) {
         (Some(out), _) => {
             let tube = FlowTube { steps, temperatures: temperatures(arguments.heat), fan_percent: arguments.fan };

@@ -87,7 +87,8 @@ impl Mode {
             response.of_acceleration_s2 = response.of_acceleration_s2.max(acceleration.abs());
             response.of_speed_s = response.of_speed_s.max(speed.abs());
         }
-        let [acceleration, speed] = [self.from_acceleration(), self.from_speed()].map(|start| self.amplitude(start));
+        let [acceleration, speed] =
+            [self.start_of_acceleration(), self.start_of_speed()].map(|start| self.amplitude(start));
         Response {
             of_acceleration_s2: response.of_acceleration_s2 + left * acceleration,
             of_speed_s: response.of_speed_s + left * speed,
@@ -113,13 +114,13 @@ impl Mode {
 
     /// Where the mode is, mm, a time after it stood and a command of 1 mm/s began.
     fn after_speed(&self, time_s: f64) -> f64 {
-        time_s - self.lag_s() + self.ringing(time_s, self.from_speed())
+        time_s - self.lag_s() + self.ringing(time_s, self.start_of_speed())
     }
 
     /// Where the mode is, mm, a time after it stood and a command of 1 mm/s^2 began.
     fn after_acceleration(&self, time_s: f64) -> f64 {
         let lag_mm = self.lag_s() * time_s;
-        0.5 * time_s * time_s - lag_mm + self.compliance_s2() + self.ringing(time_s, self.from_acceleration())
+        0.5 * time_s * time_s - lag_mm + self.compliance_s2() + self.ringing(time_s, self.start_of_acceleration())
     }
 
     /// Where the mode stays at constant acceleration, mm from a command that is as late as the mode, for each mm/s^2.
@@ -128,12 +129,12 @@ impl Mode {
     }
 
     /// The vibration that a command of 1 mm/s begins: position and speed.
-    fn from_speed(&self) -> [f64; 2] {
+    fn start_of_speed(&self) -> [f64; 2] {
         [self.lag_s(), -1.0]
     }
 
     /// The vibration that a command of 1 mm/s^2 begins.
-    fn from_acceleration(&self) -> [f64; 2] {
+    fn start_of_acceleration(&self) -> [f64; 2] {
         [-self.compliance_s2(), self.lag_s()]
     }
 

@@ -5,7 +5,9 @@ use std::fmt::Write;
 use ferrostep_planner::PressureAdvance;
 use ferrostep_printer::Profile;
 
-use super::pattern::{Bead, MARGIN_MM, PatternError, RETRACTED_MM, RETRACTION_MM_PER_S, Temperatures, in_range, mm, nozzle_mm};
+use super::pattern::{
+    Bead, MARGIN_MM, PatternError, RETRACTED_MM, RETRACTION_MM_PER_S, Temperatures, in_range, mm, nozzle_mm,
+};
 
 /// Parts of a line: slow, fast, slow; mm.
 const PARTS_MM: [f64; 3] = [20.0, 40.0, 20.0];
@@ -72,7 +74,11 @@ impl AdvanceSteps {
     pub fn keys(&self, best: u16) -> Result<String, PatternError> {
         self.check()?;
         if !(1..=self.lines).contains(&best) {
-            return Err(PatternError::Value("--best", f64::from(best), format!("a line from 1 to {} (--lines)", self.lines)));
+            return Err(PatternError::Value(
+                "--best",
+                f64::from(best),
+                format!("a line from 1 to {} (--lines)", self.lines),
+            ));
         }
         Ok(format!(
             "K is {:.4} s +- {:.4} s\n\nIn the profile:\n\n[pressure_advance]\nseconds = {0:.4}\n",
@@ -167,11 +173,7 @@ impl AdvanceLines {
             pattern.travel(&mut out, [x_mm, y_mm]);
             pattern.part(&mut out, [x_mm, y_mm + 0.8 * APART_MM], slow_mm_per_s, 0.8 * APART_MM);
         }
-        let _ = writeln!(
-            out,
-            "M900 K{}",
-            profile.motion.pressure_advance.seconds
-        );
+        let _ = writeln!(out, "M900 K{}", profile.motion.pressure_advance.seconds);
         super::pattern::end(&mut out, 20.0);
         out
     }

@@ -85,7 +85,9 @@ impl FlowSteps {
         }
         let count = walls_mm.len();
         let Some(student) = count.checked_sub(2).map(|index| STUDENT_95[index.min(STUDENT_95.len() - 1)]) else {
-            return Err(PatternError::Nothing("at least two walls (--walls 0.61,0.63,0.62,0.61), as they show how well they are known"));
+            return Err(PatternError::Nothing(
+                "at least two walls (--walls 0.61,0.63,0.62,0.61), as they show how well they are known",
+            ));
         };
         let mean_mm = walls_mm.iter().sum::<f64>() / count as f64;
         let squares: f64 = walls_mm.iter().map(|wall_mm| (wall_mm - mean_mm).powi(2)).sum();
@@ -95,7 +97,9 @@ impl FlowSteps {
         let factor = bead.area_mm2() / measured.area_mm2();
         let part = half_mm * bead.height_mm / measured.area_mm2();
         if part > MAX_UNCERTAINTY {
-            let expected = format!("walls that are more alike, or more of them: the mean of these is known to {half_mm:.2} mm only");
+            let expected = format!(
+                "walls that are more alike, or more of them: the mean of these is known to {half_mm:.2} mm only"
+            );
             return Err(PatternError::Value("--walls", mean_mm, expected));
         }
         let [.., steps_per_mm] = profile.steps_per_mm.map(|steps| steps.to_f64());
@@ -172,7 +176,9 @@ impl FlowTube {
         let most = fastest * bead.area_mm2();
         let highest = steps.flow(u32::from(steps.bands));
         if highest > most {
-            let expected = format!("few enough for {most:.1} mm^3/s, which is {fastest:.0} mm/s; up to {highest:.1} was asked for");
+            let expected = format!(
+                "few enough for {most:.1} mm^3/s, which is {fastest:.0} mm/s; up to {highest:.1} was asked for"
+            );
             return Err(PatternError::Value("--bands", f64::from(steps.bands), expected));
         }
         let top_mm = bead.height_mm * f64::from(steps.layers());

@@ -45,12 +45,7 @@ impl std::error::Error for PatternError {}
 ///
 /// # Errors
 /// [`PatternError::Value`].
-pub fn in_range(
-    option: &'static str,
-    value: f64,
-    range: RangeInclusive<f64>,
-    unit: &str,
-) -> Result<(), PatternError> {
+pub fn in_range(option: &'static str, value: f64, range: RangeInclusive<f64>, unit: &str) -> Result<(), PatternError> {
     if range.contains(&value) {
         return Ok(());
     }

@@ -5,7 +5,9 @@ use std::fmt::Write;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::Profile;
 
-use super::pattern::{Bead, MARGIN_MM, PatternError, RETRACTED_MM, RETRACTION_MM_PER_S, Temperatures, in_range, mm, nozzle_mm};
+use super::pattern::{
+    Bead, MARGIN_MM, PatternError, RETRACTED_MM, RETRACTION_MM_PER_S, Temperatures, in_range, mm, nozzle_mm,
+};
 
 /// From stage to stage, mm.
 const APART_MM: f64 = 12.0;
@@ -98,7 +100,11 @@ impl SpeedSteps {
         in_range("--from", self.first, 1.0..=most, unit)?;
         in_range("--step", self.step, 1.0..=most, unit)?;
         if self.value(self.stages) > most {
-            return Err(PatternError::Value("--stages", f64::from(self.stages), format!("few enough for at most {most} {unit}")));
+            return Err(PatternError::Value(
+                "--stages",
+                f64::from(self.stages),
+                format!("few enough for at most {most} {unit}"),
+            ));
         }
         Ok(())
     }
@@ -159,21 +165,23 @@ impl SpeedMoves {
         }
         let room = ((x_mm - 2.0 * MARGIN_MM) / APART_MM).floor();
         if f64::from(steps.stages) > room {
-            return Err(PatternError::Value("--stages", f64::from(steps.stages), format!("at most {room}, for which the bed has room in X")));
+            return Err(PatternError::Value(
+                "--stages",
+                f64::from(steps.stages),
+                format!("at most {room}, for which the bed has room in X"),
+            ));
         }
         if steps.tried == Tried::Speed {
             let fastest = fastest_mm_per_s(profile);
             if steps.value(steps.stages) > fastest {
-                let expected = format!("few enough for {fastest:.0} mm/s, as fast as the board steps (minimum_event_interval_us)");
+                let expected =
+                    format!("few enough for {fastest:.0} mm/s, as fast as the board steps (minimum_event_interval_us)");
                 return Err(PatternError::Value("--stages", f64::from(steps.stages), expected));
             }
         }
         let bead = Bead::of_nozzle(nozzle_mm(profile), HEIGHT_OF_NOZZLE, WIDTH_OF_NOZZLE);
         let place = Place {
-            first_mark: [
-                0.5 * (x_mm - APART_MM * f64::from(steps.stages - 1)),
-                MARGIN_MM + HALF_MM,
-            ],
+            first_mark: [0.5 * (x_mm - APART_MM * f64::from(steps.stages - 1)), MARGIN_MM + HALF_MM],
             moves: [[MARGIN_MM, MARGIN_MM], [x_mm - MARGIN_MM, y_mm - MARGIN_MM]],
             height_mm: bead.height_mm,
             filament_per_mm: bead.filament_per_mm(profile),
@@ -214,11 +222,8 @@ impl SpeedMoves {
             place.marks(&mut out, stage, 1.0);
         }
         let limits = &profile.limits;
-        let _ = writeln!(
-            out,
-            "M204 P{} T{}",
-            limits.print_acceleration_mm_per_s2, limits.travel_acceleration_mm_per_s2
-        );
+        let _ =
+            writeln!(out, "M204 P{} T{}", limits.print_acceleration_mm_per_s2, limits.travel_acceleration_mm_per_s2);
         super::pattern::end(&mut out, 2.0 * RAISED_MM);
         out
     }
@@ -234,10 +239,7 @@ fn acceleration(profile: &Profile) -> f64 {
 fn own_limits(out: &mut String, profile: &Profile) {
     let [feed_x, feed_y, ..] = profile.limits.max_feed_mm_per_s;
     let [x, y, ..] = profile.limits.max_acceleration_mm_per_s2;
-    let _ = writeln!(
-        out,
-        "M201 X{x} Y{y}\nM203 X{feed_x} Y{feed_y}\nM204 P{MARK_MM_PER_S2} T{MARK_MM_PER_S2}"
-    );
+    let _ = writeln!(out, "M201 X{x} Y{y}\nM203 X{feed_x} Y{feed_y}\nM204 P{MARK_MM_PER_S2} T{MARK_MM_PER_S2}");
 }
 
 /// How fast X and Y may go together, so that no motor steps faster than events may follow each other, mm/s.
@@ -285,9 +287,16 @@ impl Place {
         let small = [[x - half, y - half], [x + half, y + half]];
         for [[low_x, low_y], [high_x, high_y]] in [self.moves, small] {
             let corners = [
-                [low_x, low_y], [high_x, high_y], [low_x, low_y],
-                [high_x, low_y], [low_x, high_y], [high_x, low_y],
-                [low_x, low_y], [low_x, high_y], [high_x, high_y], [high_x, low_y],
+                [low_x, low_y],
+                [high_x, high_y],
+                [low_x, low_y],
+                [high_x, low_y],
+                [low_x, high_y],
+                [high_x, low_y],
+                [low_x, low_y],
+                [low_x, high_y],
+                [high_x, high_y],
+                [high_x, low_y],
             ];
             for [x, y] in corners {
                 let _ = writeln!(out, "G1 X{x:.3} Y{y:.3} F{feed_mm_per_min:.0}");

@@ -7,7 +7,7 @@ use ferrostep_checked_toml::book::REFRESH_VARIABLE;
 use ferrostep_svg::{escaped, page};
 
 /// The page, and the part of each file's panel that shows numbers, pixels.
-const PAGE: [f64; 2] = [860.0, 620.0];
+const PAGE: [f64; 2] = [860.0, 570.0];
 const INNER: [f64; 2] = [205.0, 190.0];
 const FIRST: [f64; 2] = [60.0, 70.0];
 const APART: [f64; 2] = [275.0, 270.0];

@@ -60,6 +60,8 @@ fn waves_on_a_print_become_keys() {
         ferrostep(["calibrate", "shaper", "--axis", "y", "--waves", "5", "--over-mm", "10.2", "--speed", "100"]);
     assert!(outcome.stdout.contains("frame in Y  49.02 Hz +- 1.44 Hz"), "{}", outcome.stdout);
     assert!(outcome.stdout.contains("[input_shaper.y]\nkind = \"zv\"\nfrequency_hz = 49.0\n"), "{}", outcome.stdout);
+    let frame = "[frame.y]\nfrequency_hz = 49.0\nfrequency_uncertainty_hz = 1.4\ndamping = 0.100\n";
+    assert!(outcome.stdout.ends_with(frame), "{}", outcome.stdout);
 }
 
 #[test]
@@ -132,7 +134,7 @@ fn lines_of_advance_print_on_every_machine_and_their_number_is_a_key() {
         (&["--best", "0"], "expected a line from 1 to 21"),
         (&["--best", "1", "-o", lines], "cannot be used with"),
         (&[], "required"),
-        (&["-o", lines, "--lines", "60"], "have room for"),
+        (&["-o", lines, "--lines", "60"], "--lines 60: expected at most 34, for which the bed has room in Y"),
         (&["-o", lines, "--from", "nan"], "--from NaN: expected 0 to"),
         (&["-o", lines, "--step", "0"], "--step 0: expected 0.0001 to"),
         (&["-o", lines, "--step", "0.5"], "--lines 21: expected few enough"),
@@ -145,4 +147,113 @@ fn lines_of_advance_print_on_every_machine_and_their_number_is_a_key() {
         assert!(outcome.stderr.contains(says), "{arguments:?} {outcome:#?}");
     }
     assert_eq!(fs::read_to_string(&path).unwrap(), text);
+}
+
+/// The tube asks for the flows that it names: a machine that melts a little less reports its fastest moves.
+#[test]
+fn a_tube_has_the_flows_it_names_on_every_machine() {
+    let directory = directory();
+    let path = directory.path().join("tube.gcode");
+    let tube = path.to_str().unwrap();
+    for profile in ["cartesian", "corexy", "prusa-mini"] {
+        let words = ["--profile", profile, "-o", tube, "--from", "3", "--step", "0.5", "--bands", "20"];
+        let written = ferrostep(["calibrate", "flow"].into_iter().chain(words));
+        assert_eq!(written.status, Some(0), "{written:#?}");
+        let text = fs::read_to_string(repository().join("profiles").join(format!("{profile}.toml"))).unwrap();
+        for (melts, status) in [("13.05", 0), ("12.9", 1)] {
+            let own = file(&directory, "own.toml", format!("max_volumetric_flow_mm3_per_s = {melts}\n{text}"));
+            let printed = ferrostep(["print", tube, "--profile", own.to_str().unwrap(), "--strict"]);
+            assert_eq!(printed.status, Some(status), "{profile} {melts}: {printed:#?}");
+        }
+    }
+}
+
+#[test]
+fn walls_and_height_of_a_tube_become_keys() {
+    let directory = directory();
+    let path = directory.path().join("tube.gcode");
+    let tube = path.to_str().unwrap();
+    let of = |words: &[&str]| ferrostep(["calibrate", "flow"].iter().chain(words));
+    // 95 steps/mm; 0.6 mm were meant, with layers of 0.24 mm.
+    let right = of(&["--walls", "0.60,0.61,0.60,0.59"]).stdout;
+    assert!(right.contains("keep steps_per_mm.e = 95"), "{right}");
+    let thick = of(&["--walls", "0.66,0.67,0.66,0.65"]).stdout;
+    let factor = (0.36 * 0.24 + 0.0144 * std::f64::consts::PI) / (0.42 * 0.24 + 0.0144 * std::f64::consts::PI);
+    assert!(thick.contains("the wall is 0.660 mm +- 0.016 mm, 0.600 mm was meant: 110.9 %"), "{thick}");
+    assert!(thick.contains(&format!("\ne = {:.2}\n", 95.0 * factor)), "{thick}");
+    assert!(thick.ends_with(&format!("M221 S{:.1}\n", 100.0 * factor)), "{thick}");
+    // 30 even layers, then five of each flow: whole up to the end of the third band.
+    let melts = of(&["--whole-to-mm", "10.8"]).stdout;
+    let expected = "the nozzle melts 7.50 mm^3/s +- 0.50 mm^3/s\n\nIn the profile, what it melts for sure:\n\n\
+                    max_volumetric_flow_mm3_per_s = 7.00\n";
+    assert_eq!(melts, expected);
+    assert_eq!(of(&["--whole-to-mm", "11.8"]).stdout, expected);
+    let all = of(&["--whole-to-mm", "26.4"]).stdout;
+    assert!(all.contains("20.00 mm^3/s, the most that was tried"), "{all}");
+    for (words, says) in [
+        (&["--walls", "0.6"][..], "at least two walls"),
+        (&["--walls", "0.6,0.1"], "--walls 0.1: expected 0.3"),
+        (&["--walls", "0.4,0.9"], "walls that are more alike"),
+        (&["--whole-to-mm", "5"], "--whole-to-mm 5: expected 7.2 to 26.4 mm"),
+        (&["--whole-to-mm", "27"], "--whole-to-mm 27: expected"),
+        (&[], "required"),
+        (&["-o", tube, "--whole-to-mm", "9"], "cannot be used with"),
+        (&["-o", tube, "--step", "5"], "--bands 16: expected few enough for 26.3 mm^3/s"),
+        (&["-o", tube, "--step", "0.05", "--bands", "200"], "--bands 200: expected fewer"),
+        (&["-o", tube, "--from", "0"], "--from 0: expected 0.2 to 50 mm^3/s"),
+        (&["-o", tube, "--fan", "101"], "--fan 101: expected 0 to 100 %"),
+        (&["-o", tube, "--nozzle", "400"], "--nozzle 400: expected 170 to"),
+    ] {
+        let outcome = of(words);
+        assert_eq!(outcome.status, Some(2), "{words:?} {outcome:#?}");
+        assert!(outcome.stderr.contains(says), "{words:?} {outcome:#?}");
+    }
+    assert!(!path.exists());
+}
+
+/// The moves accelerate and run as the stages say: a machine prints them in the time that follows.
+#[test]
+fn moves_of_rising_speed_print_on_every_machine_and_their_stage_is_a_key() {
+    let directory = directory();
+    let path = directory.path().join("moves.gcode");
+    let moves = path.to_str().unwrap();
+    for (profile, of, words) in [
+        ("cartesian", "acceleration", ["--step", "2000"]),
+        ("corexy", "speed", ["--step", "40"]),
+        ("prusa-mini", "speed", ["--stages", "4"]),
+    ] {
+        let written =
+            ferrostep(["calibrate", "speed", "--of", of, "--profile", profile, "-o", moves].into_iter().chain(words));
+        assert_eq!(written.status, Some(0), "{written:#?}");
+        let printed = ferrostep(["print", moves, "--profile", profile, "--strict"]);
+        assert_eq!(printed.status, Some(0), "{profile}: {printed:#?}");
+    }
+    let time_s = |step: &str| {
+        let written = ferrostep(["calibrate", "speed", "-o", moves, "--from", "500", "--step", step, "--stages", "3"]);
+        assert_eq!(written.status, Some(0), "{written:#?}");
+        ferrostep(["estimate", moves, "--json"]).json()["print_time_s"].as_f64().unwrap()
+    };
+    // The marks take as long; the moves' acceleration is what rises.
+    assert!(time_s("4000") < 0.95 * time_s("100"));
+    let keys = |words: &[&str]| ferrostep(["calibrate", "speed"].iter().chain(words));
+    let expected = "the motors hold 6000 mm/s^2 and lose steps at 7000 mm/s^2\n\nIn the profile's max_acceleration_mm_per_s2, 15 % less, \
+                    for motors get weaker as they get hot:\n\nx = 5100, y = 5100\n";
+    assert_eq!(keys(&["--good", "6"]).stdout, expected);
+    let all = keys(&["--of", "speed", "--good", "10"]).stdout;
+    assert!(all.contains("hold 550 mm/s, the most that was tried") && all.contains("max_feed_mm_per_s"), "{all}");
+    for (words, says) in [
+        (&["--good", "0"][..], "try again below 1000 mm/s^2 (--from)"),
+        (&["--good", "11"], "--good 11: expected a stage from 1 to 10 (--stages)"),
+        (&["--good", "1", "-o", moves], "cannot be used with"),
+        (&[], "required"),
+        (&["-o", moves, "--stages", "20"], "--stages 20: expected at most 15, for which the bed has room in X"),
+        (&["-o", moves, "--step", "50000"], "--stages 10: expected few enough for at most 100000 mm/s^2"),
+        (&["-o", moves, "--profile", "corexy", "--of", "speed", "--step", "200"], "expected few enough for"),
+        (&["-o", moves, "--from", "nan"], "--from NaN: expected 1 to"),
+        (&["-o", moves, "--bed", "200"], "--bed 200: expected 0 to"),
+    ] {
+        let outcome = keys(words);
+        assert_eq!(outcome.status, Some(2), "{words:?} {outcome:#?}");
+        assert!(outcome.stderr.contains(says), "{words:?} {outcome:#?}");
+    }
 }
