@@ -114,6 +114,7 @@ const PROFILES: &[(&str, &str, &str)] = &[
     ("cartesian", "junction_deviation_mm = 0.1\n", ""),
     ("cartesian", "junction_deviation_mm = 0.1", "junction_deviation_mm = \"wide\""),
     ("cartesian", "jerk_mm_per_s3 = 10000", "jerk_mm_per_s3 = 10000\nwarp_factor = 9"),
+    ("cartesian", "jerk_mm_per_s3 = 10000", "jerk_mm_per_s3 = 10000\nerror_budget_mm = 0.02"),
     ("cartesian", "steps_per_mm = { x = 80", "steps_per_mm = { x = -80"),
     ("cartesian", "y = 80, z = 400", "z = 400"),
     ("cartesian", "max_celsius = 275", "max_celsius = 1e9"),
