@@ -1,6 +1,6 @@
 //! The core library of the boards' processor: installed by rustup, or compiled from the toolchain's own source.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::steps::Failure;
@@ -65,6 +65,25 @@ fn rustc_prints(what: &[&str]) -> Option<String> {
 pub fn compiler_version() -> Result<String, Failure> {
     system::output(Command::new("rustc").arg("--version").current_dir(system::root()))
         .ok_or_else(|| "`rustc --version` fails".to_owned())
+}
+
+/// What a compiler calls the folders of this computer in an image: the root of the sources, cargo's copies of others' sources, and
+/// those of the core library. Panics and debug information name source files, and an image would otherwise differ with the folder in
+/// which, and the person by whom, it is built.
+///
+/// # Errors
+/// The compiler does not say where it is.
+pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
+    let sysroot = rustc_prints(&["sysroot"]).ok_or("`rustc --print sysroot` fails")?;
+    let version = system::output(Command::new("rustc").arg("-vV").current_dir(system::root())).unwrap_or_default();
+    // The compiler's own name of this folder where the core library is installed.
+    let commit = version.lines().find_map(|line| line.strip_prefix("commit-hash: ")).unwrap_or("unknown");
+    let mut folders = vec![(system::root(), "/ferrostep".to_owned())];
+    if let Some(home) = system::cargo_home() {
+        folders.push((home.join("registry/src"), "/registry".to_owned()));
+    }
+    folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust"), format!("/rustc/{commit}")));
+    Ok(folders)
 }
 
 /// Packages that are optimised for speed on the desk and for size in an image, and their level there.

@@ -290,7 +290,23 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
         Program::OnTarget => command.args(["--bin", "on-target", "--features", "on-target"]),
     };
     core_library.apply(&mut command);
+    command.arg("--config").arg(renamed_folders(&core_library::folders()?)?);
     Ok(command)
+}
+
+/// Cargo's key by which the compiler calls folders by these names.
+///
+/// # Errors
+/// A folder is no text.
+fn renamed_folders(folders: &[(PathBuf, String)]) -> Result<String, Failure> {
+    let flags: Result<Vec<toml::Value>, Failure> = folders
+        .iter()
+        .map(|(folder, name)| {
+            let folder = folder.to_str().ok_or_else(|| format!("{}: the path is no text", folder.display()))?;
+            Ok(toml::Value::from(format!("--remap-path-prefix={folder}={name}")))
+        })
+        .collect();
+    Ok(format!("target.{}.rustflags={}", core_library::TARGET, toml::Value::from(flags?)))
 }
 
 /// Name of the firmware's package.
@@ -326,6 +342,19 @@ mod tests {
         let changing = ["CARGO_INCREMENTAL", "CARGO_PROFILE_RELEASE_LTO", "CARGO_PROFILE_RELEASE_CODEGEN_UNITS"];
         assert!(changing.into_iter().all(changes_profile));
         assert!(!["CARGO_HOME", "CARGO_TARGET_DIR", "CARGO"].into_iter().any(changes_profile));
+    }
+
+    #[test]
+    fn an_image_names_no_folder_of_the_computer_that_builds_it() {
+        let key =
+            renamed_folders(&[("/home/a \"b\"".into(), "/c".to_owned()), ("/d".into(), "/e".to_owned())]).unwrap();
+        let parsed: toml::Table = key.parse().unwrap();
+        let flags = parsed["target"]["thumbv7em-none-eabihf"]["rustflags"].as_array().unwrap();
+        let expected = ["--remap-path-prefix=/home/a \"b\"=/c", "--remap-path-prefix=/d=/e"];
+        assert_eq!(flags.iter().filter_map(toml::Value::as_str).collect::<Vec<_>>(), expected);
+        let names: Vec<String> = core_library::folders().unwrap().into_iter().map(|(_, name)| name).collect();
+        assert_eq!(names[..2], ["/ferrostep", "/registry"]);
+        assert!(names[2].starts_with("/rustc/") && names[2].len() == 47, "{names:?}");
     }
 
     #[test]

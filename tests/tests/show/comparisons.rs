@@ -8,7 +8,8 @@ use serde_json::Value;
 
 use crate::pages::{errors, job, names};
 
-fn compare(folder: &Path, arguments: &[&str]) -> Output {
+/// Runs `compare` in a folder, without opening the page.
+pub fn compare(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(program()).current_dir(folder).args(["compare", "--no-open"]).args(arguments).output().unwrap()
 }
 
