@@ -74,7 +74,7 @@ const DESK: [Writer; 7] = [
     },
     Writer {
         what: "pictures of pages",
-        arguments: &["test", "-p", "ferrostep-tests", "--test", "show", "--", "browser"],
+        arguments: &["test", "-p", "ferrostep-tests", "--test", "show", "--", "pictures"],
         sources: &["tests/tests/show/pictures.rs"],
     },
     Writer {
