@@ -17,6 +17,7 @@ use ferrostep_simulator::shapers::ShaperKind;
 
 use crate::comparing::key_and_value;
 use crate::sweeping::key_and_values;
+use crate::waveform::{Edge, edge};
 
 pub use calibrate::{CalibrateAdvanceArguments, CalibrateShaperArguments, Calibration};
 
@@ -50,12 +51,12 @@ pub enum Command {
         /// Writes the step and direction signals as a waveform, for GTKWave or PulseView. A whole print is large.
         #[arg(long, value_name = "OUT")]
         vcd: Option<PathBuf>,
-        /// Begins the waveform here, seconds of motion: `motion_time_s` without waits for heat.
-        #[arg(long, value_name = "SECONDS", requires = "vcd", value_parser = seconds)]
-        from: Option<f64>,
-        /// Ends the waveform here, seconds of motion.
-        #[arg(long, value_name = "SECONDS", requires = "vcd", value_parser = seconds)]
-        to: Option<f64>,
+        /// Begins the waveform here: seconds of motion (12.5; waits for heat left out), a line (line:120) or a layer (layer:3).
+        #[arg(long, value_name = "SECONDS|line:N|layer:N", requires = "vcd", value_parser = edge)]
+        from: Option<Edge>,
+        /// Ends the waveform here, after the motion of the line or the layer.
+        #[arg(long, value_name = "SECONDS|line:N|layer:N", requires = "vcd", value_parser = edge)]
+        to: Option<Edge>,
     },
     /// Plans the speeds of a file on this computer and writes a prepared job (.gpre), which a board only has to execute.
     Preprocess {
@@ -251,7 +252,7 @@ pub struct ServeArguments {
     pub tcp: Option<u16>,
     /// Serves a page that shows the printer and controls it, for this computer's browsers, or for others at another address; its
     /// address with a secret token is printed at the start.
-    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", value_parser = web_address, conflicts_with = "board")]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", value_parser = web_address)]
     pub web: Option<SocketAddr>,
     /// Largest file that the page uploads, MiB.
     #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=65_536), requires = "web")]
@@ -391,12 +392,6 @@ fn input_shaper(name: &str) -> Result<InputShaperKind, String> {
         let names = InputShaperKind::NAMED.map(|(name, _)| name).join(", ");
         format!("expected {names}, or as mzv(5,0.9)")
     })
-}
-
-/// A time from the start, s.
-fn seconds(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds >= 0.0);
-    number.ok_or_else(|| "expected seconds, 0 or more, as 12.5".to_owned())
 }
 
 /// Two numbers with a comma between them.

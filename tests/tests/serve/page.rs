@@ -199,8 +199,15 @@ fn a_print_from_the_page_makes_the_steps_of_print_whoever_asks_meanwhile() {
     thread::scope(|scope| {
         for _ in 0..10 {
             scope.spawn(|| {
+                let mut left_s = f64::INFINITY;
                 while !is_over.load(Ordering::Relaxed) {
                     let state = page.state();
+                    // What is left is known from the lines, and only falls.
+                    if state["activity"] == "printing" {
+                        let now_s = state["job"]["remaining_s"].as_f64().unwrap();
+                        assert!(now_s <= left_s, "{now_s} s left after {left_s} s");
+                        left_s = now_s;
+                    }
                     looks.fetch_add(usize::from(state["activity"] == "printing"), Ordering::Relaxed);
                 }
             });
