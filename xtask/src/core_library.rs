@@ -83,7 +83,13 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
         folders.push((home.join("registry/src"), "/registry".to_owned()));
     }
     folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust"), format!("/rustc/{commit}")));
-    Ok(folders)
+    // The compiler is told paths as they are written, and asks the system for the folder that it runs in.
+    let resolved = folders.iter().filter_map(|(folder, name)| {
+        let resolved = folder.canonicalize().ok().filter(|resolved| resolved != folder)?;
+        Some((resolved, name.clone()))
+    });
+    let resolved: Vec<_> = resolved.collect();
+    Ok([folders, resolved].concat())
 }
 
 /// Packages that are optimised for speed on the desk and for size in an image, and their level there.

@@ -35,13 +35,17 @@ pub fn check(run: &mut Run, options: &Options) -> Result<(), Failure> {
 }
 
 fn build_and_compare(run: &mut Run, options: &Options, folder: &Path) -> Result<(), Failure> {
+    // Both before a build, which takes minutes: a commit in between would be another image.
+    run.step("two clones of the last commit", || {
+        FOLDERS.into_iter().try_for_each(|(name, _)| {
+            let mut git = Command::new("git");
+            system::run(git.args(["clone", "--quiet", "--no-hardlinks"]).arg(system::root()).arg(folder.join(name)))
+        })
+    })?;
     let mut images = Vec::new();
     for (name, step) in FOLDERS {
         let clone = folder.join(name);
         run.step(step, || {
-            system::run(
-                Command::new("git").args(["clone", "--quiet", "--no-hardlinks"]).arg(system::root()).arg(&clone),
-            )?;
             let mut build = Command::new(env!("CARGO"));
             build.current_dir(&clone).env("CARGO_TARGET_DIR", clone.join("target"));
             build.env("CARGO_HOME", another_home(&folder.join("cargo-of").join(name))?);
