@@ -4,12 +4,19 @@
 //! [`REFRESH_VARIABLE`] is set. This runs all of them. The mutants' table is left out, for it takes hours:
 //! `cargo xtask mutants --refresh`.
 
+use std::path::PathBuf;
+
+use crate::generated::Page;
+use crate::size::{Budget, Row};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 use crate::{FIRMWARE_VARIABLE, HOSTS_VARIABLE, bench, firmware, hosts, house, image};
 
 /// Environment variable by which a test writes what it would compare.
 const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
+
+/// The README, with the table of the images' sizes.
+const README: Page = Page { path: "README.md", command: "cargo xtask refresh" };
 
 /// What to write.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -110,6 +117,7 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
         return Ok(());
     }
     let images = firmware::build_images(run, &firmware::Options::default())?;
+    run.step("sizes of the images", || README.write(&size_table(&images)?))?;
     let bench_image = images.into_iter().next().ok_or("there is no board")?;
     run.step(MASKED.what, || {
         let mut tests = cargo();
@@ -117,6 +125,18 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
         system::run(tests.env(FIRMWARE_VARIABLE, &bench_image).env(image::IMAGES_VARIABLE, image::images()))
     })?;
     bench::run(run, bench::Options::SAVE)
+}
+
+/// The sizes of the built-in boards' images, in the order of the boards.
+fn size_table(images: &[PathBuf]) -> Result<String, Failure> {
+    let mut table = Row::HEAD.to_owned();
+    for (name, image) in ferrostep_boards::builtin_names().zip(images) {
+        let board = ferrostep_boards::load(name).map_err(|error| error.to_string())?;
+        let methods = if board.virtual_sensors { ", with all methods" } else { "" };
+        let row = Row { name: &format!("{name}{methods}"), sizes: firmware::sizes(image)?, budget: Budget::of(&board) };
+        table += &format!("{row}\n");
+    }
+    Ok(table)
 }
 
 #[cfg(test)]
@@ -142,6 +162,16 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_readme_has_a_row_for_each_board() {
+        let text = README.read().unwrap();
+        let table = README.generated(&text).unwrap();
+        assert!(table.contains(Row::HEAD), "{table}");
+        let rows = table.lines().filter(|line| !line.is_empty()).skip(2);
+        let names: Vec<&str> = rows.map(|row| row.trim_start_matches("| ").split([',', ' ']).next().unwrap()).collect();
+        assert_eq!(names, ferrostep_boards::builtin_names().collect::<Vec<_>>());
     }
 
     #[test]

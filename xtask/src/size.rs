@@ -98,6 +98,43 @@ impl Sizes {
     }
 }
 
+/// The sizes of an image as a row of a table in Markdown.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'a> {
+    /// The image.
+    pub name: &'a str,
+    /// Its sizes.
+    pub sizes: Sizes,
+    /// What it may take.
+    pub budget: Budget,
+}
+
+impl Row<'_> {
+    /// The table's head.
+    pub const HEAD: &'static str = "| board | text | data | bss | flash, of the budget | RAM with 20 KiB of stack, of the budget |\n\
+                                    |---|---|---|---|---|---|\n";
+}
+
+impl fmt::Display for Row<'_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, sizes, budget } = self;
+        // Thousands apart, as in the rest of the book.
+        let number = |bytes: u64| {
+            if bytes < 1000 { bytes.to_string() } else { format!("{} {:03}", bytes / 1000, bytes % 1000) }
+        };
+        let share = |bytes: u64, whole: u64| format!("{:.1} %", bytes as f64 * 100.0 / whole as f64);
+        write!(
+            out,
+            "| {name} | {} | {} | {} | {} | {} |",
+            number(sizes.text),
+            number(sizes.data),
+            number(sizes.bss),
+            share(sizes.flash(), budget.flash),
+            share(sizes.ram(), budget.ram)
+        )
+    }
+}
+
 /// The sizes of an image beside its budget, as a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Table(pub Sizes, pub Budget);
@@ -165,6 +202,14 @@ mod tests {
     fn files_that_are_not_images_are_refused() {
         assert!(Sizes::of_elf(b"\x7fELF").is_err());
         assert!(Sizes::of_elf(b"").is_err());
+    }
+
+    #[test]
+    fn a_row_has_thousands_apart_and_shares() {
+        let sizes = Sizes { text: 355_900, data: 124, bss: 84_044, ccm: 0 };
+        let budget = Budget { flash: 838_860, ram: 104_857 };
+        let row = Row { name: "bench", sizes, budget }.to_string();
+        assert_eq!(row, "| bench | 355 900 | 124 | 84 044 | 42.4 % | 99.8 % |");
     }
 
     #[test]

@@ -315,6 +315,29 @@ fn one_host_owns_the_printer_at_a_time() {
     assert!(!host.say("M105").is_empty());
 }
 
+/// A host that asks on and on and reads no answer: the page shows the printer meanwhile, and its emergency stop acts. When the host has
+/// gone the printer prints as ever.
+#[test]
+fn a_host_that_stops_reading_holds_up_neither_page_nor_printer() {
+    let mut printer = Printer::at_pty(&["--web", "127.0.0.1:0", "--speed", "max"]);
+    let page = printer.page();
+    let mut host = printer.connect();
+    host.say("G28");
+    // The answers are a hundred times what the line holds.
+    host.send(&"M115\n".repeat(500));
+    let looks: Vec<Value> = (0..50).map(|_| page.state()).collect();
+    assert!(looks.iter().all(|state| state["owner"] != Value::Null), "{:#}", looks[0]);
+    page.wish("/stop", b"");
+    page.look_until(|state| state["activity"] == "halted");
+    drop(host);
+    page.look_until(|state| state["owner"] == Value::Null);
+    page.wish("/line", b"M999");
+    page.look_until(|state| state["activity"] == "idle");
+    page.wish("/job", &part().join("\n").into_bytes());
+    page.wish("/start", b"");
+    page.look_until(|state| says(state, "printed: "));
+}
+
 /// `serve --web --port`, here in front of another virtual printer's port: the same steps, temperatures and position by the line.
 #[test]
 fn a_printer_at_a_port_prints_from_the_page() {

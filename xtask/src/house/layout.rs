@@ -300,6 +300,7 @@ mod tests {
                 assert!(apart >= half(pair[0]) + half(pair[1]) + GAP - 1e-6, "{layout:?}");
             }
         }
-        assert!(layout.rooms().all(|[x, _]| x >= ROOM[0] / 2.0 && x <= WIDTH - ROOM[0] / 2.0), "{layout:?}");
+        let within = ROOM[0] / 2.0..=WIDTH - ROOM[0] / 2.0;
+        assert!(layout.rooms().all(|[x, _]| within.contains(&x)), "{layout:?}");
     }
 }
