@@ -67,7 +67,7 @@ pub fn compiler_version() -> Result<String, Failure> {
         .ok_or_else(|| "`rustc --version` fails".to_owned())
 }
 
-/// What a compiler calls the folders of this computer in an image: the root of the sources, cargo's copies of others' sources, and
+/// What a compiler calls the folders of this computer in what it builds: the root of the sources, cargo's copies of others' sources, and
 /// those of the core library. Panics and debug information name source files, and an image would otherwise differ with the folder in
 /// which, and the person by whom, it is built.
 ///

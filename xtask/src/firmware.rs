@@ -290,15 +290,17 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
         Program::OnTarget => command.args(["--bin", "on-target", "--features", "on-target"]),
     };
     core_library.apply(&mut command);
-    command.arg("--config").arg(renamed_folders(&core_library::folders()?)?);
+    command
+        .arg("--config")
+        .arg(renamed_folders(&format!("target.{}", core_library::TARGET), &core_library::folders()?)?);
     Ok(command)
 }
 
-/// Cargo's key by which the compiler calls folders by these names.
+/// Cargo's key by which the compiler calls folders by these names. `table`: where cargo's flags for the compiler stand, `build` or a target's.
 ///
 /// # Errors
 /// A folder is no text.
-fn renamed_folders(folders: &[(PathBuf, String)]) -> Result<String, Failure> {
+pub fn renamed_folders(table: &str, folders: &[(PathBuf, String)]) -> Result<String, Failure> {
     let flags: Result<Vec<toml::Value>, Failure> = folders
         .iter()
         .map(|(folder, name)| {
@@ -306,7 +308,7 @@ fn renamed_folders(folders: &[(PathBuf, String)]) -> Result<String, Failure> {
             Ok(toml::Value::from(format!("--remap-path-prefix={folder}={name}")))
         })
         .collect();
-    Ok(format!("target.{}.rustflags={}", core_library::TARGET, toml::Value::from(flags?)))
+    Ok(format!("{table}.rustflags={}", toml::Value::from(flags?)))
 }
 
 /// Name of the firmware's package.
@@ -346,8 +348,11 @@ mod tests {
 
     #[test]
     fn an_image_names_no_folder_of_the_computer_that_builds_it() {
-        let key =
-            renamed_folders(&[("/home/a \"b\"".into(), "/c".to_owned()), ("/d".into(), "/e".to_owned())]).unwrap();
+        let key = renamed_folders(
+            "target.thumbv7em-none-eabihf",
+            &[("/home/a \"b\"".into(), "/c".to_owned()), ("/d".into(), "/e".to_owned())],
+        )
+        .unwrap();
         let parsed: toml::Table = key.parse().unwrap();
         let flags = parsed["target"]["thumbv7em-none-eabihf"]["rustflags"].as_array().unwrap();
         let expected = ["--remap-path-prefix=/home/a \"b\"=/c", "--remap-path-prefix=/d=/e"];
