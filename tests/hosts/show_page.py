@@ -95,6 +95,14 @@ def main():
         page.mouse.move(box["x"] + spot[0], box["y"] + spot[1])
         page.wait_for_selector("#tip:not([hidden])")
         seen["tip"] = page.locator("#tip").inner_text()
+
+        # As a phone, in the dark: nothing is wider than the window.
+        phone = opened(browser, file, seen, viewport={"width": 360, "height": 740}, color_scheme="dark")
+        phone.wait_for_selector("html[data-ready]", state="attached")
+        seen["phone_overflow"] = phone.evaluate(
+            "() => ['html', '#figures', 'aside'].map((part) => document.querySelector(part))"
+            ".map((part) => part.scrollWidth - part.clientWidth)"
+        )
         browser.close()
     print(json.dumps(seen))
 

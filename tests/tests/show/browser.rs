@@ -64,6 +64,7 @@ fn loads(print: Print) {
         assert!((number(&jump["time"]) - number(&jump["wanted_time"])).abs() < 1.0, "{jump}");
     }
     assert_eq!(seen["modes"], 11);
+    assert_eq!(seen["phone_overflow"], json!([0, 0, 0]), "{seen:#}");
     assert!(seen["tip"].as_str().unwrap().contains("line "), "{seen:#}");
 }
 
