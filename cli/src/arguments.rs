@@ -226,6 +226,10 @@ pub struct SendArguments {
     /// Writes G-code to the printer's memory card under this name, 8 characters and 3 after the dot, instead of printing it.
     #[arg(long, value_name = "NAME", conflicts_with = "fallback")]
     pub to_card: Option<String>,
+    /// The printer, as its profile describes it: cartesian, corexy, prusa-mini, or the path of a TOML file. The remaining time of
+    /// G-code is estimated for it, instead of being the slicer's.
+    #[arg(long, value_name = "NAME|PATH", conflicts_with = "to_card")]
+    pub profile: Option<String>,
     /// Packs the lines of G-code into two thirds of their bytes, if the printer says that it knows MeatPack.
     #[arg(long)]
     pub meatpack: bool,

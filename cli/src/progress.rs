@@ -19,6 +19,33 @@ const LENGTH: usize = 20;
 /// Least time between two messages: what changes faster cannot be read.
 const INTERVAL: Duration = Duration::from_millis(50);
 
+/// When each line of a file is executed, once a thread beside this one has estimated it.
+#[derive(Clone, Default)]
+pub struct Estimate(Arc<OnceLock<Schedule>>);
+
+impl Estimate {
+    /// Begins to estimate a file for a machine. Of what is no file nothing is estimated, for it can be read once only.
+    pub fn begin(&self, file: &Path, profile: Profile, look_ahead: usize) {
+        if !file.metadata().is_ok_and(|metadata| metadata.is_file()) {
+            return;
+        }
+        let (file, estimated) = (file.to_owned(), Arc::clone(&self.0));
+        let estimate = move || {
+            // A job that stops has no time; its error comes from the print itself.
+            if let Ok(schedule) = Schedule::of(&file, profile, look_ahead, &Arc::new(AtomicBool::new(false))) {
+                let _ = estimated.set(schedule);
+            }
+        };
+        // Without a thread there is no time.
+        let _ = std::thread::Builder::new().name("estimate".to_owned()).spawn(estimate);
+    }
+
+    /// The estimate, if it is made.
+    pub fn get(&self) -> Option<&Schedule> {
+        self.0.get()
+    }
+}
+
 /// Shows the progress of a job. If standard error is not a terminal, only messages appear.
 pub struct Progress {
     bar: ProgressBar,
@@ -29,8 +56,8 @@ pub struct Progress {
     /// The job's motion, s, if its file says it.
     motion_time_s: Cell<Option<f64>>,
     layers: Cell<Option<u32>>,
-    /// Time of the whole print, s, as soon as an estimate beside it has ended.
-    total_s: Arc<OnceLock<f64>>,
+    /// The estimate that is made beside the print.
+    schedule: Estimate,
 }
 
 impl Progress {
@@ -43,25 +70,15 @@ impl Progress {
             most: Cell::default(),
             motion_time_s: Cell::default(),
             layers: Cell::default(),
-            total_s: Arc::default(),
+            schedule: Estimate::default(),
         }
     }
 
     /// Estimates the time of a file's print meanwhile: only from that is it known what is left. Without a terminal nobody would see it.
     pub fn estimate(&self, file: &Path, profile: Profile, look_ahead: usize) {
-        // What is no file is read once.
-        if self.bar.is_hidden() || !file.metadata().is_ok_and(|metadata| metadata.is_file()) {
-            return;
+        if !self.bar.is_hidden() {
+            self.schedule.begin(file, profile, look_ahead);
         }
-        let (file, total_s) = (file.to_owned(), Arc::clone(&self.total_s));
-        let estimate = move || {
-            // A job that stops has no time; its error comes from the print itself.
-            if let Ok(schedule) = Schedule::of(&file, profile, look_ahead, &Arc::new(AtomicBool::new(false))) {
-                let _ = total_s.set(schedule.total_s());
-            }
-        };
-        // Without it the bar has the share of the file, and no time.
-        let _ = std::thread::Builder::new().name("estimate".to_owned()).spawn(estimate);
     }
 
     /// Takes in where the job is, and moves the bar. `share`: the part of the file that was read, 0 to 1, if its size is known.
@@ -87,9 +104,9 @@ impl Progress {
         self.shown.set(Some(now));
         let figures = figures();
         // What is left of the time that is known: it can only fall.
-        let times = match (self.motion_time_s.get(), self.total_s.get()) {
+        let times = match (self.motion_time_s.get(), self.schedule.get().map(Schedule::total_s)) {
             (Some(all_s), _) => Some((figures.motion_time_s, all_s)),
-            (None, Some(all_s)) => Some((figures.print_time_s, *all_s)),
+            (None, Some(all_s)) => Some((figures.print_time_s, all_s)),
             (None, None) => None,
         };
         let times = times.filter(|(_, all_s)| *all_s > 0.0);
@@ -139,7 +156,7 @@ fn line(share: Option<f64>, left_s: Option<f64>, layers: Option<u32>, figures: &
 }
 
 /// Hours, minutes and seconds as a clock writes them.
-fn clock(seconds: f64) -> String {
+pub fn clock(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
     let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
     if hours > 0 { format!("{hours}:{minutes:02}:{seconds:02}") } else { format!("{minutes}:{seconds:02}") }
