@@ -67,8 +67,8 @@ pub fn compiler_version() -> Result<String, Failure> {
         .ok_or_else(|| "`rustc --version` fails".to_owned())
 }
 
-/// What a compiler calls the folders of this computer in what it builds: the root of the sources, cargo's copies of others' sources, and
-/// those of the core library. Panics and debug information name source files, and an image would otherwise differ with the folder in
+/// What a compiler calls the folders of this computer in what it builds: the root of the sources, cargo's copies of others' sources, those of the
+/// core library, and what build scripts have written. Panics and debug information name source files, and an image would otherwise differ with the folder in
 /// which, and the person by whom, it is built.
 ///
 /// # Errors
@@ -83,6 +83,8 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
         folders.push((home.join("registry/src"), "/registry".to_owned()));
     }
     folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust"), format!("/rustc/{commit}")));
+    // Last, for the last that fits counts, and this one lies within the root unless it is told otherwise.
+    folders.push((system::target_directory(), "/target".to_owned()));
     // The compiler is told paths as they are written, and asks the system for the folder that it runs in.
     let resolved = folders.iter().filter_map(|(folder, name)| {
         let resolved = folder.canonicalize().ok().filter(|resolved| resolved != folder)?;

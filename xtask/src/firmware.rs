@@ -149,6 +149,7 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
         Ok(())
     })?;
     run.step("files and sizes", || {
+        names_no_folder(&elf)?;
         let folder = image::folder_of(&target.board, target.boot_offset.is_some());
         let image = image::export(&elf, &target.board, &folder)?;
         let sizes = sizes(&image)?;
@@ -296,6 +297,22 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
     Ok(command)
 }
 
+/// Checks that an image names no folder of this computer, in its debug information neither: it would differ from the same image built
+/// elsewhere.
+///
+/// # Errors
+/// It names one.
+fn names_no_folder(elf: &Path) -> Result<(), Failure> {
+    let bytes = std::fs::read(elf).map_err(|error| format!("{}: {error}", elf.display()))?;
+    for (folder, _) in core_library::folders()? {
+        let name = folder.as_os_str().as_encoded_bytes();
+        if bytes.windows(name.len()).any(|window| window == name) {
+            return Err(format!("{} names {}: see core_library::folders", elf.display(), folder.display()));
+        }
+    }
+    Ok(())
+}
+
 /// Cargo's key by which the compiler calls folders by these names. `table`: where cargo's flags for the compiler stand, `build` or a target's.
 ///
 /// # Errors
@@ -360,6 +377,17 @@ mod tests {
         let names: Vec<String> = core_library::folders().unwrap().into_iter().map(|(_, name)| name).collect();
         assert_eq!(names[..2], ["/ferrostep", "/registry"]);
         assert!(names[2].starts_with("/rustc/") && names[2].len() == 47, "{names:?}");
+        assert_eq!(names[3], "/target");
+        let file = std::env::temp_dir().join(format!("ferrostep-folders-{}", std::process::id()));
+        let checked = |text: String| {
+            std::fs::write(&file, text).unwrap();
+            names_no_folder(&file)
+        };
+        let (named, unnamed) =
+            (checked(format!("x{}/y", system::root().display())), checked("/ferrostep/y".to_owned()));
+        std::fs::remove_file(&file).unwrap();
+        assert!(named.unwrap_err().contains("names /"));
+        assert_eq!(unnamed, Ok(()));
     }
 
     #[test]
