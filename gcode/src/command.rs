@@ -113,6 +113,24 @@ pub struct AdvanceWords {
     pub smooth_time: Option<Decimal>,
 }
 
+/// What is done with the settings that survive the power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SettingsCommand {
+    /// M500: those in force are stored.
+    Store,
+    /// M501: the stored ones come into force.
+    Load,
+    /// M502: those of the profile come into force.
+    Reset,
+    /// M503: those in force are reported as commands.
+    Report {
+        /// Not with S0: above each of them a line says what it is.
+        headings: bool,
+    },
+    /// M504: the stored ones are checked.
+    Validate,
+}
+
 /// Target of M104, M109, M140 and M190.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
@@ -325,6 +343,8 @@ pub enum Command<'a> {
         /// P0: the probe's offset stays as it is.
         keeps_offset: bool,
     },
+    /// M500 to M504: the stored settings.
+    Settings(SettingsCommand),
     /// M851: from the nozzle to the probe; without words a query.
     ProbeOffset(AxisWords),
     /// M400.

@@ -114,7 +114,7 @@ const fn named(number: u16) -> (u8, u16, u16) {
 const NO_MESH: &str = "there is no mesh of the bed, which must be level by itself";
 const NO_DISPLAY: &str = "there is no display";
 const NO_UNIT: &str = "there is no such unit: change filament by hand";
-const NO_STORE: &str = "settings are the profile's, and nothing is stored";
+const NO_STORE: &str = "the profile says where home is";
 const NO_OUTPUT: &str = "there is no such output";
 const NO_CHAMBER: &str = "there is no chamber heater";
 const NO_TWIN: &str = "this machine has one extruder";
@@ -199,7 +199,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(428), "M428", "make this place home", NO_STORE),
     accepted(m(486), "M486", "names of objects, to leave one out", "all are printed"),
     unknown(m(493), "M493", "input shaping by fixed-time motion", "use M593"),
-    unknown((b'M', 500, 504), "M500 to M504", "store, load and report settings", NO_STORE),
     accepted((b'M', 530, 532), "M530 to M532", "a job begins, its name, its progress", NO_DISPLAY),
     unknown(m(540), "M540", "end the job when an end stop triggers", "end stops are read while homing"),
     accepted(m(555), "M555", "which part of the bed to measure", NO_MESH),

@@ -14,7 +14,7 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("PAREN_COMMENTS", true),
     ("SERIAL_XON_XOFF", false),
     ("BINARY_FILE_TRANSFER", false),
-    ("EEPROM", false),
+    (EEPROM, false),
     ("VOLUMETRIC", false),
     ("AUTOREPORT_POS", false),
     ("AUTOREPORT_TEMP", true),
@@ -29,6 +29,9 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("TOGGLE_LIGHTS", false),
     ("CASE_LIGHT_BRIGHTNESS", false),
 ];
+
+/// The capability of a machine that stores settings (M500).
+const EEPROM: &str = "EEPROM";
 
 /// The capability of a machine whose Z homes with a probe.
 const Z_PROBE: &str = "Z_PROBE";
@@ -267,6 +270,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
         thermal_protection,
         z_probe,
         card,
+        stores_settings,
     } = info;
     write!(formatter, "FIRMWARE_NAME:Ferrostep {version}")?;
     if !source_code_url.is_empty() {
@@ -284,6 +288,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
             THERMAL_PROTECTION => *thermal_protection,
             MEATPACK => *meatpack,
             Z_PROBE => *z_probe,
+            EEPROM => *stores_settings,
             name => *has || *card && CARD.contains(&name),
         };
         write!(formatter, "\nCap:{name}:{}", u8::from(has))?;

@@ -1,6 +1,6 @@
 //! Kinds of commands, before they are executed.
 
-use ferrostep_gcode::{AdvanceWords, CardCommand, Command, ShaperWords};
+use ferrostep_gcode::{AdvanceWords, CardCommand, Command, SettingsCommand, ShaperWords};
 
 /// How a command is treated while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +32,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Echo { .. }
         | Command::EndWait
         | Command::PromptAnswer(_)
+        | Command::Settings(SettingsCommand::Report { .. } | SettingsCommand::Validate)
         | Command::SoftLimits(None)
         | Command::FeedPercent(None)
         | Command::FlowPercent(None)

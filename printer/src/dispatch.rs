@@ -1,7 +1,8 @@
 //! Which command goes where.
 
 use ferrostep_gcode::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, ShaperWords, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, SettingsCommand,
+    ShaperWords, WaitTarget,
 };
 use ferrostep_hal_shim::Heater;
 
@@ -26,6 +27,7 @@ enum Waiting<'a> {
     InputShaper { axes: &'a [ShaperWords<'a>; 2], usual: &'static str },
     PressureAdvance(&'a AdvanceWords),
     ShiftZ { words: &'a AxisWords, keeps_offset: bool },
+    Settings(SettingsCommand),
     Card(&'a CardCommand<'a>),
     Finish,
 }
@@ -73,6 +75,10 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
             Waiting::PressureAdvance(words) => self.advance(words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
+            Waiting::Settings(command) => {
+                self.motion.finish().await?;
+                self.settings_command(command);
+            }
             Waiting::Card(command) => self.card_command(*command).await?,
             Waiting::Finish => self.motion.finish().await?,
         }
@@ -188,6 +194,11 @@ impl<P: Ports> Printer<'_, P> {
             Command::InputShaper { ref axes, usual } => return waiting(Waiting::InputShaper { axes, usual }),
             Command::PressureAdvance(ref words) => return waiting(Waiting::PressureAdvance(words)),
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
+            Command::Settings(command) if self.refuse_settings(command) => {}
+            Command::Settings(command) if Self::needs_standstill(command) => {
+                return waiting(Waiting::Settings(command));
+            }
+            Command::Settings(command) => self.settings_command(command),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Finish => return waiting(Waiting::Finish),
             // The drivers' part is all that there is to the first four. Without a display or a second fan the others change

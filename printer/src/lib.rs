@@ -39,6 +39,7 @@ mod shaper_refusal;
 mod shapers;
 mod shared_machine;
 mod signals;
+mod stored;
 mod temperatures;
 mod transfer;
 mod waits;
@@ -54,7 +55,7 @@ pub use host::Host;
 pub use modal::Tally;
 pub use motion_fault::{HomingOutcome, Miscount, MotionError, MotionFault};
 pub use paused::PauseReason;
-pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing, temperatures};
+pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing, temperatures};
 pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{

@@ -9,6 +9,8 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
+use ferrostep_settings::{Slot, StoreError};
+
 use crate::error::Failure;
 use crate::heat::{HeatFault, HeaterStatus};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
@@ -173,6 +175,22 @@ pub trait MotorDrivers: core::fmt::Debug {
     fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError>;
     /// Takes the mask of the motors that may not be where their steps say since the last call.
     fn take_moved(&self) -> u8;
+}
+
+/// A memory that keeps settings without power ([`ferrostep_settings::Store`]). Machines may do without.
+pub trait SettingsMemory: core::fmt::Debug {
+    /// The newest record; `None` where there is none.
+    ///
+    /// # Errors
+    /// The memory does not work.
+    fn load<'s>(&self, slot: &'s mut Slot) -> Result<Option<&'s [u8]>, StoreError>;
+    /// Stores a record, at standstill.
+    ///
+    /// # Errors
+    /// The memory does not work.
+    fn save(&self, record: &[u8]) -> Result<(), StoreError>;
+    /// Whether the processor stands still meanwhile, so that no heater may be on.
+    fn stalls(&self) -> bool;
 }
 
 /// Where replies go. Several commands may answer, so this takes a shared reference.

@@ -14,7 +14,7 @@ use crate::error::{CommandError, Failure};
 use crate::interpreter::MoveInterpreter;
 use crate::modal::{Modal, Tally};
 use crate::paused::Paused;
-use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
+use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing};
 use crate::profile::Profile;
 use crate::signals::Signals;
 use crate::waits::Waits;
@@ -92,6 +92,7 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
     pub(crate) equipment: Equipment,
+    pub(crate) settings_memory: Option<&'a dyn SettingsMemory>,
     pub(crate) receives_jobs: bool,
     pub(crate) job_request: Option<JobRequest>,
     pub(crate) card: Card<'a>,
@@ -128,6 +129,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             timing: None,
             drivers: None,
             equipment: Equipment::ALL,
+            settings_memory: None,
             receives_jobs: false,
             job_request: None,
             card: Card::none(),
@@ -169,6 +171,11 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed their settings.
     pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
         self.drivers = Some(drivers);
+    }
+
+    /// Settings survive the power there (M500); those that are stored come into force with [`Self::restore_settings`].
+    pub fn set_settings_memory(&mut self, memory: &'a dyn SettingsMemory) {
+        self.settings_memory = Some(memory);
     }
 
     /// The parts of the board that can be used; all without this.

@@ -31,6 +31,7 @@ impl<P: Ports> Printer<'_, P> {
             thermal_protection: self.equipment.heaters,
             z_probe: self.profile.homing[2].sensor == HomeSensor::Probe,
             card: self.card.is_there(),
+            stores_settings: self.settings_memory.is_some(),
         }));
     }
 

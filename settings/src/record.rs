@@ -92,7 +92,7 @@ impl<'a> Record<'a> {
 
     /// Its values.
     pub fn entries(self) -> impl Iterator<Item = Entry> + 'a {
-        self.0.chunks_exact(VALUE_BYTES).filter_map(|bytes| {
+        self.0.as_chunks::<VALUE_BYTES>().0.iter().filter_map(|bytes| {
             let (id, rest) = bytes.split_first_chunk()?;
             let (index, value) = rest.split_first()?;
             let value = f64::from_le_bytes(*value.first_chunk()?);

@@ -3,7 +3,7 @@
 use super::code::Code;
 use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
-use crate::{AxisWords, Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
+use crate::{AxisWords, Command, Decimal, DriverWords, ParseError, RetractionWords, SettingsCommand, WaitTarget};
 
 /// Maximum interval of M113 and M155, seconds.
 const MAX_INTERVAL_S: u8 = 60;
@@ -159,6 +159,14 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
+        500 => code.without_words(Command::Settings(SettingsCommand::Store), remarks),
+        501 => code.without_words(Command::Settings(SettingsCommand::Load), remarks),
+        502 => code.without_words(Command::Settings(SettingsCommand::Reset), remarks),
+        503 => {
+            let headings = code.words(remarks)?.switch(b'S')?.unwrap_or(true);
+            Ok(Command::Settings(SettingsCommand::Report { headings }))
+        }
+        504 => code.without_words(Command::Settings(SettingsCommand::Validate), remarks),
         569 => stealth_chop(code, remarks),
         572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),
         900 => pressure_advance::parse(code, remarks, &pressure_advance::M900),

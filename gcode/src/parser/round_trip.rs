@@ -3,6 +3,7 @@
 use proptest::option::of;
 use proptest::prelude::*;
 
+use crate::SettingsCommand;
 use crate::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords,
     ShaperWords, Units, WaitTarget, parse,
@@ -141,6 +142,11 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             (290, [axes(words), given([('P', keeps_offset.then_some(Decimal::ZERO))])].concat())
         }
         Command::ProbeOffset(words) => (851, axes(words)),
+        Command::Settings(SettingsCommand::Store) => (500, vec![]),
+        Command::Settings(SettingsCommand::Load) => (501, vec![]),
+        Command::Settings(SettingsCommand::Reset) => (502, vec![]),
+        Command::Settings(SettingsCommand::Report { headings }) => (503, given([('S', switch(Some(headings)))])),
+        Command::Settings(SettingsCommand::Validate) => (504, vec![]),
         Command::Progress { percent, minutes_left } => (
             73,
             given([
@@ -360,6 +366,7 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
             .prop_map(|(length, feed)| { Command::RecoverSettings(RetractionWords { length, feed, lift: None }) }),
         (any_axes(), any::<bool>()).prop_map(|(words, keeps_offset)| Command::ShiftZ { words, keeps_offset }),
         any_axes().prop_map(|words| Command::ProbeOffset(AxisWords { e: None, ..words })),
+        any::<bool>().prop_map(|headings| Command::Settings(SettingsCommand::Report { headings })),
         of(any::<bool>()).prop_map(Command::SoftLimits),
         of(percent()).prop_map(Command::FeedPercent),
         of(percent()).prop_map(Command::FlowPercent),
@@ -427,11 +434,15 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             Command::ReportEndStops,
             Command::ReportDrivers,
             Command::ReportMotion,
+            Command::Settings(SettingsCommand::Store),
+            Command::Settings(SettingsCommand::Load),
+            Command::Settings(SettingsCommand::Reset),
+            Command::Settings(SettingsCommand::Validate),
             Command::Finish,
             Command::QuickStop,
             Command::Restart,
             Command::Accepted,
-            Command::Unknown("M500 S3"),
+            Command::Unknown("M428 S3"),
         ]),
     ]
 }

@@ -63,6 +63,7 @@ pub struct Rig {
     believed_10nm: Cell<[i64; 3]>,
     enabled: Cell<u8>,
     choice: Cell<MotionChoice>,
+    limits: Cell<Limits>,
     /// Moves wait since the machine last stood still.
     is_moving: Cell<bool>,
     events: RefCell<Vec<Event>>,
@@ -83,6 +84,7 @@ impl Rig {
         Self {
             profile,
             choice: Cell::new(profile.motion),
+            limits: Cell::new(profile.limits),
             is_moving: Cell::new(false),
             sensors: [const { Cell::new(Sensor::Good) }; 3],
             early_10nm: RefCell::default(),
@@ -250,10 +252,12 @@ impl Motion for RigMotion<'_> {
     }
 
     fn limits(&self) -> Limits {
-        self.0.profile.limits
+        self.0.limits.get()
     }
 
-    fn set_limits(&mut self, _: Limits) {}
+    fn set_limits(&mut self, limits: Limits) {
+        self.0.limits.set(limits);
+    }
 
     fn motion_choice(&self) -> MotionChoice {
         self.0.choice.get()

@@ -1,0 +1,315 @@
+//! M500 to M504: settings that survive the power.
+//!
+//! A memory keeps the values that differ from the profile's ([`values::GROUPS`]): where a new image brings a better profile, that one's
+//! values come into force wherever nobody has set others.
+
+mod values;
+
+use core::fmt;
+
+use ferrostep_gcode::SettingsCommand;
+use ferrostep_hal_shim::Heater;
+use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind};
+use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
+
+use crate::axis_names::AXIS_NAMES;
+use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory};
+use crate::printer::Printer;
+
+use values::{CommandLine, GROUPS, Group, Setting, Shown, Values, advance_numbers};
+
+/// What a look at the memory has found.
+struct Stored {
+    values: Values,
+    /// Values in the memory that this machine knows.
+    known: usize,
+    /// Those that are another version's, or another machine's.
+    foreign: usize,
+    /// What has been mended.
+    faults: usize,
+}
+
+impl fmt::Display for Stored {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { known, foreign, faults, .. } = self;
+        write!(out, "{known} values, {faults} faults")?;
+        if *foreign == 0 { Ok(()) } else { write!(out, ", {foreign} that this version does not know") }
+    }
+}
+
+/// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
+fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
+    let mut settings = GROUPS.iter().flat_map(|group| group.settings.iter().map(move |setting| (group, setting)));
+    settings.find(|(_, setting)| id_of(setting.name) == entry.id)
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// M500 to M502 wait until all motion has ended.
+    pub(crate) const fn needs_standstill(command: SettingsCommand) -> bool {
+        matches!(command, SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Reset)
+    }
+
+    /// M500 to M504, at standstill where they need it.
+    // Not inlined: in the future of the commands that wait it would take much room.
+    #[inline(never)]
+    pub(crate) fn settings_command(&mut self, command: SettingsCommand) {
+        match command {
+            SettingsCommand::Report { headings } => self.report_settings(headings),
+            SettingsCommand::Reset => {
+                let values = self.profile_values();
+                self.put_in_force(&values);
+                self.replies.say(format_args!("echo:Hardcoded Default Settings Loaded"));
+            }
+            SettingsCommand::Store => self.store_settings(),
+            SettingsCommand::Load => self.load_settings(),
+            SettingsCommand::Validate => {
+                if let Some(stored) = self.read_settings("M504") {
+                    self.replies.say(format_args!("echo:M504: stored are {stored}"));
+                }
+            }
+        }
+    }
+
+    /// Why M500, M501 or M502 has no effect now, in a print whose plan is made.
+    pub(crate) fn refuse_settings(&self, command: SettingsCommand) -> bool {
+        let prints = self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused();
+        let refused = prints && Self::needs_standstill(command);
+        if refused {
+            self.replies.say(format_args!("echo:M500 to M502 have no effect during a print: send it after the print"));
+        }
+        refused
+    }
+
+    /// Puts the stored settings in force, as the machine is switched on.
+    pub fn restore_settings(&mut self) {
+        if self.settings_memory.is_some() {
+            self.load_settings();
+        }
+    }
+
+    /// The settings in force.
+    fn live_values(&self) -> Values {
+        let drivers = [0, 1, 2, 3].map(|motor| Some(self.drivers?.report(motor)?.settings));
+        let MotionChoice { shapers, pressure_advance, .. } = self.motion.motion_choice();
+        let modal = &self.interpreter.modal;
+        Values {
+            limits: self.motion.limits(),
+            retraction: modal.retraction,
+            probe_offset_10nm: self.has_probe().then_some(modal.probe_offset_10nm),
+            shapers,
+            advance: advance_numbers(&pressure_advance),
+            drivers,
+        }
+    }
+
+    fn profile_values(&self) -> Values {
+        Values::of_profile(self.profile, &self.live_values().drivers)
+    }
+
+    /// M503.
+    fn report_settings(&self, headings: bool) {
+        let values = self.live_values();
+        if headings {
+            self.replies.say(format_args!("echo:; Linear Units:"));
+        }
+        self.replies.say(format_args!("echo:  G21 ; (mm)"));
+        for group in &GROUPS {
+            let lines = (0..group.axes.map_or(1, str::len)).map(|axis| CommandLine { group, values: &values, axis });
+            let mut lines = lines.filter(|line| !line.is_empty()).peekable();
+            if headings && lines.peek().is_some() {
+                self.replies.say(format_args!("echo:; {}:", group.title));
+            }
+            lines.for_each(|line| self.replies.say(format_args!("echo:  {line}")));
+        }
+    }
+
+    /// The board's memory, or the answer that it has none.
+    fn memory(&self, code: &str) -> Option<&dyn SettingsMemory> {
+        if self.settings_memory.is_none() {
+            let rest = "write them into the profile";
+            self.replies.say(format_args!("echo:{code}: this machine has no memory for settings: {rest}"));
+        }
+        self.settings_memory
+    }
+
+    /// M500.
+    fn store_settings(&self) {
+        let Some(memory) = self.memory("M500") else { return };
+        let heats = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
+        if heats && memory.stalls() {
+            return self.replies.say(format_args!(
+                "echo:M500: nothing is stored while heaters are on, for this chip stands still while it writes: send M104 S0, \
+                 M140 S0 and then M500"
+            ));
+        }
+        let (mut live, mut of_profile) = (self.live_values(), self.profile_values());
+        let mut record = RecordWriter::new(self.profile.name);
+        let (mut count, mut is_whole) = (0_usize, true);
+        for (setting, index) in all_values() {
+            let (Some(live), Some(of_profile)) =
+                ((setting.place)(&mut live, index), (setting.place)(&mut of_profile, index))
+            else {
+                continue;
+            };
+            let value = live.get();
+            let is_same = value == of_profile.get() || value.is_nan() && of_profile.get().is_nan();
+            if !is_same {
+                is_whole &= record.add(Entry { id: id_of(setting.name), index: index as u8, value });
+                count = count.saturating_add(1);
+            }
+        }
+        let bytes = record.bytes();
+        match memory.save(bytes) {
+            Ok(()) if is_whole => self.replies.say(format_args!(
+                "echo:Settings Stored ({} bytes: {count} values that differ from the profile's)",
+                bytes.len()
+            )),
+            Ok(()) => {
+                self.replies.say(format_args!("echo:M500: more values than the memory holds: the last are not stored"))
+            }
+            Err(error) => self.replies.say(format_args!("echo:M500: nothing is stored: {error}")),
+        }
+    }
+
+    /// M501.
+    fn load_settings(&mut self) {
+        if let Some(stored) = self.read_settings("M501") {
+            self.put_in_force(&stored.values);
+            self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
+        }
+    }
+
+    /// The profile's values with the stored ones in their places. What cannot be used is named.
+    fn read_settings(&self, code: &str) -> Option<Stored> {
+        let memory = self.memory(code)?;
+        let mut stored = Stored { values: self.profile_values(), known: 0, foreign: 0, faults: 0 };
+        let mut slot = [0; SLOT_BYTES];
+        let record = match memory.load(&mut slot) {
+            Err(error) => {
+                self.replies.say(format_args!("echo:{code}: {error}: the profile's settings are in force"));
+                return None;
+            }
+            Ok(None) => return Some(stored),
+            Ok(Some(bytes)) => match Record::read(bytes, self.profile.name) {
+                Ok(record) => record,
+                Err(error) => {
+                    let rest = "the profile's are in force, M500 replaces them";
+                    self.replies.say(format_args!("echo:{code}: the stored settings are not used, {error}: {rest}"));
+                    return None;
+                }
+            },
+        };
+        for entry in record.entries() {
+            self.take_entry(entry, &mut stored);
+        }
+        self.check(&mut stored);
+        Some(stored)
+    }
+
+    /// Puts a stored value in its place, if there is one and it is within its range.
+    fn take_entry(&self, entry: Entry, stored: &mut Stored) {
+        let index = usize::from(entry.index);
+        let known = setting_of(entry).filter(|(group, setting)| index < group.values_of(setting));
+        let place =
+            known.and_then(|(group, setting)| Some((group, setting, (setting.place)(&mut stored.values, index)?)));
+        let Some((group, setting, mut place)) = place else {
+            stored.foreign = stored.foreign.saturating_add(1);
+            return;
+        };
+        stored.known = stored.known.saturating_add(1);
+        let before = place.get();
+        if !place.set(entry.value, setting.range) {
+            stored.faults = stored.faults.saturating_add(1);
+            let [least, most] = setting.range;
+            self.replies.say(format_args!(
+                "echo:settings: {} is stored as {}, expected {} to {}: the profile's {} is used",
+                group.key(setting, index),
+                Shown(entry.value),
+                Shown(least),
+                Shown(most),
+                Shown(before),
+            ));
+        }
+    }
+
+    /// Sets what belongs together, and does not fit together, to the profile's values.
+    fn check(&self, stored: &mut Stored) {
+        let Stored { values, faults, .. } = stored;
+        let of_profile = self.profile_values();
+        let mut mend = |what: &str, name: char| {
+            self.replies
+                .say(format_args!("echo:settings: {what}{name} as stored is not possible: the profile's is used"));
+            *faults = faults.saturating_add(1);
+        };
+        for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
+            if !is_possible(shaper) {
+                *shaper = other;
+                mend("input_shaper.", AXIS_NAMES[axis].to_ascii_lowercase());
+            }
+        }
+        if values.pressure_advance().check().is_err() {
+            values.advance = of_profile.advance;
+            mend("pressure_advance", ' ');
+        }
+        for (motor, (driver, other)) in values.drivers.iter_mut().zip(of_profile.drivers).enumerate() {
+            if let (Some(settings), Some(drivers)) = (&*driver, self.drivers)
+                && drivers.check(motor, settings).is_err()
+            {
+                *driver = other;
+                mend("drivers.", AXIS_NAMES[motor].to_ascii_lowercase());
+            }
+        }
+        let offsets = values.probe_offset_10nm.as_mut().zip(of_profile.probe_offset_10nm);
+        if let Some((offset_10nm, other_10nm)) = offsets {
+            for (axis, (length_10nm, other_10nm)) in offset_10nm.iter_mut().zip(other_10nm).enumerate() {
+                let [least, most] = self.probe_range_10nm(axis);
+                // What the profile says is not judged.
+                if !(least..=most).contains(length_10nm) && *length_10nm != other_10nm {
+                    *length_10nm = other_10nm;
+                    mend("homing.probe_offset_mm.", AXIS_NAMES[axis].to_ascii_lowercase());
+                }
+            }
+        }
+    }
+
+    /// At standstill: puts settings in force, all of them checked.
+    fn put_in_force(&mut self, values: &Values) {
+        let Values { limits, retraction, probe_offset_10nm, shapers, drivers, .. } = *values;
+        self.motion.set_limits(limits);
+        let choice = self.motion.motion_choice();
+        let wanted = MotionChoice { shapers, pressure_advance: values.pressure_advance(), ..choice };
+        if wanted != choice && self.motion.set_motion_choice(&wanted).is_err() {
+            self.replies
+                .say(format_args!("echo:settings: input_shaper and pressure_advance cannot be set on this machine"));
+        }
+        self.interpreter.modal.retraction = retraction;
+        if let Some(offset_10nm) = probe_offset_10nm {
+            self.interpreter.modal.probe_offset_10nm = offset_10nm;
+        }
+        let Some(bank) = self.drivers else { return };
+        for (motor, settings) in drivers.into_iter().enumerate() {
+            let before = bank.report(motor).map(|report| report.settings);
+            if let Some(settings) = settings.filter(|settings| Some(*settings) != before)
+                && bank.set(motor, settings).is_err()
+            {
+                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", AXIS_NAMES[motor]));
+            }
+        }
+    }
+}
+
+/// Each value of each setting.
+fn all_values() -> impl Iterator<Item = (&'static Setting, usize)> {
+    GROUPS.iter().flat_map(|group| {
+        group.settings.iter().flat_map(|setting| (0..group.values_of(setting)).map(move |index| (setting, index)))
+    })
+}
+
+/// Whether the filter can be made; one that is off is there for its numbers.
+fn is_possible(shaper: &AxisShaper) -> bool {
+    shaper.kind == ShaperKind::None || shaper.kernel().is_ok()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;
