@@ -261,7 +261,7 @@ pub struct ServeArguments {
         long,
         value_name = "PATH|tcp:HOST:PORT",
         requires = "web",
-        conflicts_with_all = ["pty", "tcp", "board", "fault", "card", "json"]
+        conflicts_with_all = ["pty", "tcp", "board", "fault", "card", "settings", "json"]
     )]
     pub port: Option<Address>,
     /// Speed of the port; without effect over USB.
@@ -279,6 +279,9 @@ pub struct ServeArguments {
     /// written, or a folder, whose files are copied to a card; the folder stays unchanged.
     #[arg(long, value_name = "IMAGE|FOLDER", conflicts_with = "board")]
     pub card: Option<PathBuf>,
+    /// The memory for settings (M500): a file, which is made if it does not exist. Without it the printer has none.
+    #[arg(long, value_name = "FILE", conflicts_with = "board")]
+    pub settings: Option<PathBuf>,
     /// Prints what the printer has done as one JSON object, as `print` does, when it is switched off with Ctrl-C.
     #[arg(long, conflicts_with = "board")]
     pub json: bool,

@@ -23,6 +23,8 @@ pub mod send;
 #[cfg(unix)]
 pub mod serve;
 pub mod session;
+#[cfg(unix)]
+pub mod settings_file;
 pub mod show;
 pub mod simulation;
 pub mod sweep;

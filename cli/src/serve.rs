@@ -19,7 +19,7 @@ use ferrostep_card::LocalCard;
 use ferrostep_gcode::{Emergency, Reply, Temperatures};
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::SharedMotion;
-use ferrostep_printer::{Heating, Printer, Profile, Replies, temperatures};
+use ferrostep_printer::{Heating, Printer, Profile, Replies, SettingsMemory, temperatures};
 use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
 
 use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
@@ -131,8 +131,15 @@ pub struct Served {
     pub card: Option<Vec<u8>>,
 }
 
-/// Serves hosts, one after the other, until `ends` returns `true`. `show` is called several times a second.
-pub fn serve(hosts: Hosts, settings: &Settings, ends: impl Fn() -> bool, mut show: impl FnMut(&Status)) -> Served {
+/// Serves hosts, one after the other, until `ends` returns `true`. Settings survive in `memory`, if there is one. `show` is called
+/// several times a second.
+pub fn serve(
+    hosts: Hosts,
+    settings: &Settings,
+    memory: Option<&dyn SettingsMemory>,
+    ends: impl Fn() -> bool,
+    mut show: impl FnMut(&Status),
+) -> Served {
     let session = Session::live(settings.profile, LOOK_AHEAD_BLOCKS, HostPort::new(hosts));
     let card = settings.card.clone().map(|image| Card::new(VirtualCard::new(image)));
     let mut printer = session.printer();
@@ -145,6 +152,10 @@ pub fn serve(hosts: Hosts, settings: &Settings, ends: impl Fn() -> bool, mut sho
     let port = session.replies();
     port.send(Reply::Start);
     port.say("echo:board: virtual");
+    if let Some(memory) = memory {
+        printer.set_settings_memory(memory);
+        printer.restore_settings();
+    }
     let failed = RefCell::new(None);
     let mut conductor = Conductor::new(settings, Instant::now());
     let is_over = || ends() || failed.borrow().is_some();

@@ -10,10 +10,12 @@ use ferrostep::card_image::CardImage;
 use ferrostep::duration::hms;
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::serve::{self, Hosts, Served, Settings, Status};
+use ferrostep::settings_file::SettingsFile;
 use ferrostep::terminal::{self, tell};
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
+use ferrostep_printer::SettingsMemory;
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -29,6 +31,7 @@ use crate::serving_page::{self, VirtualPage};
 pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
     let card = arguments.card.as_ref().map(|path| CardImage::open(path)).transpose()?;
+    let memory = arguments.settings.as_ref().map(|path| SettingsFile::open(path)).transpose()?;
     // Registered before the line exists, so that the line never outlives the program.
     let ends = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
@@ -76,6 +79,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     let served = serve::serve(
         Hosts::new(outside, page_line),
         &settings,
+        memory.as_ref().map(|memory| memory as &dyn SettingsMemory),
         || ends.load(Ordering::Relaxed),
         |status| {
             if let Some(page) = &page {

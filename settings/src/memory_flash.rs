@@ -65,6 +65,11 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> MemoryFlash<B, SECTOR> {
     }
 
     /// Its content.
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.as_ref()
+    }
+
+    /// Its content, without the flash.
     pub fn into_bytes(self) -> B {
         self.bytes
     }

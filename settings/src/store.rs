@@ -120,6 +120,11 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// The flash.
+    pub fn flash(&self) -> &F {
+        &self.flash
+    }
+
+    /// The flash, which is no longer a store.
     pub fn into_flash(self) -> F {
         self.flash
     }

@@ -70,7 +70,7 @@ impl Passed {
                     | Command::FeedPercent(_)
                     | Command::FlowPercent(_),
                 ) => {}
-                // These have no lasting effect: motion, waits, reports, queries. M851 matters when Z is homed, as it is not here.
+                // These have no lasting effect: motion, waits, reports, queries, M500 to M502 in a job. M851 matters when Z is homed, as it is not here.
                 Ok(
                     Command::Linear { .. }
                     | Command::Arc { .. }
@@ -79,6 +79,7 @@ impl Passed {
                     | Command::Recover
                     | Command::Home(_)
                     | Command::ProbeOffset(_)
+                    | Command::Settings(_)
                     | Command::ShiftZ { .. }
                     | Command::EnableMotors(_)
                     | Command::DisableMotors(_)
