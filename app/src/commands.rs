@@ -5,6 +5,9 @@ use core::cell::RefCell;
 use ferrostep_printer::{Printer, SharedMotion, Signals};
 use ferrostep_stm32f4_board::identifier::identifier;
 use ferrostep_stm32f4_board::measured::Switch;
+use ferrostep_stm32f4_board::pac::FLASH;
+#[cfg(settings_memory)]
+use ferrostep_stm32f4_board::settings_memory;
 use ferrostep_tmc2209::DriverBank;
 use rtic::Mutex;
 
@@ -19,6 +22,8 @@ use crate::identity::IDENTITY;
 use crate::job_line::{Hosts, JOB_BYTES, JobPort};
 use crate::ports::{BoardHeating, BoardMachine, BoardMachineLock, BoardReplies};
 use crate::profile::PROFILE;
+#[cfg(settings_memory)]
+use crate::settings_memory::BoardSettings;
 use crate::timing::BoardTiming;
 
 /// What the task shares with others.
@@ -41,6 +46,8 @@ pub struct Own<'a> {
     pub reader: &'a mut Reader,
     /// What switches measuring (M798).
     pub measured: &'a mut Switch,
+    /// The flash's registers, for settings.
+    pub flash: Option<FLASH>,
     /// Room for a job's bytes.
     pub job: &'a mut [u8; JOB_BYTES],
 }
@@ -71,6 +78,15 @@ where
     let timing = BoardTiming::new(own.measured);
     printer.set_timing(&timing);
     printer.set_receives_jobs();
+    #[cfg(settings_memory)]
+    let settings = own.flash.and_then(|flash| BoardSettings::new(settings_memory::start(flash)));
+    #[cfg(settings_memory)]
+    if let Some(settings) = &settings {
+        printer.set_settings_memory(settings);
+        printer.restore_settings();
+    }
+    #[cfg(not(settings_memory))]
+    let _no_sectors = own.flash;
     #[cfg(card)]
     let mailbox = mailbox.map(|mailbox| BoardMailboxLock(RefCell::new(mailbox)));
     #[cfg(card)]

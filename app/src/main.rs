@@ -40,6 +40,8 @@ mod job_line;
 mod ports;
 mod profile;
 mod reports;
+#[cfg(settings_memory)]
+mod settings_memory;
 mod timing;
 mod wiring;
 
@@ -67,6 +69,7 @@ mod app {
     use ferrostep_stm32f4_board::driver_line::DriverLine;
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
+    use ferrostep_stm32f4_board::pac::FLASH;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
     use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
@@ -149,6 +152,7 @@ mod app {
         watchdog: Watchdog,
         vigil: Vigil,
         card: Option<BoardCard>,
+        flash: Option<FLASH>,
     }
 
     #[init(local = [
@@ -230,6 +234,7 @@ mod app {
                 watchdog: Watchdog::start(device.IWDG),
                 vigil: Vigil::default(),
                 card,
+                flash: Some(device.FLASH),
             },
         )
     }
@@ -376,14 +381,14 @@ mod app {
 
     /// Lines to commands, commands to moves and replies.
     #[task(priority = 2, shared = [machine, heat, writers, drivers, mailbox], local = [
-        reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
+        reader, measured, flash, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
     async fn printer(cx: printer::Context) {
         let printer::SharedResources { machine, heat, writers, drivers, mailbox, .. } = cx.shared;
-        let printer::LocalResources { reader, measured, job, .. } = cx.local;
+        let printer::LocalResources { reader, measured, flash, job, .. } = cx.local;
         let mailbox = HAS_CARD.load(Ordering::Relaxed).then_some(mailbox);
         let shared = commands::Shared { machine, heat, writers, drivers, mailbox };
-        let own = commands::Own { reader, measured, job };
+        let own = commands::Own { reader, measured, flash: flash.take(), job };
         commands::execute(shared, own, &SIGNALS).await;
     }
 

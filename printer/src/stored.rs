@@ -61,7 +61,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.replies.say(format_args!("echo:Hardcoded Default Settings Loaded"));
             }
             SettingsCommand::Store => self.store_settings(),
-            SettingsCommand::Load => self.load_settings(),
+            SettingsCommand::Load => self.load_settings(false),
             SettingsCommand::Validate => {
                 if let Some(stored) = self.read_settings("M504") {
                     self.replies.say(format_args!("echo:M504: stored are {stored}"));
@@ -80,10 +80,10 @@ impl<P: Ports> Printer<'_, P> {
         refused
     }
 
-    /// Puts the stored settings in force, as the machine is switched on.
+    /// Puts the stored settings in force, as the machine is switched on; says nothing where there are none.
     pub fn restore_settings(&mut self) {
         if self.settings_memory.is_some() {
-            self.load_settings();
+            self.load_settings(true);
         }
     }
 
@@ -171,11 +171,14 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M501.
-    fn load_settings(&mut self) {
+    /// M501. Of an empty memory `is_start` says nothing.
+    #[inline(never)]
+    fn load_settings(&mut self, is_start: bool) {
         if let Some(stored) = self.read_settings("M501") {
             self.put_in_force(&stored.values);
-            self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
+            if stored.known > 0 || stored.foreign > 0 || !is_start {
+                self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
+            }
         }
     }
 

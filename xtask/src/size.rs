@@ -32,7 +32,7 @@ impl Budget {
     /// The budget of a board.
     pub fn of(board: &Board) -> Self {
         let share = |bytes: u64, (part, whole): (u64, u64)| bytes * part / whole;
-        let flash = u64::from(board.flash_kib) * 1024 - u64::from(board.boot_offset);
+        let flash = u64::from(board.image_room());
         Self { flash: share(flash, FLASH_SHARE), ram: share(u64::from(board.ram_kib) * 1024, RAM_SHARE) }
     }
 }
