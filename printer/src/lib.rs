@@ -64,4 +64,5 @@ pub use profile::{
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};
+pub use stored::stored_keys;
 pub use transfer::JobLine;

@@ -301,6 +301,11 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
+/// The keys of a profile that M500 stores, with `*` for the axis, and the command of each.
+pub fn stored_keys() -> impl Iterator<Item = (&'static str, &'static str)> {
+    GROUPS.iter().flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
+}
+
 /// Each value of each setting.
 fn all_values() -> impl Iterator<Item = (&'static Setting, usize)> {
     GROUPS.iter().flat_map(|group| {
