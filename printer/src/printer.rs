@@ -14,9 +14,10 @@ use crate::error::{CommandError, Failure};
 use crate::interpreter::MoveInterpreter;
 use crate::modal::{Modal, Tally};
 use crate::paused::Paused;
-use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing};
+use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
 use crate::profile::Profile;
 use crate::signals::Signals;
+use crate::stored::SettingsKeeper;
 use crate::waits::Waits;
 
 /// Masks of all motors.
@@ -92,7 +93,7 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
     pub(crate) equipment: Equipment,
-    pub(crate) settings_memory: Option<&'a dyn SettingsMemory>,
+    pub(crate) settings_memory: Option<SettingsKeeper<'a, P>>,
     pub(crate) receives_jobs: bool,
     pub(crate) job_request: Option<JobRequest>,
     pub(crate) card: Card<'a>,
@@ -171,11 +172,6 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed their settings.
     pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
         self.drivers = Some(drivers);
-    }
-
-    /// Settings survive the power there (M500); those that are stored come into force with [`Self::restore_settings`].
-    pub fn set_settings_memory(&mut self, memory: &'a dyn SettingsMemory) {
-        self.settings_memory = Some(memory);
     }
 
     /// The parts of the board that can be used; all without this.

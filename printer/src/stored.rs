@@ -43,7 +43,21 @@ fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
     settings.find(|(_, setting)| id_of(setting.name) == entry.id)
 }
 
-impl<P: Ports> Printer<'_, P> {
+/// A memory, and the commands that need one: an image whose board has none does not contain their code.
+pub(crate) struct SettingsKeeper<'a, P: Ports> {
+    memory: &'a dyn SettingsMemory,
+    keep: fn(&mut Printer<'a, P>, &dyn SettingsMemory, SettingsCommand),
+}
+
+impl<P: Ports> Clone for SettingsKeeper<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P: Ports> Copy for SettingsKeeper<'_, P> {}
+
+impl<'a, P: Ports> Printer<'a, P> {
     /// M500 to M502 wait until all motion has ended.
     pub(crate) const fn needs_standstill(command: SettingsCommand) -> bool {
         matches!(command, SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Reset)
@@ -60,13 +74,30 @@ impl<P: Ports> Printer<'_, P> {
                 self.put_in_force(&values);
                 self.replies.say(format_args!("echo:Hardcoded Default Settings Loaded"));
             }
-            SettingsCommand::Store => self.store_settings(),
-            SettingsCommand::Load => self.load_settings(false),
+            SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Validate => match self.settings_memory {
+                Some(SettingsKeeper { memory, keep }) => keep(self, memory, command),
+                None => self.replies.say(format_args!(
+                    "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile"
+                )),
+            },
+        }
+    }
+
+    /// Settings survive the power there (M500); those that are stored come into force with [`Self::restore_settings`].
+    pub fn set_settings_memory(&mut self, memory: &'a dyn SettingsMemory) {
+        self.settings_memory = Some(SettingsKeeper { memory, keep: Self::keep_settings });
+    }
+
+    /// M500, M501 and M504.
+    fn keep_settings(&mut self, memory: &dyn SettingsMemory, command: SettingsCommand) {
+        match command {
+            SettingsCommand::Store => self.store_settings(memory),
             SettingsCommand::Validate => {
-                if let Some(stored) = self.read_settings("M504") {
+                if let Some(stored) = self.read_settings(memory, "M504") {
                     self.replies.say(format_args!("echo:M504: stored are {stored}"));
                 }
             }
+            _ => self.load_settings(memory, false),
         }
     }
 
@@ -82,8 +113,8 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Puts the stored settings in force, as the machine is switched on; says nothing where there are none.
     pub fn restore_settings(&mut self) {
-        if self.settings_memory.is_some() {
-            self.load_settings(true);
+        if let Some(SettingsKeeper { memory, .. }) = self.settings_memory {
+            self.load_settings(memory, true);
         }
     }
 
@@ -123,18 +154,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The board's memory, or the answer that it has none.
-    fn memory(&self, code: &str) -> Option<&dyn SettingsMemory> {
-        if self.settings_memory.is_none() {
-            let rest = "write them into the profile";
-            self.replies.say(format_args!("echo:{code}: this machine has no memory for settings: {rest}"));
-        }
-        self.settings_memory
-    }
-
     /// M500.
-    fn store_settings(&self) {
-        let Some(memory) = self.memory("M500") else { return };
+    fn store_settings(&self, memory: &dyn SettingsMemory) {
         let heats = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
         if heats && memory.stalls() {
             return self.replies.say(format_args!(
@@ -173,8 +194,8 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M501. Of an empty memory `is_start` says nothing.
     #[inline(never)]
-    fn load_settings(&mut self, is_start: bool) {
-        if let Some(stored) = self.read_settings("M501") {
+    fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) {
+        if let Some(stored) = self.read_settings(memory, "M501") {
             self.put_in_force(&stored.values);
             if stored.known > 0 || stored.foreign > 0 || !is_start {
                 self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
@@ -183,8 +204,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// The profile's values with the stored ones in their places. What cannot be used is named.
-    fn read_settings(&self, code: &str) -> Option<Stored> {
-        let memory = self.memory(code)?;
+    fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored> {
         let mut stored = Stored { values: self.profile_values(), known: 0, foreign: 0, faults: 0 };
         let mut slot = [0; SLOT_BYTES];
         let record = match memory.load(&mut slot) {

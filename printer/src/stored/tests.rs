@@ -344,8 +344,8 @@ fn settings_of_another_machine_are_not_used() {
 fn a_machine_without_a_memory_says_so_and_goes_on() {
     let (rig, bank) = rig();
     let mut printer = printer(&rig, &bank, None);
+    let expected = "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile";
     for code in ["M500", "M501", "M504"] {
-        let expected = format!("echo:{code}: this machine has no memory for settings: write them into the profile");
         assert_eq!(says(&rig, &mut printer, code), [expected]);
     }
     execute(&mut printer, "M203 X5").unwrap();

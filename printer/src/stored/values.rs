@@ -190,7 +190,7 @@ const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::
 
 /// Every setting that M500 stores. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
 /// of machines contain them.
-pub(crate) const GROUPS: [Group; 12] = [
+pub(crate) static GROUPS: [Group; 12] = [
     Group {
         code: "M203",
         title: "Max feedrates (units/s)",
@@ -209,7 +209,7 @@ pub(crate) const GROUPS: [Group; 12] = [
     },
     Group {
         code: "M204",
-        title: "Acceleration (units/s2) (P<print-accel> R<retract-accel> T<travel-accel>)",
+        title: "Acceleration (units/s2)",
         axes: None,
         settings: &[
             setting("acceleration_mm_per_s2.print", "P", LIMITS, |values, _| {
@@ -225,7 +225,7 @@ pub(crate) const GROUPS: [Group; 12] = [
     },
     Group {
         code: "M205",
-        title: "Advanced (J<junction_deviation> X<max_jerk> Y<max_jerk> Z<max_jerk> E<max_jerk>)",
+        title: "Corners",
         axes: None,
         settings: &[
             setting("junction_deviation_mm", "J", [0.000_01, 10.0], |values, _| {
@@ -240,7 +240,7 @@ pub(crate) const GROUPS: [Group; 12] = [
     },
     Group {
         code: "M207",
-        title: "Retract (S<length> F<feedrate> Z<lift>)",
+        title: "Retract",
         axes: None,
         settings: &[
             setting("firmware_retraction.length_mm", "S", LENGTHS, |values, _| {
@@ -259,7 +259,7 @@ pub(crate) const GROUPS: [Group; 12] = [
     },
     Group {
         code: "M208",
-        title: "Recover (S<length> F<feedrate>)",
+        title: "Recover",
         axes: None,
         settings: &[
             setting("firmware_retraction.extra_recover_mm", "S", [-100.0, 100.0], |values, _| {
@@ -291,7 +291,7 @@ pub(crate) const GROUPS: [Group; 12] = [
     },
     Group {
         code: "M572",
-        title: "Pressure Advance (S<seconds> W<smooth-time> L<fast-seconds> T<fast-flow>)",
+        title: "Pressure Advance",
         axes: None,
         settings: &[
             setting("pressure_advance.seconds", "S", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {

@@ -63,7 +63,7 @@ fn without_a_memory_a_print_goes_on() {
     let printer = Printer::at_tcp(&["--speed", "max"]);
     let mut host = printer.connect();
     assert!(host.say("M115").contains(&"Cap:EEPROM:0".to_owned()));
-    let answer = ["echo:M500: this machine has no memory for settings: write them into the profile", "ok"];
+    let answer = ["echo:M500, M501, M504: this machine has no memory for settings: write them into the profile", "ok"];
     assert_eq!(host.say("M500"), answer);
     printer.end();
 }
