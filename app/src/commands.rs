@@ -6,8 +6,6 @@ use ferrostep_printer::{Printer, SharedMotion, Signals};
 use ferrostep_stm32f4_board::identifier::identifier;
 use ferrostep_stm32f4_board::measured::Switch;
 use ferrostep_stm32f4_board::pac::FLASH;
-#[cfg(settings_memory)]
-use ferrostep_stm32f4_board::settings_memory;
 use ferrostep_tmc2209::DriverBank;
 use rtic::Mutex;
 
@@ -79,7 +77,7 @@ where
     printer.set_timing(&timing);
     printer.set_receives_jobs();
     #[cfg(settings_memory)]
-    let settings = own.flash.and_then(|flash| BoardSettings::new(settings_memory::start(flash)));
+    let settings = own.flash.map(|flash| BoardSettings(RefCell::new(flash)));
     #[cfg(settings_memory)]
     if let Some(settings) = &settings {
         printer.set_settings_memory(settings);

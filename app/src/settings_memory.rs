@@ -5,17 +5,11 @@ use core::fmt;
 
 use ferrostep_printer::SettingsMemory;
 use ferrostep_settings::{Slot, Store, StoreError};
-use ferrostep_stm32f4_board::settings_memory::{self, Sectors};
+use ferrostep_stm32f4_board::pac::FLASH;
+use ferrostep_stm32f4_board::settings_memory::sectors;
 
 /// The sectors of the chip's flash.
-pub struct BoardSettings(RefCell<Store<Sectors>>);
-
-impl BoardSettings {
-    /// The board's memory.
-    pub fn new(sectors: Sectors) -> Option<Self> {
-        Store::new(sectors, 0..settings_memory::BYTES).ok().map(|store| Self(RefCell::new(store)))
-    }
-}
+pub struct BoardSettings(pub RefCell<FLASH>);
 
 impl fmt::Debug for BoardSettings {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -25,11 +19,11 @@ impl fmt::Debug for BoardSettings {
 
 impl SettingsMemory for BoardSettings {
     fn load<'s>(&self, slot: &'s mut Slot) -> Result<Option<&'s [u8]>, StoreError> {
-        self.0.borrow_mut().load(slot)
+        Store::new(sectors(&mut self.0.borrow_mut()))?.load(slot)
     }
 
     fn save(&self, record: &[u8]) -> Result<(), StoreError> {
-        self.0.borrow_mut().save(record)
+        Store::new(sectors(&mut self.0.borrow_mut()))?.save(record)
     }
 
     fn stalls(&self) -> bool {

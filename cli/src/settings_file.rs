@@ -37,7 +37,7 @@ impl SettingsFile {
             Err(error) if error.kind() == ErrorKind::NotFound => vec![0xff; BYTES],
             Err(error) => return Err(fail(&error)),
         };
-        let store = Store::new(MemoryFlash::new(bytes), 0..BYTES as u32).map_err(|error| fail(&error))?;
+        let store = Store::new(MemoryFlash::new(bytes)).map_err(|error| fail(&error))?;
         let memory = Self { path: path.to_owned(), store: RefCell::new(store) };
         memory.write().map_err(|error| fail(&error))?;
         Ok(memory)

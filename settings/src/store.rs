@@ -13,7 +13,6 @@
 //! | ... | the record, then 0xff |
 
 use core::fmt;
-use core::ops::Range;
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embedded_storage::nor_flash::NorFlash;
@@ -65,27 +64,25 @@ struct Newest {
     number: u32,
 }
 
-/// Records in whole sectors of a flash, two or more.
+/// Records in a flash of two sectors or more.
 #[derive(Debug)]
 pub struct Store<F> {
     flash: F,
-    sectors: Range<u32>,
 }
 
 impl<F: NorFlash> Store<F> {
-    /// The records in these sectors, by their bytes from the flash's start; nothing is read or written yet.
+    /// The records in a flash, which has all of it; nothing is read or written yet.
     ///
     /// # Errors
-    /// [`StoreError::Sectors`]: they are not whole sectors of whole slots, or fewer than two.
-    pub fn new(flash: F, sectors: Range<u32>) -> Result<Self, StoreError> {
-        let is_whole = |address: u32| (address as usize).is_multiple_of(F::ERASE_SIZE);
-        let length = sectors.end.saturating_sub(sectors.start) as usize;
-        let has_sectors = is_whole(sectors.start) && is_whole(sectors.end) && length >= F::ERASE_SIZE.saturating_mul(2);
+    /// [`StoreError::Sectors`]: it does not consist of sectors of whole slots, or of fewer than two.
+    pub fn new(flash: F) -> Result<Self, StoreError> {
+        let bytes = flash.capacity();
+        let has_sectors = bytes.is_multiple_of(F::ERASE_SIZE) && bytes >= F::ERASE_SIZE.saturating_mul(2);
         let fits = F::ERASE_SIZE.is_multiple_of(SLOT_BYTES)
             && SLOT_BYTES.is_multiple_of(F::READ_SIZE)
             && F::WRITE_SIZE <= LARGEST_WORD_BYTES
             && LARGEST_WORD_BYTES.is_multiple_of(F::WRITE_SIZE);
-        if has_sectors && fits { Ok(Self { flash, sectors }) } else { Err(StoreError::Sectors) }
+        if has_sectors && fits { Ok(Self { flash }) } else { Err(StoreError::Sectors) }
     }
 
     /// The newest record; `None` if there is none. Writes nothing.
@@ -111,7 +108,7 @@ impl<F: NorFlash> Store<F> {
                 Some(address) => address,
                 None => self.erase_sector_after(newest.address)?,
             },
-            None => self.erase(self.sectors.start)?,
+            None => self.erase(0)?,
         };
         let words = slot.get(..length.next_multiple_of(F::WRITE_SIZE)).ok_or(StoreError::TooLong)?;
         self.flash.write(address, words).map_err(|_| StoreError::Flash)?;
@@ -132,7 +129,7 @@ impl<F: NorFlash> Store<F> {
     /// The newest record's place; `slot` is room to read.
     fn newest(&mut self, slot: &mut Slot) -> Result<Option<Newest>, StoreError> {
         let mut newest: Option<Newest> = None;
-        for address in self.sectors.clone().step_by(SLOT_BYTES) {
+        for address in (0..self.flash.capacity() as u32).step_by(SLOT_BYTES) {
             // Most slots are empty, or of another number: their heads say so.
             let mut head = [0; HEAD_BYTES];
             self.read(address, &mut head)?;
@@ -149,13 +146,12 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// The start of the sector in which an address lies.
-    fn sector(&self, address: u32) -> u32 {
-        let within = address.saturating_sub(self.sectors.start) as usize;
-        address.saturating_sub((within % F::ERASE_SIZE) as u32)
+    fn sector(address: u32) -> u32 {
+        address.saturating_sub(address % F::ERASE_SIZE as u32)
     }
 
     fn empty_slot_after(&mut self, address: u32) -> Result<Option<u32>, StoreError> {
-        let end = self.sector(address).saturating_add(F::ERASE_SIZE as u32);
+        let end = Self::sector(address).saturating_add(F::ERASE_SIZE as u32);
         for slot in (address..end).step_by(SLOT_BYTES).skip(1) {
             if self.contains(slot, &[0xff; SLOT_BYTES])? {
                 return Ok(Some(slot));
@@ -166,8 +162,8 @@ impl<F: NorFlash> Store<F> {
 
     /// Erases the sector after that of an address, in which there is nothing to keep; its start.
     fn erase_sector_after(&mut self, address: u32) -> Result<u32, StoreError> {
-        let next = self.sector(address).saturating_add(F::ERASE_SIZE as u32);
-        self.erase(if next < self.sectors.end { next } else { self.sectors.start })
+        let next = Self::sector(address).saturating_add(F::ERASE_SIZE as u32);
+        self.erase(if (next as usize) < self.flash.capacity() { next } else { 0 })
     }
 
     /// Erases a sector, although it may look empty: after an erasure that was cut short its cells may forget.

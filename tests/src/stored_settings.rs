@@ -47,9 +47,9 @@ fn memory(profile: &Profile, bytes: &[u8]) -> Memory {
     let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
     if kind % 2 == 0 {
         flash.iter_mut().zip(rest).for_each(|(cell, byte)| *cell = *byte);
-        return Memory(RefCell::new(Store::new(MemoryFlash::new(flash), 0..BYTES as u32).unwrap()));
+        return Memory(RefCell::new(Store::new(MemoryFlash::new(flash)).unwrap()));
     }
-    let memory = Memory(RefCell::new(Store::new(MemoryFlash::new(flash), 0..BYTES as u32).unwrap()));
+    let memory = Memory(RefCell::new(Store::new(MemoryFlash::new(flash)).unwrap()));
     let names: Vec<&str> = stored_keys().map(|(name, _)| name).collect();
     let mut record = RecordWriter::new(profile.name);
     for [name, index, value @ ..] in rest.as_chunks::<6>().0 {

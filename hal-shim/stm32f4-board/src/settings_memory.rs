@@ -1,4 +1,4 @@
-//! The sectors of the chip's flash in which settings are kept.
+//! The sectors of the chip's flash in which settings are kept, on a board that has some.
 
 use ferrostep_stm32f4::sector_flash::{SECTOR_BYTES, SectorFlash};
 
@@ -6,16 +6,12 @@ use crate::board::SETTINGS;
 use crate::pac::FLASH;
 use crate::volatile::Volatile;
 
-/// Their bytes.
-pub const BYTES: u32 = SETTINGS[1];
+/// The sectors at the end of the flash.
+pub type Sectors = SectorFlash<Volatile, { SETTINGS[0] }, { SETTINGS[1] as usize / SECTOR_BYTES }>;
 
-/// The sectors, as [`start`] gives them.
-pub type Sectors = SectorFlash<Volatile>;
-
-/// The sectors at the end of the flash; the image does not reach there (`memory.x`).
-pub fn start(_flash: FLASH) -> Sectors {
-    // SAFETY: registers of the flash, which are the caller's, and words of sectors that the linker gives to nothing. Besides, the
-    // watchdog's reload value, which is set as before when an erasure ends: a task that feeds it meanwhile changes nothing.
-    let registers = unsafe { Volatile::new() };
-    SectorFlash::new(registers, SETTINGS[0], BYTES / SECTOR_BYTES as u32)
+/// The sectors, into which no image reaches (`memory.x`).
+pub fn sectors(_flash: &mut FLASH) -> Sectors {
+    // SAFETY: registers of the flash, which the caller has borrowed, and words of sectors that the linker gives to nothing. Besides, the
+    // watchdog's reload value, which is as before when an erasure ends: a task that feeds it meanwhile changes nothing.
+    SectorFlash::new(unsafe { Volatile::new() })
 }

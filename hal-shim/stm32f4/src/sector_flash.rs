@@ -55,23 +55,24 @@ impl From<NorFlashErrorKind> for FlashError {
     }
 }
 
-/// Some sectors of 128 KiB, addressed from the start of the first.
+/// `SECTORS` sectors of 128 KiB, addressed from the start of the first: `OFFSET` bytes from the start of the flash, a multiple of
+/// [`SECTOR_BYTES`] above 0.
 #[derive(Debug)]
-pub struct SectorFlash<R> {
+pub struct SectorFlash<R, const OFFSET: u32, const SECTORS: usize> {
     registers: R,
-    /// Its address less that of the flash.
-    offset: u32,
-    sectors: u32,
 }
 
-impl<R: Registers> SectorFlash<R> {
-    /// So many sectors from `offset`, bytes from the start of the flash, a multiple of [`SECTOR_BYTES`] above 0.
-    pub const fn new(registers: R, offset: u32, sectors: u32) -> Self {
-        Self { registers, offset, sectors }
+impl<R: Registers, const OFFSET: u32, const SECTORS: usize> SectorFlash<R, OFFSET, SECTORS> {
+    const IS_POSSIBLE: () = assert!(OFFSET > 0 && OFFSET.is_multiple_of(SECTOR_BYTES as u32));
+
+    /// The sectors, by these registers.
+    pub const fn new(registers: R) -> Self {
+        let () = Self::IS_POSSIBLE;
+        Self { registers }
     }
 
-    fn address(&self, offset: u32) -> u32 {
-        FLASH.wrapping_add(self.offset).wrapping_add(offset)
+    fn address(offset: u32) -> u32 {
+        (FLASH + OFFSET).wrapping_add(offset)
     }
 
     /// Unlocks the flash, acts, and locks it again. An error if the flash is busy, stays locked or reports one.
@@ -103,16 +104,16 @@ impl<R: Registers> SectorFlash<R> {
     }
 }
 
-impl<R> ErrorType for SectorFlash<R> {
+impl<R, const OFFSET: u32, const SECTORS: usize> ErrorType for SectorFlash<R, OFFSET, SECTORS> {
     type Error = FlashError;
 }
 
-impl<R: Registers> ReadNorFlash for SectorFlash<R> {
+impl<R: Registers, const OFFSET: u32, const SECTORS: usize> ReadNorFlash for SectorFlash<R, OFFSET, SECTORS> {
     const READ_SIZE: usize = 4;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
         check_read(self, offset, bytes.len())?;
-        for (address, word) in (self.address(offset)..).step_by(4).zip(bytes.chunks_mut(4)) {
+        for (address, word) in (Self::address(offset)..).step_by(4).zip(bytes.chunks_mut(4)) {
             let read = self.registers.read(address).to_le_bytes();
             word.iter_mut().zip(read).for_each(|(byte, read)| *byte = read);
         }
@@ -120,11 +121,11 @@ impl<R: Registers> ReadNorFlash for SectorFlash<R> {
     }
 
     fn capacity(&self) -> usize {
-        SECTOR_BYTES.saturating_mul(self.sectors as usize)
+        SECTOR_BYTES * SECTORS
     }
 }
 
-impl<R: Registers> NorFlash for SectorFlash<R> {
+impl<R: Registers, const OFFSET: u32, const SECTORS: usize> NorFlash for SectorFlash<R, OFFSET, SECTORS> {
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = SECTOR_BYTES;
 
@@ -132,7 +133,7 @@ impl<R: Registers> NorFlash for SectorFlash<R> {
         check_erase(self, from, to)?;
         for start in (from..to).step_by(SECTOR_BYTES) {
             // Sectors 0 to 4 have 128 KiB together.
-            let number = self.offset.wrapping_add(start) / SECTOR_BYTES as u32 + 4;
+            let number = OFFSET.wrapping_add(start) / SECTOR_BYTES as u32 + 4;
             self.unlocked(|registers| {
                 watchdog::wait_longer(registers);
                 let erase = SER | WORDS | number << SECTOR_SHIFT;
@@ -148,7 +149,7 @@ impl<R: Registers> NorFlash for SectorFlash<R> {
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         check_write(self, offset, bytes.len())?;
-        let address = self.address(offset);
+        let address = Self::address(offset);
         self.unlocked(|registers| {
             registers.write(CR, PG | WORDS);
             let words = (address..).step_by(4).zip(bytes.as_chunks::<4>().0);
@@ -248,9 +249,9 @@ mod tests {
         }
     }
 
-    fn flash() -> SectorFlash<Chip> {
+    fn flash() -> SectorFlash<Chip, SECTOR_10, 2> {
         let recorder = Recorder::default().with(ACR, 5 | 1 << 8 | CACHES_ON);
-        SectorFlash::new(Chip { recorder, ..Chip::default() }, SECTOR_10, 2)
+        SectorFlash::new(Chip { recorder, ..Chip::default() })
     }
 
     #[test]

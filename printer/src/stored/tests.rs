@@ -55,7 +55,7 @@ struct Memory(RefCell<Store<MemoryFlash<Vec<u8>, SECTOR>>>);
 
 impl Memory {
     fn new() -> Self {
-        Self(RefCell::new(Store::new(MemoryFlash::new(vec![0xff; 2 * SECTOR]), 0..2 * SECTOR as u32).unwrap()))
+        Self(RefCell::new(Store::new(MemoryFlash::new(vec![0xff; 2 * SECTOR])).unwrap()))
     }
 
     /// One that contains these values of this profile.
