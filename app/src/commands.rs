@@ -5,7 +5,6 @@ use core::cell::RefCell;
 use ferrostep_printer::{Printer, SharedMotion, Signals};
 use ferrostep_stm32f4_board::identifier::identifier;
 use ferrostep_stm32f4_board::measured::Switch;
-use ferrostep_stm32f4_board::pac::FLASH;
 use ferrostep_tmc2209::DriverBank;
 use rtic::Mutex;
 
@@ -13,6 +12,7 @@ use crate::card::BoardMailbox;
 #[cfg(card)]
 use crate::card::{BoardMailboxLock, CardHosts};
 use crate::clock::SystemClock;
+#[cfg(drivers)]
 use crate::drivers::BoardDrivers;
 use crate::heat::{EQUIPMENT, Heat};
 use crate::host_line::{Reader, Writers};
@@ -21,7 +21,7 @@ use crate::job_line::{Hosts, JOB_BYTES, JobPort};
 use crate::ports::{BoardHeating, BoardMachine, BoardMachineLock, BoardReplies};
 use crate::profile::PROFILE;
 #[cfg(settings_memory)]
-use crate::settings_memory::BoardSettings;
+use crate::settings_memory;
 use crate::timing::BoardTiming;
 
 /// What the task shares with others.
@@ -44,8 +44,6 @@ pub struct Own<'a> {
     pub reader: &'a mut Reader,
     /// What switches measuring (M798).
     pub measured: &'a mut Switch,
-    /// The flash's registers, for settings.
-    pub flash: Option<FLASH>,
     /// Room for a job's bytes.
     pub job: &'a mut [u8; JOB_BYTES],
 }
@@ -69,22 +67,20 @@ where
     printer.set_emergency_parser(true);
     printer.set_meatpack(true);
     printer.set_equipment(EQUIPMENT);
+    #[cfg(drivers)]
     let drivers = BoardDrivers(RefCell::new(drivers));
-    if cfg!(drivers) {
-        printer.set_drivers(&drivers);
-    }
+    #[cfg(drivers)]
+    printer.set_drivers(&drivers);
+    #[cfg(not(drivers))]
+    let _no_drivers = drivers;
     let timing = BoardTiming::new(own.measured);
     printer.set_timing(&timing);
     printer.set_receives_jobs();
     #[cfg(settings_memory)]
-    let settings = own.flash.map(|flash| BoardSettings(RefCell::new(flash)));
-    #[cfg(settings_memory)]
-    if let Some(settings) = &settings {
-        printer.set_settings_memory(settings);
+    {
+        printer.set_settings_memory(&settings_memory::MEMORY);
         printer.restore_settings();
     }
-    #[cfg(not(settings_memory))]
-    let _no_sectors = own.flash;
     #[cfg(card)]
     let mailbox = mailbox.map(|mailbox| BoardMailboxLock(RefCell::new(mailbox)));
     #[cfg(card)]

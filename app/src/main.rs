@@ -69,8 +69,8 @@ mod app {
     use ferrostep_stm32f4_board::driver_line::DriverLine;
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
-    use ferrostep_stm32f4_board::pac::FLASH;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
+    use ferrostep_stm32f4_board::settings_memory;
     use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
     use ferrostep_stm32f4_board::vector_table::VectorTable;
@@ -152,7 +152,6 @@ mod app {
         watchdog: Watchdog,
         vigil: Vigil,
         card: Option<BoardCard>,
-        flash: Option<FLASH>,
     }
 
     #[init(local = [
@@ -194,6 +193,7 @@ mod app {
         let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
         let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
         let card = card::start(device.SDIO, &clock, motion_clock);
+        settings_memory::start(device.FLASH);
         HAS_CARD.store(card.is_some(), Ordering::Relaxed);
 
         // Each is taken here only.
@@ -234,7 +234,6 @@ mod app {
                 watchdog: Watchdog::start(device.IWDG),
                 vigil: Vigil::default(),
                 card,
-                flash: Some(device.FLASH),
             },
         )
     }
@@ -381,14 +380,14 @@ mod app {
 
     /// Lines to commands, commands to moves and replies.
     #[task(priority = 2, shared = [machine, heat, writers, drivers, mailbox], local = [
-        reader, measured, flash, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
+        reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
     async fn printer(cx: printer::Context) {
         let printer::SharedResources { machine, heat, writers, drivers, mailbox, .. } = cx.shared;
-        let printer::LocalResources { reader, measured, flash, job, .. } = cx.local;
+        let printer::LocalResources { reader, measured, job, .. } = cx.local;
         let mailbox = HAS_CARD.load(Ordering::Relaxed).then_some(mailbox);
         let shared = commands::Shared { machine, heat, writers, drivers, mailbox };
-        let own = commands::Own { reader, measured, flash: flash.take(), job };
+        let own = commands::Own { reader, measured, job };
         commands::execute(shared, own, &SIGNALS).await;
     }
 

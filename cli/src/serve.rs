@@ -19,11 +19,12 @@ use ferrostep_card::LocalCard;
 use ferrostep_gcode::{Emergency, Reply, Temperatures};
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::SharedMotion;
-use ferrostep_printer::{Heating, Printer, Profile, Replies, SettingsMemory, temperatures};
+use ferrostep_printer::{Heating, Printer, Profile, Replies, temperatures};
 use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
 
 use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
 use crate::session::{LiveSession, Session};
+use crate::settings_file::SettingsFile;
 
 pub use faults::{Fault, FaultKind, KINDS as FAULT_KINDS};
 pub use hosts::{Hosts, PageLine};
@@ -136,7 +137,7 @@ pub struct Served {
 pub fn serve(
     hosts: Hosts,
     settings: &Settings,
-    memory: Option<&dyn SettingsMemory>,
+    memory: Option<&SettingsFile>,
     ends: impl Fn() -> bool,
     mut show: impl FnMut(&Status),
 ) -> Served {

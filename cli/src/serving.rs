@@ -15,7 +15,6 @@ use ferrostep::terminal::{self, tell};
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
-use ferrostep_printer::SettingsMemory;
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -79,7 +78,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     let served = serve::serve(
         Hosts::new(outside, page_line),
         &settings,
-        memory.as_ref().map(|memory| memory as &dyn SettingsMemory),
+        memory.as_ref(),
         || ends.load(Ordering::Relaxed),
         |status| {
             if let Some(page) = &page {

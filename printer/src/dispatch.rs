@@ -13,23 +13,49 @@ use crate::printer::{Answer, Printer};
 
 /// A command that may wait, so that none can be named without being executed.
 enum Waiting<'a> {
-    Linear { rapid: bool, axes: &'a AxisWords, feed: Option<Decimal> },
-    Arc { clockwise: bool, axes: &'a AxisWords, form: &'a ArcForm, feed: Option<Decimal> },
-    Dwell { milliseconds: u64 },
-    Retraction { retract: bool },
+    Linear {
+        rapid: bool,
+        axes: &'a AxisWords,
+        feed: Option<Decimal>,
+    },
+    Arc {
+        clockwise: bool,
+        axes: &'a AxisWords,
+        form: &'a ArcForm,
+        feed: Option<Decimal>,
+    },
+    Dwell {
+        milliseconds: u64,
+    },
+    Retraction {
+        retract: bool,
+    },
     Home(AxisFlags),
-    DisableMotors { mask: u8 },
+    DisableMotors {
+        mask: u8,
+    },
     Heat(Heater, WaitTarget),
-    Fan { power: u8 },
+    Fan {
+        power: u8,
+    },
     Pause(PauseReason, PauseWords),
     ResumePrint,
-    MotionChoice { interpolation: Option<u8>, acceleration: Option<u8> },
-    InputShaper { axes: &'a [ShaperWords<'a>; 2], usual: &'static str },
+    MotionChoice {
+        interpolation: Option<u8>,
+        acceleration: Option<u8>,
+    },
+    InputShaper {
+        axes: &'a [ShaperWords<'a>; 2],
+        usual: &'static str,
+    },
     PressureAdvance(&'a AdvanceWords),
-    ShiftZ { words: &'a AxisWords, keeps_offset: bool },
-    Settings(SettingsCommand),
+    ShiftZ {
+        words: &'a AxisWords,
+        keeps_offset: bool,
+    },
     Card(&'a CardCommand<'a>),
-    Finish,
+    /// Until motion has ended; then M500 to M502.
+    Finish(Option<SettingsCommand>),
 }
 
 /// What became of a command that was looked at.
@@ -75,12 +101,14 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
             Waiting::PressureAdvance(words) => self.advance(words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
-            Waiting::Settings(command) => {
-                self.motion.finish().await?;
-                self.settings_command(command);
-            }
             Waiting::Card(command) => self.card_command(*command).await?,
-            Waiting::Finish => self.motion.finish().await?,
+            // One wait for both, which takes less room than two.
+            Waiting::Finish(then) => {
+                self.motion.finish().await?;
+                if let Some(command) = then {
+                    self.settings_command(command);
+                }
+            }
         }
         Ok(Answer::Ok)
     }
@@ -196,11 +224,11 @@ impl<P: Ports> Printer<'_, P> {
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
             Command::Settings(command) if self.refuse_settings(command) => {}
             Command::Settings(command) if Self::needs_standstill(command) => {
-                return waiting(Waiting::Settings(command));
+                return waiting(Waiting::Finish(Some(command)));
             }
             Command::Settings(command) => self.settings_command(command),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
-            Command::Finish => return waiting(Waiting::Finish),
+            Command::Finish => return waiting(Waiting::Finish(None)),
             // The drivers' part is all that there is to the first four. Without a display or a second fan the others change
             // nothing here.
             Command::ReportDrivers

@@ -17,7 +17,7 @@ use crate::paused::Paused;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
 use crate::profile::Profile;
 use crate::signals::Signals;
-use crate::stored::SettingsKeeper;
+use crate::stored::KeepsSettings;
 use crate::waits::Waits;
 
 /// Masks of all motors.
@@ -93,7 +93,7 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
     pub(crate) equipment: Equipment,
-    pub(crate) settings_memory: Option<SettingsKeeper<'a, P>>,
+    pub(crate) settings_memory: Option<&'a dyn KeepsSettings<P>>,
     pub(crate) receives_jobs: bool,
     pub(crate) job_request: Option<JobRequest>,
     pub(crate) card: Card<'a>,

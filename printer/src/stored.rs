@@ -43,19 +43,25 @@ fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
     settings.find(|(_, setting)| id_of(setting.name) == entry.id)
 }
 
-/// A memory, and the commands that need one: an image whose board has none does not contain their code.
-pub(crate) struct SettingsKeeper<'a, P: Ports> {
-    memory: &'a dyn SettingsMemory,
-    keep: fn(&mut Printer<'a, P>, &dyn SettingsMemory, SettingsCommand),
+/// What a memory makes of the commands that need one. An image whose board has none does not contain their code.
+pub(crate) trait KeepsSettings<P: Ports> {
+    /// M500, M501 and M504; `None`: the start.
+    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>);
 }
 
-impl<P: Ports> Clone for SettingsKeeper<'_, P> {
-    fn clone(&self) -> Self {
-        *self
+impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
+    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) {
+        match command {
+            Some(SettingsCommand::Store) => printer.store_settings(self),
+            Some(SettingsCommand::Validate) => {
+                if let Some(stored) = printer.read_settings(self, "M504") {
+                    printer.replies.say(format_args!("echo:M504: stored are {stored}"));
+                }
+            }
+            _ => printer.load_settings(self, command.is_none()),
+        }
     }
 }
-
-impl<P: Ports> Copy for SettingsKeeper<'_, P> {}
 
 impl<'a, P: Ports> Printer<'a, P> {
     /// M500 to M502 wait until all motion has ended.
@@ -75,7 +81,7 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.replies.say(format_args!("echo:Hardcoded Default Settings Loaded"));
             }
             SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Validate => match self.settings_memory {
-                Some(SettingsKeeper { memory, keep }) => keep(self, memory, command),
+                Some(memory) => memory.keep(self, Some(command)),
                 None => self.replies.say(format_args!(
                     "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile"
                 )),
@@ -84,21 +90,8 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// Settings survive the power there (M500); those that are stored come into force with [`Self::restore_settings`].
-    pub fn set_settings_memory(&mut self, memory: &'a dyn SettingsMemory) {
-        self.settings_memory = Some(SettingsKeeper { memory, keep: Self::keep_settings });
-    }
-
-    /// M500, M501 and M504.
-    fn keep_settings(&mut self, memory: &dyn SettingsMemory, command: SettingsCommand) {
-        match command {
-            SettingsCommand::Store => self.store_settings(memory),
-            SettingsCommand::Validate => {
-                if let Some(stored) = self.read_settings(memory, "M504") {
-                    self.replies.say(format_args!("echo:M504: stored are {stored}"));
-                }
-            }
-            _ => self.load_settings(memory, false),
-        }
+    pub fn set_settings_memory(&mut self, memory: &'a impl SettingsMemory) {
+        self.settings_memory = Some(memory);
     }
 
     /// Why M500, M501 or M502 has no effect now, in a print whose plan is made.
@@ -113,8 +106,8 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// Puts the stored settings in force, as the machine is switched on; says nothing where there are none.
     pub fn restore_settings(&mut self) {
-        if let Some(SettingsKeeper { memory, .. }) = self.settings_memory {
-            self.load_settings(memory, true);
+        if let Some(memory) = self.settings_memory {
+            memory.keep(self, None);
         }
     }
 
