@@ -106,7 +106,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Finish(then) => {
                 self.motion.finish().await?;
                 if let Some(command) = then {
-                    self.settings_command(command);
+                    self.change_settings(command);
                 }
             }
         }
@@ -226,7 +226,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Settings(command) if Self::needs_standstill(command) => {
                 return waiting(Waiting::Finish(Some(command)));
             }
-            Command::Settings(command) => self.settings_command(command),
+            Command::Settings(command) => self.show_settings(command),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Finish => return waiting(Waiting::Finish(None)),
             // The drivers' part is all that there is to the first four. Without a display or a second fan the others change

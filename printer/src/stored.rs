@@ -7,16 +7,16 @@ mod values;
 
 use core::fmt;
 
-use ferrostep_gcode::SettingsCommand;
+use ferrostep_gcode::{Reply, SettingsCommand};
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind};
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 
 use crate::axis_names::AXIS_NAMES;
-use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory};
+use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
 use crate::printer::Printer;
 
-use values::{CommandLine, GROUPS, Group, Setting, Shown, Values, advance_numbers};
+use values::{GROUPS, Group, Setting, Shown, Values, advance_numbers};
 
 /// What a look at the memory has found.
 struct Stored {
@@ -45,21 +45,21 @@ fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
 
 /// What a memory makes of the commands that need one. An image whose board has none does not contain their code.
 pub(crate) trait KeepsSettings<P: Ports> {
-    /// M500, M501 and M504; `None`: the start.
-    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>);
+    /// M500, M501 and M504; `None`: the start. Returns what is still to be set of the motion.
+    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice>;
 }
 
 impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
-    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) {
+    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice> {
         match command {
             Some(SettingsCommand::Store) => printer.store_settings(self),
             Some(SettingsCommand::Validate) => {
-                if let Some(stored) = printer.read_settings(self, "M504") {
-                    printer.replies.say(format_args!("echo:M504: stored are {stored}"));
-                }
+                let stored = printer.read_settings(self, "M504")?;
+                printer.replies.say(format_args!("echo:M504: stored are {stored}"));
             }
-            _ => printer.load_settings(self, command.is_none()),
+            _ => return printer.load_settings(self, command.is_none()),
         }
+        None
     }
 }
 
@@ -69,23 +69,50 @@ impl<'a, P: Ports> Printer<'a, P> {
         matches!(command, SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Reset)
     }
 
-    /// M500 to M504, at standstill where they need it.
-    // Not inlined: in the future of the commands that wait it would take much room.
+    /// M500 to M502, at standstill.
+    // Not inlined: in the future of the commands that wait it would take much room. And what needs much of the stack, the settings and
+    // the motion's methods, does not nest.
     #[inline(never)]
-    pub(crate) fn settings_command(&mut self, command: SettingsCommand) {
+    pub(crate) fn change_settings(&mut self, command: SettingsCommand) {
+        let choice =
+            if command == SettingsCommand::Reset { self.reset_settings() } else { self.keep_settings(command) };
+        self.choose_stored_motion(choice);
+    }
+
+    /// M503 and M504.
+    #[inline(never)]
+    pub(crate) fn show_settings(&mut self, command: SettingsCommand) {
         match command {
             SettingsCommand::Report { headings } => self.report_settings(headings),
-            SettingsCommand::Reset => {
-                let values = self.profile_values();
-                self.put_in_force(&values);
-                self.replies.say(format_args!("echo:Hardcoded Default Settings Loaded"));
+            _ => {
+                let _nothing_to_set = self.keep_settings(command);
             }
-            SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Validate => match self.settings_memory {
-                Some(memory) => memory.keep(self, Some(command)),
-                None => self.replies.say(format_args!(
-                    "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile"
-                )),
-            },
+        }
+    }
+
+    /// M502.
+    #[inline(never)]
+    fn reset_settings(&mut self) -> Option<MotionChoice> {
+        let values = self.profile_values();
+        self.replies.send(Reply::Text("echo:Hardcoded Default Settings Loaded"));
+        self.put_in_force(&values)
+    }
+
+    /// M500, M501 and M504, if there is a memory.
+    fn keep_settings(&mut self, command: SettingsCommand) -> Option<MotionChoice> {
+        let Some(memory) = self.settings_memory else {
+            let text = "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile";
+            self.replies.send(Reply::Text(text));
+            return None;
+        };
+        memory.keep(self, Some(command))
+    }
+
+    /// At standstill: sets the filters and the advance of stored settings.
+    fn choose_stored_motion(&mut self, choice: Option<MotionChoice>) {
+        if choice.is_some_and(|choice| self.motion.set_motion_choice(&choice).is_err()) {
+            let text = "echo:settings: input_shaper and pressure_advance cannot be set on this machine";
+            self.replies.send(Reply::Text(text));
         }
     }
 
@@ -107,7 +134,8 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// Puts the stored settings in force, as the machine is switched on; says nothing where there are none.
     pub fn restore_settings(&mut self) {
         if let Some(memory) = self.settings_memory {
-            memory.keep(self, None);
+            let choice = memory.keep(self, None);
+            self.choose_stored_motion(choice);
         }
     }
 
@@ -132,22 +160,31 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// M503.
     fn report_settings(&self, headings: bool) {
-        let values = self.live_values();
+        let mut values = self.live_values();
         if headings {
-            self.replies.say(format_args!("echo:; Linear Units:"));
+            self.replies.send(Reply::Text("echo:; Linear Units:"));
         }
-        self.replies.say(format_args!("echo:  G21 ; (mm)"));
+        self.replies.send(Reply::Text("echo:  G21 ; (mm)"));
         for group in &GROUPS {
-            let lines = (0..group.axes.map_or(1, str::len)).map(|axis| CommandLine { group, values: &values, axis });
-            let mut lines = lines.filter(|line| !line.is_empty()).peekable();
-            if headings && lines.peek().is_some() {
-                self.replies.say(format_args!("echo:; {}:", group.title));
+            let mut headings = headings;
+            for axis in 0..group.axes.map_or(1, str::len) {
+                let mut text = Text::new();
+                let _ = text.push_str("echo:  ");
+                // It has room for every command.
+                if group.write_command(&mut values, axis, &mut text) != Ok(true) {
+                    continue;
+                }
+                if core::mem::take(&mut headings) {
+                    self.replies.say(format_args!("echo:; {}:", group.title));
+                }
+                self.replies.send(Reply::Text(&text));
             }
-            lines.for_each(|line| self.replies.say(format_args!("echo:  {line}")));
         }
     }
 
     /// M500.
+    // Not inlined, as those below: each needs much of the stack, and they never nest.
+    #[inline(never)]
     fn store_settings(&self, memory: &dyn SettingsMemory) {
         let heats = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
         if heats && memory.stalls() {
@@ -187,16 +224,16 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// M501. Of an empty memory `is_start` says nothing.
     #[inline(never)]
-    fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) {
-        if let Some(stored) = self.read_settings(memory, "M501") {
-            self.put_in_force(&stored.values);
-            if stored.known > 0 || stored.foreign > 0 || !is_start {
-                self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
-            }
+    fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) -> Option<MotionChoice> {
+        let stored = self.read_settings(memory, "M501")?;
+        if stored.known > 0 || stored.foreign > 0 || !is_start {
+            self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
         }
+        self.put_in_force(&stored.values)
     }
 
     /// The profile's values with the stored ones in their places. What cannot be used is named.
+    #[inline(never)]
     fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored> {
         let mut stored = Stored { values: self.profile_values(), known: 0, foreign: 0, faults: 0 };
         let mut slot = [0; SLOT_BYTES];
@@ -288,29 +325,26 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// At standstill: puts settings in force, all of them checked.
-    fn put_in_force(&mut self, values: &Values) {
-        let Values { limits, retraction, probe_offset_10nm, shapers, drivers, .. } = *values;
-        self.motion.set_limits(limits);
-        let choice = self.motion.motion_choice();
-        let wanted = MotionChoice { shapers, pressure_advance: values.pressure_advance(), ..choice };
-        if wanted != choice && self.motion.set_motion_choice(&wanted).is_err() {
-            self.replies
-                .say(format_args!("echo:settings: input_shaper and pressure_advance cannot be set on this machine"));
-        }
-        self.interpreter.modal.retraction = retraction;
-        if let Some(offset_10nm) = probe_offset_10nm {
+    /// At standstill: puts settings in force, all of them checked, but for filters and advance: it returns them if they change.
+    fn put_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
+        self.motion.set_limits(values.limits);
+        self.interpreter.modal.retraction = values.retraction;
+        if let Some(offset_10nm) = values.probe_offset_10nm {
             self.interpreter.modal.probe_offset_10nm = offset_10nm;
         }
-        let Some(bank) = self.drivers else { return };
-        for (motor, settings) in drivers.into_iter().enumerate() {
-            let before = bank.report(motor).map(|report| report.settings);
-            if let Some(settings) = settings.filter(|settings| Some(*settings) != before)
-                && bank.set(motor, settings).is_err()
-            {
-                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", AXIS_NAMES[motor]));
+        if let Some(bank) = self.drivers {
+            for (motor, settings) in values.drivers.iter().enumerate() {
+                let before = bank.report(motor).map(|report| report.settings);
+                if let Some(settings) = settings.filter(|settings| Some(*settings) != before)
+                    && bank.set(motor, settings).is_err()
+                {
+                    self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", AXIS_NAMES[motor]));
+                }
             }
         }
+        let choice = self.motion.motion_choice();
+        let wanted = MotionChoice { shapers: values.shapers, pressure_advance: values.pressure_advance(), ..choice };
+        (wanted != choice).then_some(wanted)
     }
 }
 

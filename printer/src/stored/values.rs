@@ -1,6 +1,6 @@
 //! The settings that a machine keeps: where each lives, between which limits, and the command that sets it.
 
-use core::fmt::{self, Display, Formatter};
+use core::fmt::{self, Display, Formatter, Write};
 
 use ferrostep_gcode::Real;
 use ferrostep_planner::{AxisShaper, EvenSpacing, Limits, PressureAdvance, SecondSlope, ShaperKind};
@@ -393,55 +393,37 @@ impl Display for Shown {
     }
 }
 
-/// A line of M503: the command that sets the values of a group, those of one axis where it has a line for each.
-pub(crate) struct CommandLine<'a> {
-    pub group: &'a Group,
-    pub values: &'a Values,
-    pub axis: usize,
-}
-
-impl CommandLine<'_> {
-    /// Whether the machine has none of these values, such as the offset of a probe.
-    pub fn is_empty(&self) -> bool {
-        let mut values = *self.values;
-        let has = |setting: &Setting, values: &mut Values| {
-            let mut indices =
-                if self.group.axes.is_some() { self.axis..self.axis + 1 } else { 0..setting.letters.len() };
-            indices.any(|index| (setting.place)(values, index).is_some())
-        };
-        !self.group.settings.iter().any(|setting| has(setting, &mut values))
-    }
-
-    fn word(&self, out: &mut Formatter<'_>, letter: u8, place: &Place<'_>, scale: f64) -> fmt::Result {
-        let letter = char::from(letter);
-        match place {
-            Place::Kind(kind) => write!(out, " {letter}\"{kind}\""),
-            Place::Whole(whole) => write!(out, " {letter}{whole}"),
-            Place::Byte(byte) => write!(out, " {letter}{byte}"),
-            Place::Switch(on) => write!(out, " {letter}{}", u8::from(**on)),
-            Place::Optional(None) => Ok(()),
-            Place::Number(_) | Place::Optional(_) | Place::Length(_) => {
-                write!(out, " {letter}{}", Shown(place.get() * scale))
-            }
-        }
-    }
-}
-
-impl Display for CommandLine<'_> {
-    fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
-        let mut values = *self.values;
-        out.write_str(self.group.code)?;
-        if let Some(axis) = self.group.axes.and_then(|axes| axes.as_bytes().get(self.axis)) {
+impl Group {
+    /// Writes the command that sets its values, those of one axis where it has a line for each. `false`: the machine has none of them,
+    /// such as the offset of a probe.
+    // Not by `Display`: the depth of the stack is reckoned as if any of those called any.
+    pub fn write_command(&self, values: &mut Values, axis: usize, out: &mut impl Write) -> Result<bool, fmt::Error> {
+        out.write_str(self.code)?;
+        if let Some(axis) = self.axes.and_then(|axes| axes.as_bytes().get(axis)) {
             write!(out, " {}", char::from(*axis))?;
         }
-        for setting in self.group.settings {
+        let mut has_values = false;
+        for setting in self.settings {
             for (index, letter) in (0..).zip(setting.letters.bytes()) {
-                let index = if self.group.axes.is_some() { self.axis } else { index };
-                if let Some(place) = (setting.place)(&mut values, index) {
-                    self.word(out, letter, &place, setting.scale)?;
+                let index = if self.axes.is_some() { axis } else { index };
+                if let Some(place) = (setting.place)(values, index) {
+                    has_values = true;
+                    write_word(out, char::from(letter), &place, setting.scale)?;
                 }
             }
         }
-        Ok(())
+        Ok(has_values)
+    }
+}
+
+/// Writes a word of a command; nothing for a value that is absent.
+fn write_word(out: &mut impl Write, letter: char, place: &Place<'_>, scale: f64) -> fmt::Result {
+    match place {
+        Place::Kind(kind) => write!(out, " {letter}\"{kind}\""),
+        Place::Whole(_) | Place::Byte(_) | Place::Switch(_) => write!(out, " {letter}{}", place.get() as u32),
+        Place::Optional(None) => Ok(()),
+        Place::Number(_) | Place::Optional(_) | Place::Length(_) => {
+            write!(out, " {letter}{}", Shown(place.get() * scale))
+        }
     }
 }
