@@ -206,9 +206,11 @@ mod tests {
         assert!(folder_of(&buddy, false).ends_with("images/prusa-buddy"));
         let instead = buddy.at_boot_offset(0).unwrap();
         assert!(folder_of(&instead, true).ends_with("images/prusa-buddy-at-0x08000000"));
-        // Without the boot loader all of the flash is the image's.
+        // Without the boot loader all of the flash is the image's, up to the sectors of the settings.
         let flash = |address, bytes: usize| Flash { address, bytes: vec![0; bytes] };
-        assert_eq!(flash(0x0800_0000, 0x10_0000).check(&instead), Ok(()));
+        assert_eq!(flash(0x0800_0000, 0xc_0000).check(&instead), Ok(()));
+        let longer = flash(0x0800_0000, 0xc_0001).check(&instead).unwrap_err();
+        assert!(longer.contains("settings keep 262144 bytes at its end"), "{longer}");
         assert!(flash(0x0802_0200, 4).check(&instead).unwrap_err().contains("wants 0x8000000"));
     }
 }
