@@ -48,7 +48,7 @@ pub use axis_names::AXIS_NAMES;
 pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
-pub use heat::HeaterStatus;
+pub use heat::{HeaterStatus, PidGains};
 pub use heater_timeout::{HeaterRest, HeaterTimeout};
 pub use host::Host;
 pub use modal::Tally;

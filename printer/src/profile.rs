@@ -6,6 +6,8 @@ use ferrostep_thermistor::Thermistor;
 use ferrostep_tmc2209::DriverSettings;
 use ferrostep_virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe};
 
+use crate::heat::PidGains;
+
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
 /// 168 MHz.
 ///
@@ -131,12 +133,8 @@ pub struct HeaterSettings {
     pub max_target_celsius: f32,
     /// When it counts as failed.
     pub watch: HeaterWatch,
-    /// Proportional gain, power per degree.
-    pub proportional: f32,
-    /// Integral gain, power per degree and second.
-    pub integral: f32,
-    /// Derivative gain, power seconds per degree.
-    pub derivative: f32,
+    /// Gains of its control loop.
+    pub gains: PidGains,
     /// M109 and M190 wait until the temperature stays this near the target, degrees.
     pub residency_window_celsius: f32,
     /// ... for this long, milliseconds.

@@ -39,7 +39,13 @@ impl VirtualHeater {
                 let share = (seconds / FALLEN_OUT_S).min(1.0);
                 self.thermistor_celsius += (AMBIENT_CELSIUS - self.thermistor_celsius) * share;
             }
-            _ => self.thermistor_celsius = self.model.celsius(),
+            _ => {
+                let (celsius, lag_s) = (self.model.celsius(), self.model.sensor_lag_s());
+                let share = if lag_s > seconds { seconds / lag_s } else { 1.0 };
+                // Without a lag exactly the temperature.
+                self.thermistor_celsius =
+                    if share < 1.0 { self.thermistor_celsius + (celsius - self.thermistor_celsius) * share } else { celsius };
+            }
         }
     }
 

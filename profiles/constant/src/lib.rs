@@ -24,7 +24,7 @@ mod names {
     };
     pub use ferrostep_printer::{
         AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*,
-        HomeSensor::*, PauseSettings, Profile, SafeHoming,
+        HomeSensor::*, PauseSettings, PidGains, Profile, SafeHoming,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;
