@@ -113,6 +113,19 @@ pub struct AdvanceWords {
     pub smooth_time: Option<Decimal>,
 }
 
+/// What M301 or M304 sets of a heater's gains, in Marlin's units: power is 0 to 255. Without any of them it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GainWords {
+    /// P: per degree.
+    pub proportional: Option<Decimal>,
+    /// I: per degree and second.
+    pub integral: Option<Decimal>,
+    /// D: seconds per degree.
+    pub derivative: Option<Decimal>,
+    /// F (M301): what the part-cooling fan takes, for each degree between 25 degrees Celsius and the target.
+    pub fan: Option<Decimal>,
+}
+
 /// Target of M104, M109, M140 and M190.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
@@ -309,6 +322,21 @@ pub enum Command<'a> {
     FeedPercent(Option<Decimal>),
     /// M221 S: flow in percent; without S a query.
     FlowPercent(Option<Decimal>),
+    /// M301: gains of the nozzle's heater.
+    NozzleGains(GainWords),
+    /// M304: gains of the bed's heater.
+    BedGains(GainWords),
+    /// M303: finds the gains of a heater.
+    Autotune {
+        /// E-1 or H0: the bed's.
+        of_bed: bool,
+        /// S, degrees Celsius.
+        target: Option<Decimal>,
+        /// C.
+        cycles: Option<u8>,
+        /// U: the gains are used.
+        uses: bool,
+    },
     // ANCHOR: m302
     /// M302: S = smallest extrusion temperature, P1 = allow cold extrusion; neither: a query.
     ColdExtrusion {

@@ -1,6 +1,6 @@
 //! Kinds of commands, before they are executed.
 
-use ferrostep_gcode::{AdvanceWords, CardCommand, Command, ShaperWords};
+use ferrostep_gcode::{AdvanceWords, CardCommand, Command, GainWords, ShaperWords};
 
 /// How a command is treated while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,6 +50,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Restart => WhileHalted::Works,
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
         Command::PressureAdvance(words) if *words == AdvanceWords::default() => WhileHalted::Works,
+        Command::NozzleGains(words) | Command::BedGains(words) if *words == GainWords::default() => WhileHalted::Works,
         Command::DisableMotors(_) | Command::HeatersOff => WhileHalted::IsOff,
         Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) if celsius.nanos() <= 0 => {
             WhileHalted::IsOff

@@ -19,6 +19,7 @@ enum Waiting<'a> {
     Home(AxisFlags),
     DisableMotors { mask: u8 },
     Heat(Heater, WaitTarget),
+    Autotune { heater: Heater, target: Option<Decimal>, cycles: Option<u8>, uses: bool },
     Fan { power: u8 },
     Pause(PauseReason, PauseWords),
     ResumePrint,
@@ -64,6 +65,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Home(axes) => self.home(axes).await?,
             Waiting::DisableMotors { mask } => self.disable_motors(mask).await?,
             Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
+            Waiting::Autotune { heater, target, cycles, uses } => self.autotune(heater, target, cycles, uses).await?,
             Waiting::Fan { power } => self.motion.set_fan_power(power).await?,
             Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
             Waiting::ResumePrint => self.start_print(None).await?,
@@ -98,6 +100,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::RelativeExtrusion => self.interpreter.modal.relative_extruder = true,
             Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
             Command::SetBed(Some(celsius)) => self.set_temperature(Heater::Bed, celsius.to_f64())?,
+            Command::NozzleGains(ref words) => self.heater_gains(Heater::Nozzle, words)?,
+            Command::BedGains(ref words) => self.heater_gains(Heater::Bed, words)?,
             Command::HeatersOff => {
                 self.set_temperature(Heater::Nozzle, 0.0)?;
                 self.set_temperature(Heater::Bed, 0.0)?;
@@ -171,6 +175,10 @@ impl<P: Ports> Printer<'_, P> {
             Command::DisableMotors(axes) => return waiting(Waiting::DisableMotors { mask: mask(axes) }),
             Command::WaitNozzle(target) => return waiting(Waiting::Heat(Heater::Nozzle, target)),
             Command::WaitBed(target) => return waiting(Waiting::Heat(Heater::Bed, target)),
+            Command::Autotune { of_bed, target, cycles, uses } => {
+                let heater = if of_bed { Heater::Bed } else { Heater::Nozzle };
+                return waiting(Waiting::Autotune { heater, target, cycles, uses });
+            }
             Command::Fan { index: 0, power } => {
                 self.needs(self.equipment.fan || power == 0, "fan")?;
                 return waiting(Waiting::Fan { power });

@@ -105,7 +105,8 @@ impl Channel {
         self.thermometer.add(reading);
         let celsius = self.thermometer.celsius();
         self.celsius = celsius.ok().or(self.celsius);
-        self.safety.check(&self.settings, celsius, self.target, self.power)
+        let is_tuned = matches!(self.control, Loop::Relay(_));
+        self.safety.check(&self.settings, celsius, self.target, self.power, is_tuned)
     }
 
     /// Works out the power for the next sample. A heater without a temperature has none.
@@ -113,7 +114,13 @@ impl Channel {
         self.power = match (self.celsius, &mut self.control) {
             (None, _) => 0.0,
             (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
-            (Some(celsius), Loop::Relay(relay)) => relay.power(celsius, self.target),
+            (Some(celsius), Loop::Relay(relay)) => {
+                let power = relay.power(celsius, self.target);
+                if relay.has_ended() {
+                    self.target = 0.0;
+                }
+                power
+            }
         };
     }
 
@@ -170,12 +177,14 @@ impl HeatControl {
         match self.fault {
             Some(_) => self.all_off(),
             None => {
-                if self.channels.iter().any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan())) {
+                if self
+                    .channels
+                    .iter()
+                    .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+                {
                     fan_power = u8::MAX;
                 }
-                let [nozzle, bed] = &mut self.channels;
-                nozzle.control(fan_power);
-                bed.control(0);
+                self.channels.iter_mut().for_each(|channel| channel.control(fan_power));
             }
         }
         for heater in Heater::ALL {
@@ -221,7 +230,7 @@ impl HeatControl {
     }
 
     /// Tunes a heater at a target by a relay that counts so many cycles, and as many with the part-cooling fan at full power if
-    /// `has_fan`. All checks go on. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
+    /// `has_fan`. All checks go on; after its last cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none() {
@@ -263,7 +272,7 @@ impl HeatControl {
         for heater in Heater::ALL {
             let channel = &mut self.channels[heater.index()];
             channel.safety = Safety::new();
-            if let Err(trip) = channel.safety.check(&channel.settings, channel.thermometer.celsius(), 0.0, 0.0) {
+            if let Err(trip) = channel.safety.check(&channel.settings, channel.thermometer.celsius(), 0.0, 0.0, false) {
                 self.fault = self.fault.or(Some(HeatFault { heater, trip }));
             }
         }

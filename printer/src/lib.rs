@@ -41,6 +41,7 @@ mod shared_machine;
 mod signals;
 mod temperatures;
 mod transfer;
+mod tuning;
 mod waits;
 mod z_offset;
 

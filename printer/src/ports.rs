@@ -10,7 +10,7 @@ use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Pressure
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use crate::error::Failure;
-use crate::heat::{HeatFault, HeaterStatus};
+use crate::heat::{HeatFault, HeaterStatus, PidGains, RelayProgress};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 
 /// A line of text that is formatted here.
@@ -138,6 +138,18 @@ pub trait Heating {
     fn status(&self, heater: Heater) -> HeaterStatus;
     /// Switches all heaters off.
     fn all_off(&mut self);
+    /// The gains of a heater.
+    fn gains(&self, _heater: Heater) -> PidGains {
+        PidGains::default()
+    }
+    /// Sets the gains of a heater.
+    fn set_gains(&mut self, _heater: Heater, _gains: PidGains) {}
+    /// Tunes a heater by a relay, see [`crate::heat::HeatControl::begin_relay`].
+    fn begin_relay(&mut self, _heater: Heater, _celsius: f32, _cycles: u8, _has_fan: bool) {}
+    /// How far the autotune of a heater has come; `None` without one.
+    fn relay(&self, _heater: Heater) -> Option<RelayProgress> {
+        None
+    }
     /// M999: heaters may be switched on again after a fault.
     ///
     /// # Errors

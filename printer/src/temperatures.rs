@@ -10,7 +10,7 @@ use crate::profile::HeaterSettings;
 use crate::waits::WaitReport;
 
 impl<P: Ports> Printer<'_, P> {
-    fn heater_settings(&self, heater: Heater) -> &HeaterSettings {
+    pub(crate) fn heater_settings(&self, heater: Heater) -> &HeaterSettings {
         match heater {
             Heater::Nozzle => &self.profile.nozzle,
             Heater::Bed => &self.profile.bed,

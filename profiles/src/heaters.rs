@@ -44,8 +44,6 @@ struct Kind {
     watch: HeaterWatch,
     mass: HeatedMass,
     mass_in_words: &'static str,
-    /// The part-cooling fan cools it.
-    has_fan: bool,
 }
 
 const NOZZLE: Kind = Kind {
@@ -55,7 +53,6 @@ const NOZZLE: Kind = Kind {
     watch: HeaterWatch::NOZZLE,
     mass: HeatedMass::NOZZLE,
     mass_in_words: "40 W on 12 J/K",
-    has_fan: true,
 };
 
 const BED: Kind = Kind {
@@ -65,7 +62,6 @@ const BED: Kind = Kind {
     watch: HeaterWatch::BED,
     mass: HeatedMass::BED,
     mass_in_words: "250 W on 500 J/K",
-    has_fan: false,
 };
 
 /// Nozzle and bed.
@@ -115,7 +111,7 @@ fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings
         max_celsius,
         max_target_celsius: max_target_celsius.map_or(max_celsius, |celsius| celsius as f32),
         watch,
-        gains: gains(&apart, kind),
+        gains: gains(&apart),
         residency_window_celsius,
         residency_ms: milliseconds(apart.number("residency_s", RESIDENCY).required("for this long")),
         mass: mass(&apart, kind),
@@ -123,18 +119,16 @@ fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings
 }
 
 /// The gains of a heater's control loop.
-fn gains(heater: &Section<'_>, kind: &Kind) -> PidGains {
-    let fan = |about| heater.number("fan_gain", FAN).or(0.0, about) as f32;
+fn gains(heater: &Section<'_>) -> PidGains {
     PidGains {
         proportional: heater.number("proportional", PROPORTIONAL).required("PID gain; power is 0 to 1 (M303 finds it)")
             as f32,
         integral: heater.number("integral", INTEGRAL).required("PID gain (M303)") as f32,
         derivative: heater.number("derivative", DERIVATIVE).required("PID gain (M303)") as f32,
-        fan: if kind.has_fan {
-            fan("power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)")
-        } else {
-            0.0
-        },
+        fan: heater
+            .number("fan_gain", FAN)
+            .or(0.0, "power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)")
+            as f32,
     }
 }
 

@@ -44,6 +44,8 @@ impl Passed {
                     | Command::RecoverSettings(_)
                     | Command::SoftLimits(_)
                     | Command::ColdExtrusion { .. }
+                    | Command::NozzleGains(_)
+                    | Command::BedGains(_)
                     | Command::MotionChoice { .. }
                     | Command::InputShaper { .. }
                     | Command::PressureAdvance(_)

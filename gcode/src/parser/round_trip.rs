@@ -4,7 +4,7 @@ use proptest::option::of;
 use proptest::prelude::*;
 
 use crate::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, GainWords, LineReader, RetractionWords,
     ShaperWords, Units, WaitTarget, parse,
 };
 
@@ -76,6 +76,10 @@ fn wait(target: WaitTarget) -> Words {
 
 fn retraction(words: RetractionWords) -> Words {
     given([('S', words.length), ('F', words.feed), ('Z', words.lift)])
+}
+
+fn gains(words: GainWords) -> Words {
+    given([('P', words.proportional), ('I', words.integral), ('D', words.derivative), ('F', words.fan)])
 }
 
 /// Letter and number of the command, and its words.
@@ -158,6 +162,17 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
         Command::FeedPercent(percent) => (220, given([('S', percent)])),
         Command::FlowPercent(percent) => (221, given([('S', percent)])),
+        Command::NozzleGains(words) => (301, gains(words)),
+        Command::BedGains(words) => (304, gains(words)),
+        Command::Autotune { of_bed, target, cycles, uses } => (
+            303,
+            given([
+                ('E', of_bed.then_some(whole(-1))),
+                ('S', target),
+                ('C', cycles.map(|cycles| whole(cycles.into()))),
+                ('U', uses.then_some(whole(1))),
+            ]),
+        ),
         // ANCHOR: m302
         Command::ColdExtrusion { minimum, allow } => (302, given([('S', minimum), ('P', switch(allow))])),
         // ANCHOR_END: m302
@@ -285,6 +300,20 @@ fn any_stealth_chop() -> impl Strategy<Value = Command<'static>> {
         .prop_map(|(motors, on)| Command::StealthChop { motors, on })
 }
 
+fn any_gains() -> impl Strategy<Value = Command<'static>> {
+    (of(any_number()), of(any_number()), of(any_number()), of(any_number()), any::<bool>()).prop_map(
+        |(proportional, integral, derivative, fan, of_bed)| {
+            let words = GainWords { proportional, integral, derivative, fan };
+            if of_bed { Command::BedGains(GainWords { fan: None, ..words }) } else { Command::NozzleGains(words) }
+        },
+    )
+}
+
+fn any_autotune() -> impl Strategy<Value = Command<'static>> {
+    (any::<bool>(), of(not_negative()), of(0..=20_u8), any::<bool>())
+        .prop_map(|(of_bed, target, cycles, uses)| Command::Autotune { of_bed, target, cycles, uses })
+}
+
 /// As M593 sets it: of one axis, or of both alike.
 fn any_shaper() -> impl Strategy<Value = Command<'static>> {
     let kind = of(proptest::sample::select(&["none", "zv", "mzv", "ei2", "zvddd", ""][..]));
@@ -410,6 +439,8 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         any_shaper(),
         any_advance(),
+        any_gains(),
+        any_autotune(),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),

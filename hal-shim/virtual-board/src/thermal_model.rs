@@ -22,12 +22,24 @@ pub struct HeatedMass {
 
 impl HeatedMass {
     /// A 40 W hot end: 210 C in about 70 s, half power holds it.
-    pub const NOZZLE: Self =
-        Self { heater_w: 40.0, capacity_j_per_k: 12.0, loss_w_per_k: 0.11, fan_loss_w_per_k: 0.02, dead_time_s: 0.0, sensor_lag_s: 0.0 };
+    pub const NOZZLE: Self = Self {
+        heater_w: 40.0,
+        capacity_j_per_k: 12.0,
+        loss_w_per_k: 0.11,
+        fan_loss_w_per_k: 0.02,
+        dead_time_s: 0.0,
+        sensor_lag_s: 0.0,
+    };
 
     /// A 250 W bed: 60 C in about 80 s.
-    pub const BED: Self =
-        Self { heater_w: 250.0, capacity_j_per_k: 500.0, loss_w_per_k: 1.8, fan_loss_w_per_k: 0.0, dead_time_s: 0.0, sensor_lag_s: 0.0 };
+    pub const BED: Self = Self {
+        heater_w: 250.0,
+        capacity_j_per_k: 500.0,
+        loss_w_per_k: 1.8,
+        fan_loss_w_per_k: 0.0,
+        dead_time_s: 0.0,
+        sensor_lag_s: 0.0,
+    };
 }
 
 /// Powers on their way from the heater to the thermistor: a ring of means, each over a part of the dead time.

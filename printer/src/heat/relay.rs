@@ -120,7 +120,8 @@ impl Relay {
         if self.has_fan { self.part().saturating_mul(2) } else { self.part() }
     }
 
-    fn has_ended(&self) -> bool {
+    /// Whether it is over, with findings or without.
+    pub fn has_ended(&self) -> bool {
         self.has_failed || self.ended >= self.cycles()
     }
 

@@ -13,6 +13,7 @@
 //! | transistor failed closed | [`Trip::RisesUnpowered`], or [`Trip::TooHot`] | with the power at 0, a quarter of the watch period and 10 degrees |
 //! | the same, of a heater too weak to rise | [`Trip::StaysHotUnpowered`] | 10 minutes above 80 degrees without power |
 //! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
+//! | the same, while an autotune heats | [`Trip::Frozen`] | 5 s |
 
 use core::fmt;
 
@@ -41,6 +42,10 @@ const LEAST_HYSTERESIS_CELSIUS: f32 = 4.0;
 /// A change of power, as a share of full power, that no heater takes without the temperature changing by a step of its
 /// reading.
 const POWER_THAT_SHOWS: f32 = 0.05;
+
+/// The longest time that a reading may stay the same while an autotune heats at full power: a nozzle of 5 degrees a second would
+/// become far too hot in the runaway period.
+const TUNED_MS: u32 = 5_000;
 
 /// A fault that a check has found; temperatures in degrees Celsius.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,7 +147,7 @@ pub struct Safety {
 
 impl Safety {
     /// A heater that is off.
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             phase: Phase::Off,
             target: 0.0,
@@ -155,8 +160,8 @@ impl Safety {
         }
     }
 
-    /// Looks at a sample: the temperature, the target (0 for off) and the power up to now (0 to 1). The settings are the same
-    /// each time.
+    /// Looks at a sample: the temperature, the target (0 for off), the power up to now (0 to 1), and whether an autotune makes
+    /// it swing. The settings are the same each time.
     ///
     /// # Errors
     /// The heater, or its thermistor, has failed.
@@ -166,6 +171,7 @@ impl Safety {
         reading: Result<f32, SensorError>,
         target: f32,
         power: f32,
+        is_tuned: bool,
     ) -> Result<(), Trip> {
         let celsius = reading.map_err(Trip::Sensor)?;
         if celsius >= settings.max_celsius {
@@ -178,7 +184,7 @@ impl Safety {
         self.check_phase(settings, celsius)?;
         self.check_unpowered(&settings.watch, celsius, power)?;
         self.check_cooling(celsius, power)?;
-        self.check_same(&settings.watch, celsius, power)
+        self.check_same(&settings.watch, celsius, power, is_tuned)
     }
 
     /// A new target begins a new phase; [`Self::check_phase`] says in the same sample whether it is reached already. It gives
@@ -264,16 +270,18 @@ impl Safety {
         Ok(())
     }
 
-    /// At the target the reading must change when the power does. On the way there the watch notices a frozen reading.
-    fn check_same(&mut self, watch: &HeaterWatch, celsius: f32, power: f32) -> Result<(), Trip> {
+    /// At the target the reading must change when the power does, and always in an autotune. On the way there the watch notices
+    /// a frozen reading.
+    fn check_same(&mut self, watch: &HeaterWatch, celsius: f32, power: f32, is_tuned: bool) -> Result<(), Trip> {
         let (same_celsius, same_power) = self.changed;
         if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {
             self.changed = (celsius, power);
             self.unanswered = 0;
-        } else if self.unanswered > 0 || (power - same_power).abs() >= POWER_THAT_SHOWS {
+        } else if is_tuned || self.unanswered > 0 || (power - same_power).abs() >= POWER_THAT_SHOWS {
             self.unanswered = self.unanswered.saturating_add(1);
         }
-        if self.unanswered >= watch.runaway_ms / SAMPLE_MS {
+        let longest_ms = if is_tuned && power > 0.0 { TUNED_MS } else { watch.runaway_ms };
+        if self.unanswered >= longest_ms / SAMPLE_MS {
             return Err(Trip::Frozen(celsius));
         }
         Ok(())

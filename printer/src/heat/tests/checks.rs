@@ -34,7 +34,7 @@ impl Checked {
     }
 
     fn sample(&mut self, celsius: f32) -> Result<(), Trip> {
-        self.safety.check(&self.settings, Ok(celsius), self.target, self.power)
+        self.safety.check(&self.settings, Ok(celsius), self.target, self.power, false)
     }
 
     /// As many samples, each a little different so that no reading stands still. How many there were before the trip.
@@ -56,7 +56,7 @@ fn the_range_ends_at_its_bounds() {
     let mut checked = Checked::new();
     assert_eq!(checked.sample(max_celsius - 0.01), Ok(()));
     assert_eq!(checked.sample(max_celsius), Err(Trip::TooHot(max_celsius)));
-    let outcome = checked.safety.check(&checked.settings, Err(SensorError::Open), 0.0, 0.0);
+    let outcome = checked.safety.check(&checked.settings, Err(SensorError::Open), 0.0, 0.0, false);
     assert_eq!(outcome, Err(Trip::Sensor(SensorError::Open)));
 }
 

@@ -1,97 +1,331 @@
-//! Autotune on models of real hot ends and beds.
+//! Autotune on models of real hot ends and beds, with a noisy converter.
+
+mod chart;
+mod models;
+
+use std::format;
+use std::path::Path;
+use std::string::String;
+use std::vec::Vec;
 
 use super::*;
-use crate::heat::gains_by_relay;
+use chart::Row;
+use models::{MODELS, Model};
 
-pub(super) struct Model {
-    pub name: &'static str,
-    pub heater: Heater,
-    pub mass: HeatedMass,
-    pub tuned_at: f32,
-    pub targets: &'static [f32],
+/// What is asked of a tuned heater, degrees.
+const MAX_OVERSHOOT: f32 = 2.0;
+const STEADY: f32 = 0.3;
+const MAX_FAN: f32 = 3.0;
+
+/// Virtual heaters whose converter is noisy.
+struct Noisy {
+    board: VirtualHeaters,
+    /// Standard deviation, the converter's 4096 steps.
+    deviation: f32,
+    random: u64,
 }
 
-const fn hot_end(name: &'static str, mass: HeatedMass) -> Model {
-    Model { name, heater: Heater::Nozzle, mass, tuned_at: 215.0, targets: &[170.0, 200.0, 215.0, 250.0] }
-}
-
-pub(super) const MODELS: [Model; 8] = [
-    hot_end("V6", HeatedMass { heater_w: 40.0, capacity_j_per_k: 16.7, loss_w_per_k: 0.068, fan_loss_w_per_k: 0.029, dead_time_s: 0.3, sensor_lag_s: 1.0 / 0.22 }),
-    hot_end("Volcano", HeatedMass { heater_w: 60.0, capacity_j_per_k: 22.3, loss_w_per_k: 0.155, fan_loss_w_per_k: 0.0614, dead_time_s: 0.3, sensor_lag_s: 10.0 }),
-    hot_end("Revo", HeatedMass { heater_w: 40.0, capacity_j_per_k: 8.77, loss_w_per_k: 1.0 / 25.3, fan_loss_w_per_k: 1.0 / 15.4 - 1.0 / 25.3, dead_time_s: 0.27, sensor_lag_s: 0.27 / 0.15 }),
-    hot_end("Dragon", HeatedMass { heater_w: 60.0, capacity_j_per_k: 13.33, loss_w_per_k: 0.1173, fan_loss_w_per_k: 0.0074, dead_time_s: 0.3, sensor_lag_s: 1.0 / 0.3763 }),
-    hot_end("MINI", HeatedMass { heater_w: 40.0, capacity_j_per_k: 11.2, loss_w_per_k: 0.074, fan_loss_w_per_k: 0.074, dead_time_s: 1.6, sensor_lag_s: 4.0 }),
-    Model { name: "MINI bed", heater: Heater::Bed, tuned_at: 60.0, targets: &[45.0, 60.0, 90.0], mass: HeatedMass { heater_w: 80.0, capacity_j_per_k: 350.0, loss_w_per_k: 0.95, fan_loss_w_per_k: 0.0, dead_time_s: 2.0, sensor_lag_s: 4.0 } },
-    Model { name: "glass bed", heater: Heater::Bed, tuned_at: 60.0, targets: &[45.0, 60.0, 90.0], mass: HeatedMass { heater_w: 220.0, capacity_j_per_k: 866.0, loss_w_per_k: 1.3, fan_loss_w_per_k: 0.0, dead_time_s: 3.0, sensor_lag_s: 8.0 } },
-    Model { name: "AC bed", heater: Heater::Bed, tuned_at: 60.0, targets: &[45.0, 60.0, 105.0], mass: HeatedMass { heater_w: 750.0, capacity_j_per_k: 2380.0, loss_w_per_k: 2.4, fan_loss_w_per_k: 0.0, dead_time_s: 3.0, sensor_lag_s: 10.0 } },
-];
-
-fn rig(model: &Model) -> Rig {
-    let mut all = Heater::ALL.map(settings);
-    let own = &mut all[model.heater.index()];
-    own.mass = model.mass;
-    if model.heater == Heater::Nozzle {
-        own.max_celsius = 295.0;
+impl Noisy {
+    /// About normal with a deviation of 1: the sum of twelve even ones.
+    fn normal(&mut self) -> f32 {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            self.random = self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (self.random >> 40) as f32 / (1_u32 << 24) as f32;
+        }
+        sum
     }
-    let [nozzle, bed] = all;
-    let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
-    Rig { control: HeatControl::new(nozzle, bed, &mut board), board, samples: 0 }
+}
+
+impl ThermalBoard for Noisy {
+    /// A reading is the sum of sixteen conversions.
+    fn reading(&mut self, heater: Heater) -> u16 {
+        let noise = self.normal() * self.deviation * 4.0;
+        (f32::from(self.board.reading(heater)) + noise) as u16
+    }
+
+    fn set_power(&mut self, heater: Heater, power: f32) {
+        self.board.set_power(heater, power);
+    }
+}
+
+impl Fans for Noisy {
+    fn set_fan_power(&mut self, power: u8) {
+        self.board.set_fan_power(power);
+    }
+
+    fn set_hotend_fan(&mut self, on: bool) {
+        self.board.set_hotend_fan(on);
+    }
+}
+
+/// A heater of [`MODELS`] and its control.
+struct Bench<'a> {
+    model: &'a Model,
+    control: HeatControl,
+    board: Noisy,
+    samples: u32,
+}
+
+impl<'a> Bench<'a> {
+    fn new(model: &'a Model, deviation: f32) -> Self {
+        let mut all = Heater::ALL.map(settings);
+        let own = &mut all[model.heater.index()];
+        (own.mass, own.max_celsius) = (model.mass, if model.heater == Heater::Nozzle { 295.0 } else { 125.0 });
+        let [nozzle, bed] = all;
+        let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
+        let control = HeatControl::new(nozzle, bed, &mut board);
+        Self { model, control, board: Noisy { board, deviation, random: 7 }, samples: 0 }
+    }
+
+    fn sample(&mut self) -> Result<(), HeatFault> {
+        self.samples += 1;
+        self.board.board.advance(SAMPLE_MS as f32 * 1e-3);
+        self.control.update(&mut self.board)
+    }
+
+    /// What the thermistor would read without noise, degrees Celsius.
+    fn celsius(&self) -> f32 {
+        self.board.board.thermistor_celsius(self.model.heater)
+    }
+
+    fn begin_relay(&mut self) {
+        let is_nozzle = self.model.heater == Heater::Nozzle;
+        self.control.begin_relay(self.model.heater, self.model.tuned_at, 5, is_nozzle);
+    }
+
+    /// Tunes it, and notes the distance from the target each second.
+    fn tune(&mut self) -> (RelayFindings, Vec<f32>) {
+        self.begin_relay();
+        let mut curve = Vec::new();
+        loop {
+            if self.samples.is_multiple_of(SAMPLES_A_S) {
+                curve.push(self.celsius() - self.model.tuned_at);
+            }
+            self.sample().unwrap();
+            match self.control.relay(self.model.heater) {
+                Some(RelayProgress::Found(findings)) => return (findings, curve),
+                Some(RelayProgress::Cycles { .. }) => {}
+                other => panic!("{}: {other:?}", self.model.name),
+            }
+        }
+    }
+
+    /// The distance from the target at each sample of so many seconds.
+    fn follow(&mut self, target: f32, seconds: u32) -> Vec<f32> {
+        (0..seconds * SAMPLES_A_S)
+            .map(|_| {
+                self.sample().unwrap();
+                self.celsius() - target
+            })
+            .collect()
+    }
+}
+
+/// The largest and the smallest.
+fn ends(curve: &[f32]) -> [f32; 2] {
+    [curve.iter().copied().fold(f32::NEG_INFINITY, f32::max), curve.iter().copied().fold(f32::INFINITY, f32::min)]
+}
+
+/// What tuned gains do at a target.
+struct Outcome {
+    overshoot: f32,
+    steady: f32,
+    fan: f32,
+    curve: Vec<f32>,
+    fan_s: Option<[usize; 2]>,
+}
+
+/// Heats up with these gains, waits, and lets the fan blow and stop.
+fn use_gains(model: &Model, deviation: f32, gains: PidGains, target: f32) -> Outcome {
+    let mut bench = Bench::new(model, deviation);
+    bench.control.set_gains(model.heater, gains);
+    bench.control.set_target(model.heater, target);
+    // A bed of 80 W takes ten minutes to 90 degrees.
+    let (wait_s, has_fan) = if model.heater == Heater::Nozzle { (260, true) } else { (900, false) };
+    let mut all = bench.follow(target, wait_s);
+    let [overshoot, _] = ends(&all);
+    let rest = &all[all.len() - 60 * SAMPLES_A_S as usize..];
+    let steady = ends(rest).map(f32::abs).into_iter().fold(0.0, f32::max);
+    let mut fan = 0.0_f32;
+    if has_fan {
+        for power in [255, 0] {
+            bench.control.set_part_fan_power(power);
+            let part = bench.follow(target, 80);
+            fan = ends(&part).map(f32::abs).into_iter().fold(fan, f32::max);
+            all.extend(part);
+        }
+    }
+    let curve = all.iter().step_by(SAMPLES_A_S as usize).copied().collect();
+    let fan_s = has_fan.then_some([wait_s as usize, wait_s as usize + 80]);
+    Outcome { overshoot, steady, fan, curve, fan_s }
+}
+
+/// Also with the most noise that the checks are tried with.
+#[test]
+fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
+    let mut rows = Vec::new();
+    let mut table = String::from(
+        "| heater | M303 takes | P | I | D | F | overshoot | within, at rest | the fan disturbs by |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for deviation in [1.0, 3.0] {
+        for model in &MODELS {
+            let mut bench = Bench::new(model, deviation);
+            let (findings, tuning) = bench.tune();
+            let gains = gains_by_relay(&findings, model.tuned_at);
+            let mut worst = [0.0_f32; 3];
+            for target in model.targets {
+                let Outcome { overshoot, steady, fan, curve, fan_s } = use_gains(model, deviation, gains, target);
+                for (worst, one) in worst.iter_mut().zip([overshoot, steady, fan]) {
+                    *worst = worst.max(one);
+                }
+                if deviation == 1.0 && target == model.tuned_at {
+                    rows.push(Row { name: model.name, tuning: tuning.clone(), tuned: curve, fan_s });
+                }
+            }
+            let [overshoot, steady, fan] = worst;
+            let what = format!("{} with noise of {deviation}: {worst:?} with {gains:?}", model.name);
+            assert!(overshoot <= MAX_OVERSHOOT && steady <= STEADY && fan <= MAX_FAN, "{what}");
+            if deviation == 1.0 {
+                let [p, i, d, f] = [gains.proportional, gains.integral, gains.derivative, gains.fan]
+                    .map(|gain| ferrostep_gcode::Real::short(gain * 255.0, 3));
+                let fan = if model.heater == Heater::Nozzle { format!("{fan:.1} °C") } else { String::new() };
+                table += &format!(
+                    "| {} | {} s | {p} | {i} | {d} | {f} | {overshoot:.1} °C | {steady:.2} °C | {fan} |\n",
+                    model.name,
+                    bench.samples / SAMPLES_A_S
+                );
+            }
+        }
+    }
+    keep(&chart::svg(&rows), &table);
+}
+
+/// Compares the book's chart and table with these, or writes them.
+fn keep(chart: &str, table: &str) {
+    use ferrostep_checked_toml::book::{self, REFRESH_VARIABLE};
+    let pages = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src");
+    let refresh = std::env::var_os(REFRESH_VARIABLE).is_some();
+    let path = pages.join("images/autotune.svg");
+    if refresh {
+        std::fs::write(&path, chart).unwrap();
+    }
+    let kept = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(kept == chart, "images/autotune.svg has changed: look at it, then set {REFRESH_VARIABLE} to keep it");
+    book::keep(&pages.join("heaters.md"), "tuned", table).unwrap();
+}
+
+/// A heater with a dead time alone is what the relay's two equations describe.
+#[test]
+fn the_relay_finds_slope_delay_and_power() {
+    for (power_w, dead_time_s) in [(40.0, 2.0), (40.0, 5.0), (60.0, 3.0), (30.0, 4.0)] {
+        let mass = HeatedMass { heater_w: power_w, dead_time_s, ..MODELS[4].mass };
+        let mass = HeatedMass { sensor_lag_s: 0.0, fan_loss_w_per_k: 0.03, ..mass };
+        let model = Model { mass, ..MODELS[4] };
+        let (findings, _) = Bench::new(&model, 0.0).tune();
+        let slope = mass.heater_w / mass.capacity_j_per_k;
+        let rise = model.tuned_at - 22.0;
+        let near = |found: f32, is: f32, share: f32| (found / is - 1.0).abs() < share;
+        assert!(near(findings.slope_per_power, slope, 0.1), "{findings:?}, {slope}");
+        assert!(near(findings.delay_s, dead_time_s, 0.1), "{findings:?}, {dead_time_s}");
+        assert!(near(findings.holding_power, mass.loss_w_per_k * rise / power_w, 0.03), "{findings:?}");
+        assert!(near(findings.fan_power, mass.fan_loss_w_per_k * rise / power_w, 0.1), "{findings:?}");
+    }
+}
+
+/// A heater without any delay would get gains without end.
+#[test]
+fn gains_stay_within_their_ranges() {
+    for slope_per_power in [1e-6, 1.0, 1e6] {
+        for delay_s in [1e-6, 1.0, 1e6] {
+            let findings =
+                RelayFindings { slope_per_power, delay_s, holding_power: 0.5, fan_power: 0.9, cycle_s: 10.0 };
+            let PidGains { proportional, integral, derivative, fan } = gains_by_relay(&findings, 26.0);
+            for (gain, [low, high]) in [
+                (proportional, PidGains::PROPORTIONAL),
+                (integral, PidGains::INTEGRAL),
+                (derivative, PidGains::DERIVATIVE),
+                (fan, PidGains::FAN),
+            ] {
+                assert!((low as f32..=high as f32).contains(&gain), "{gain} of {slope_per_power}, {delay_s}");
+            }
+        }
+    }
+}
+
+/// The checks do not know that a heater is being tuned.
+#[test]
+fn failures_trip_while_a_heater_is_tuned() {
+    use HeaterFailure::*;
+    for model in [&MODELS[0], &MODELS[6]] {
+        for at_s in [2, 150, 200, 203, 206, 209] {
+            for failure in [Dead, StuckOn, ThermistorOpen, ThermistorShorted, ThermistorFellOut, ThermistorFrozen] {
+                // Noise would thaw the frozen reading.
+                let mut bench = Bench::new(model, 0.0);
+                bench.begin_relay();
+                (0..at_s * SAMPLES_A_S).for_each(|_| bench.sample().unwrap());
+                bench.board.board.set_failure(model.heater, Some(failure));
+                let fault = (0..400 * SAMPLES_A_S).find_map(|_| bench.sample().err());
+                let highest = bench.board.board.true_celsius(model.heater);
+                // One that has fallen out is noticed after the runaway period, as at any target.
+                let most = if failure == ThermistorFellOut { 70.0 } else { 45.0 };
+                assert!(failure == StuckOn || highest < model.tuned_at + most, "{failure:?} after {at_s} s: {highest}");
+                let fault = fault.unwrap_or_else(|| panic!("{}: {failure:?} after {at_s} s", model.name));
+                assert_eq!(fault.heater, model.heater);
+                assert_eq!(bench.board.board.power(model.heater), 0.0);
+                assert_eq!(bench.control.relay(model.heater), None, "the fault ends the autotune");
+            }
+        }
+    }
 }
 
 #[test]
-fn explore() {
-    let var = |name: &str, or: f32| std::env::var(name).map_or(or, |text| text.parse().unwrap());
-    let (a, b, c) = (var("KA", 0.6), var("KB", 5.0), var("KC", 1.0));
-    for model in &MODELS {
-        let heater = model.heater;
-        let mut tuned = rig(model);
-        tuned.control.begin_relay(heater, model.tuned_at, 5, heater == Heater::Nozzle);
-        let mut highest = 0.0_f32;
-        let findings = loop {
-            tuned.sample().unwrap();
-            highest = highest.max(tuned.control.status(heater).celsius);
-            match tuned.control.relay(heater).unwrap() {
-                RelayProgress::Found(findings) => break findings,
-                RelayProgress::Failed => panic!(),
-                RelayProgress::Cycles { .. } => {}
-            }
-        };
-        let took = tuned.samples / SAMPLES_A_S;
-        let mut gains = gains_by_relay(&findings, model.tuned_at);
-        let RelayFindings { slope_per_power, delay_s, .. } = findings;
-        gains.proportional = a / (slope_per_power * delay_s);
-        gains.integral = gains.proportional / (b * delay_s);
-        gains.derivative = gains.proportional * c * delay_s;
-        println!("{:9} took {took:4} s, over {:.1}, k {slope_per_power:.3} (true {:.3}) L {delay_s:.2} x {:.3} fan {:.3} cycle {:.1}", model.name, highest - model.tuned_at, model.mass.heater_w / model.mass.capacity_j_per_k, findings.holding_power, findings.fan_power, findings.cycle_s);
-        for target in model.targets {
-            let mut rig = rig(model);
-            rig.control.set_gains(heater, gains);
-            rig.control.set_target(heater, *target);
-            let (mut over, mut settled, mut near, mut reached) = (-99.0_f32, 0, 0, 0);
-            let wait = if heater == Heater::Nozzle { 400 } else { 1500 };
-            for second in 0..wait {
-                for _ in 0..SAMPLES_A_S {
-                    rig.sample().unwrap();
-                    let off = rig.control.status(heater).celsius - target;
-                    over = over.max(off);
-                    if off.abs() > 0.3 { settled = second + 1; }
-                    if off.abs() > 1.0 { near = second + 1; }
-                    if off > -5.0 && reached == 0 { reached = second; }
-                }
-            }
-            let (mut low, mut high) = (0.0_f32, 0.0_f32);
-            if heater == Heater::Nozzle {
-                for fan in [255, 0] {
-                    rig.control.set_part_fan_power(fan);
-                    for _ in 0..200 * SAMPLES_A_S {
-                        rig.sample().unwrap();
-                        let off = rig.control.status(heater).celsius - target;
-                        low = low.min(off);
-                        high = high.max(off);
-                    }
-                }
-            }
-            println!("    {target}: over {over:+.2}, -5 at {reached} s, within 1: {near} s, 0.3: {settled} s; fan {low:+.2} {high:+.2}");
-        }
+fn a_heater_that_does_not_cool_ends_the_relay_without_gains() {
+    let mass = HeatedMass { loss_w_per_k: 0.03, ..MODELS[6].mass };
+    let model = Model { mass, ..MODELS[6] };
+    let mut bench = Bench::new(&model, 0.0);
+    bench.begin_relay();
+    for _ in 0..30 * 60 * SAMPLES_A_S {
+        bench.sample().unwrap();
     }
+    assert_eq!(bench.control.relay(model.heater), Some(RelayProgress::Failed));
+    assert_eq!(bench.board.board.power(model.heater), 0.0);
+    assert!(bench.celsius() < model.tuned_at + 5.0);
+}
+
+#[test]
+fn a_target_or_an_end_of_all_heat_ends_the_relay() {
+    let ends: [fn(&mut HeatControl); 3] = [
+        |control| control.set_target(Heater::Nozzle, 0.0),
+        |control| control.set_target(Heater::Nozzle, 180.0),
+        HeatControl::all_off,
+    ];
+    for (end, target) in ends.into_iter().zip([0.0, 180.0, 0.0]) {
+        let mut bench = Bench::new(&MODELS[0], 0.0);
+        bench.begin_relay();
+        (0..50 * SAMPLES_A_S).for_each(|_| bench.sample().unwrap());
+        assert_eq!(bench.board.board.power(Heater::Nozzle), 1.0);
+        end(&mut bench.control);
+        bench.sample().unwrap();
+        assert_eq!(bench.control.relay(Heater::Nozzle), None);
+        assert_eq!(bench.control.status(Heater::Nozzle).target_celsius, target);
+        assert_eq!(bench.board.board.power(Heater::Nozzle) > 0.0, target > 0.0);
+    }
+}
+
+/// The fan turns for the second half only, and then as M106 has it.
+#[test]
+fn the_relay_turns_the_fan_and_gives_it_back() {
+    let mut bench = Bench::new(&MODELS[2], 0.0);
+    bench.control.set_part_fan_power(100);
+    bench.begin_relay();
+    let mut powers = Vec::new();
+    for _ in 0..200 * SAMPLES_A_S {
+        bench.sample().unwrap();
+        powers.push(bench.board.board.fan_power());
+    }
+    assert!(matches!(bench.control.relay(Heater::Nozzle), Some(RelayProgress::Found(_))));
+    powers.dedup();
+    assert_eq!(powers, [100, 255, 100]);
 }

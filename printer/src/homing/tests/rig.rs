@@ -65,6 +65,8 @@ pub struct Rig {
     choice: Cell<MotionChoice>,
     /// Moves wait since the machine last stood still.
     is_moving: Cell<bool>,
+    /// How often motion was stopped from outside.
+    stops: Cell<u32>,
     events: RefCell<Vec<Event>>,
     texts: RefCell<Vec<String>>,
     signals: Signals,
@@ -90,6 +92,7 @@ impl Rig {
             true_10nm: Cell::new([60 * MM, 50 * MM, 40 * MM]),
             believed_10nm: Cell::new([0; 3]),
             enabled: Cell::new(0),
+            stops: Cell::new(0),
             events: RefCell::default(),
             texts: RefCell::default(),
             signals: Signals::new(),
@@ -128,6 +131,11 @@ impl Rig {
     /// The methods and filters of the motion.
     pub fn choice(&self) -> MotionChoice {
         self.choice.get()
+    }
+
+    /// M410 from outside.
+    pub fn stop_from_outside(&self) {
+        self.stops.set(self.stops.get() + 1);
     }
 
     /// Mask of the motors with current.
@@ -179,7 +187,17 @@ pub fn execute(printer: &mut RigPrinter<'_>, text: &str) -> Result<(), crate::er
 #[derive(Debug)]
 pub struct RigMotion<'a>(&'a Rig);
 
+impl<'a> RigMotion<'a> {
+    pub fn new(rig: &'a Rig) -> Self {
+        Self(rig)
+    }
+}
+
 impl Motion for RigMotion<'_> {
+    fn stops(&self) -> u32 {
+        self.0.stops.get()
+    }
+
     async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
         let Some(request) = request.as_move() else { unreachable!("no prepared jobs here") };
         let way = self.0.way_to(request.target_10nm);
