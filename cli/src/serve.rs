@@ -290,6 +290,8 @@ impl Conductor {
             match fault.kind {
                 FaultKind::Heater(heater, failure) => session.set_heater_failure(heater, Some(failure)),
                 FaultKind::Line(fault, share) => session.replies().damage(fault, share),
+                FaultKind::FilamentOut => session.set_filament_out(true),
+                FaultKind::FilamentBack => session.set_filament_out(false),
                 FaultKind::CardPulled => drop(card.map(|card| card.with_slot(VirtualCard::pull))),
                 FaultKind::CardPutBack => drop(card.map(|card| card.with_slot(VirtualCard::insert))),
             }

@@ -39,6 +39,11 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     if card.is_none() && arguments.fault.iter().any(|fault| fault.kind.is_of_card()) {
         return Err("--fault card-pull and card-back need a card: add --card IMAGE|FOLDER".to_owned());
     }
+    if profile.filament_sensor.is_none() && arguments.fault.iter().any(|fault| fault.kind.is_of_filament()) {
+        return Err(
+            "--fault filament-out and filament-back need a sensor: add [filament_sensor] to the profile".to_owned()
+        );
+    }
     if let (Some(address), Some(port)) = (arguments.web, &arguments.port) {
         return serving_page::before_a_port(arguments, address, port, profile, &ends);
     }

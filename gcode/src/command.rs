@@ -249,6 +249,8 @@ pub enum Command<'a> {
     },
     /// M602: a paused print goes on.
     ResumePrint,
+    /// M412 S: whether the filament sensor pauses a print; without S a query.
+    FilamentSensor(Option<bool>),
     /// M876 S: the number of the button that was pressed on a prompt.
     PromptAnswer(u8),
     /// M110 N: the last line number.

@@ -139,6 +139,8 @@ pub struct FirmwareInfo<'a> {
     pub z_probe: bool,
     /// Whether there is a slot for a memory card.
     pub card: bool,
+    /// Whether there is a filament sensor.
+    pub filament_sensor: bool,
 }
 
 /// One answer.

@@ -21,7 +21,7 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("PROGRESS", false),
     ("PRINT_JOB", false),
     ("AUTOLEVEL", false),
-    ("RUNOUT", false),
+    (RUNOUT, false),
     (Z_PROBE, false),
     ("LEVELING_DATA", false),
     ("BUILD_PERCENT", false),
@@ -32,6 +32,9 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
 
 /// The capability of a machine whose Z homes with a probe.
 const Z_PROBE: &str = "Z_PROBE";
+
+/// The capability of a machine with a filament sensor.
+const RUNOUT: &str = "RUNOUT";
 
 /// The capability of a machine that watches its heaters.
 const THERMAL_PROTECTION: &str = "THERMAL_PROTECTION";
@@ -267,6 +270,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
         thermal_protection,
         z_probe,
         card,
+        filament_sensor,
     } = info;
     write!(formatter, "FIRMWARE_NAME:Ferrostep {version}")?;
     if !source_code_url.is_empty() {
@@ -284,6 +288,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
             THERMAL_PROTECTION => *thermal_protection,
             MEATPACK => *meatpack,
             Z_PROBE => *z_probe,
+            RUNOUT => *filament_sensor,
             name => *has || *card && CARD.contains(&name),
         };
         write!(formatter, "\nCap:{name}:{}", u8::from(has))?;

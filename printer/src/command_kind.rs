@@ -32,6 +32,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Echo { .. }
         | Command::EndWait
         | Command::PromptAnswer(_)
+        | Command::FilamentSensor(None)
         | Command::SoftLimits(None)
         | Command::FeedPercent(None)
         | Command::FlowPercent(None)

@@ -116,6 +116,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Display(text) => self.display(text),
             Command::Progress { percent, minutes_left } => self.progress(percent, minutes_left),
             Command::Layer { current, total } => self.layer(current, total),
+            Command::FilamentSensor(on) => self.filament_sensor(on),
             Command::PromptAnswer(button) => self.signals.answer_prompt(button),
             Command::ResumePrint if self.is_paused() => return waiting(Waiting::ResumePrint),
             Command::ResumePrint => return Err(CommandError::NotPaused),

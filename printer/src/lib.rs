@@ -18,6 +18,7 @@ mod drivers;
 mod entry;
 mod error;
 mod extrusion;
+mod filament;
 mod heater_timeout;
 mod homing;
 mod host;
@@ -49,6 +50,7 @@ pub use axis_names::AXIS_NAMES;
 pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
+pub use filament::FilamentWatch;
 pub use heat::{HeaterStatus, PidGains};
 pub use heater_timeout::{HeaterRest, HeaterTimeout};
 pub use host::Host;
@@ -60,7 +62,8 @@ pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
-    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, PauseSettings, Profile, SafeHoming,
+    FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, PauseSettings, Profile,
+    SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};

@@ -104,6 +104,8 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) targets_celsius: [f32; 2],
     /// Whether the hosts know that their prints end because the machine is halted.
     told_halted: bool,
+    /// A print pauses when its filament has run out (M412).
+    pub(crate) pauses_at_runout: bool,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -136,6 +138,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             progress: (None, None),
             targets_celsius: [0.0; 2],
             told_halted: false,
+            pauses_at_runout: profile.filament_sensor.is_some(),
         }
     }
 }
@@ -374,7 +377,11 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.heat_again(self.targets_celsius).await?;
             }
         }
-        self.dispatch(command).await
+        let answer = self.dispatch(command).await?;
+        if is_of_print {
+            self.pause_at_runout(command).await?;
+        }
+        Ok(answer)
     }
 
     /// Reports once that the target of a move is uncertain: motors without current may have been turned.

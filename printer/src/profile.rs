@@ -181,6 +181,15 @@ impl PauseSettings {
     pub const MAX_FILAMENT_10NM: i64 = 200_000_000;
 }
 
+/// A sensor that sees whether there is filament.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilamentSensor {
+    /// Its signal is low while filament is missing.
+    pub missing_is_low: bool,
+    /// How long it must say so, ms.
+    pub debounce_ms: u16,
+}
+
 /// Step and direction signals that the motor drivers need, in nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverTiming {
@@ -279,6 +288,8 @@ pub struct Profile {
     pub bed: HeaterSettings,
     /// What a pause does.
     pub pause: PauseSettings,
+    /// The filament sensor, if there is one.
+    pub filament_sensor: Option<FilamentSensor>,
     /// Firmware retraction at start-up.
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.

@@ -43,6 +43,7 @@ impl Passed {
                     | Command::RetractSettings(_)
                     | Command::RecoverSettings(_)
                     | Command::SoftLimits(_)
+                    | Command::FilamentSensor(Some(_))
                     | Command::ColdExtrusion { .. }
                     | Command::NozzleGains(_)
                     | Command::BedGains(_)
@@ -89,6 +90,8 @@ impl Passed {
                     | Command::Pause(_)
                     | Command::ChangeFilament { .. }
                     | Command::ResumePrint
+                    | Command::FilamentSensor(None)
+                    | Command::Autotune { .. }
                     | Command::PromptAnswer(_)
                     | Command::QuickStop
                     | Command::EmergencyStop

@@ -163,6 +163,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
+        412 => Ok(Command::FilamentSensor(code.words(remarks)?.switch(b'S')?)),
         569 => stealth_chop(code, remarks),
         572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),
         900 => pressure_advance::parse(code, remarks, &pressure_advance::M900),
@@ -213,7 +214,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 /// Whether a command that is not executed asks for just that: it switches off what is not there.
 fn switches_off(code: Code<'_>) -> bool {
     let letter = match code.number {
-        141 | 412 | 413 | 420 => b'S',
+        141 | 413 | 420 => b'S',
         _ => return false,
     };
     let mut remarks = Remarks::default();

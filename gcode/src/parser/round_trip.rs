@@ -158,6 +158,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             (600, [axes(park), given([('U', unload), ('L', load)])].concat())
         }
         Command::ResumePrint => (602, vec![]),
+        Command::FilamentSensor(on) => (412, given([('S', switch(on))])),
         Command::PromptAnswer(button) => (876, vec![('S', Some(whole(button.into())))]),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
         Command::FeedPercent(percent) => (220, given([('S', percent)])),
@@ -440,6 +441,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_shaper(),
         any_advance(),
         any_gains(),
+        of(any::<bool>()).prop_map(Command::FilamentSensor),
         any_autotune(),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),

@@ -158,7 +158,7 @@ fn gains_of_heaters_and_their_search() {
     );
     reads("M304 P-1 I0 D600", Command::BedGains(gains("-1", "0", "600", None)));
     reads("M304", Command::BedGains(GainWords::default()));
-    reads_with("M301 E1 P22", Command::Accepted, "E: this machine has one extruder, 0; no effect");
+    reads_with("M301 E1 P22", Command::Accepted, "T: this machine has one extruder, 0; no effect");
     assert!(refused("M301 Pnan").contains("nan"), "{}", refused("M301 Pnan"));
     let tune = |of_bed, target: Option<&str>, cycles, uses| Command::Autotune {
         of_bed,

@@ -140,7 +140,10 @@ fn firmware() {
         thermal_protection: true,
         z_probe: false,
         card: false,
+        filament_sensor: false,
     };
+    let sensed = Reply::Firmware(FirmwareInfo { filament_sensor: true, ..info }).to_string();
+    assert_eq!(sensed, Reply::Firmware(info).to_string().replace("RUNOUT:0", "RUNOUT:1"));
     let probed = Reply::Firmware(FirmwareInfo { z_probe: true, ..info }).to_string();
     assert_eq!(probed, Reply::Firmware(info).to_string().replace("Z_PROBE:0", "Z_PROBE:1"));
     let identifier = Some([0x0123_4567, 0x89ab_cdef, 0xfedc_ba98]);

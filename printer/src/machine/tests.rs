@@ -77,6 +77,7 @@ pub(crate) fn profile() -> Profile {
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,
         bed: heater,
+        filament_sensor: None,
         pause: crate::profile::PauseSettings {
             place_10nm: [1_000_000, 19_000_000],
             rise_10nm: 2_000_000,
