@@ -221,12 +221,19 @@ fn switches_off(code: Code<'_>) -> bool {
     code.words(&mut remarks).is_ok_and(|mut words| words.value(letter) == Some(Decimal::ZERO))
 }
 
-/// M301 and M304. C and L of M301, what the filament takes, have no effect.
+/// M301 and M304. C and L of M301, what the filament takes, have no effect; its H is RepRapFirmware's, 0 is the bed.
 fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
-    let is_nozzle = code.number == 301;
-    if is_nozzle && words.names_other(b'E') {
-        return Ok(Command::Accepted);
+    let mut is_nozzle = code.number == 301;
+    if is_nozzle {
+        if words.names_other(b'E') {
+            return Ok(Command::Accepted);
+        }
+        is_nozzle = match words.whole(b'H') {
+            None | Some(1) => true,
+            Some(0) => false,
+            Some(_) => return Err(ParseError::WordsExpected { command: "M301", words: "H1 (nozzle) or H0 (bed)" }),
+        };
     }
     let [proportional, integral, derivative] = b"PID".map(|letter| words.value(letter));
     let fan = if is_nozzle { words.value(b'F') } else { None };

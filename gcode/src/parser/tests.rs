@@ -156,6 +156,9 @@ fn gains_of_heaters_and_their_search() {
         Command::NozzleGains(gains("22.2", "1.08", "114", None)),
         "C has no effect; L has no effect",
     );
+    reads("M301 H1 P22.2 I1.08 D114", Command::NozzleGains(gains("22.2", "1.08", "114", None)));
+    reads("M301 H0 P22.2 I1.08 D114", Command::BedGains(gains("22.2", "1.08", "114", None)));
+    assert!(refused("M301 H2 P22").contains("H1 (nozzle) or H0 (bed)"));
     reads("M304 P-1 I0 D600", Command::BedGains(gains("-1", "0", "600", None)));
     reads("M304", Command::BedGains(GainWords::default()));
     reads_with("M301 E1 P22", Command::Accepted, "T: this machine has one extruder, 0; no effect");
