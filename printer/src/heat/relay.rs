@@ -78,8 +78,10 @@ pub struct Relay {
     fanned: Cycles,
     /// Sum of the swings of the counted cycles without the fan, degrees.
     swings: f32,
-    /// Lowest and highest temperature of this cycle so far, degrees Celsius; of the last one after it has ended.
+    /// Lowest temperature of this cycle so far, and of the last one, degrees Celsius.
     lowest: f32,
+    last_lowest: f32,
+    /// Highest temperature since the heater was last switched off, degrees Celsius.
     highest: f32,
     /// Samples of this cycle so far, with power and without.
     on: u32,
@@ -100,6 +102,7 @@ impl Relay {
             fanned: Cycles { on: 0, all: 0 },
             swings: 0.0,
             lowest: f32::INFINITY,
+            last_lowest: 0.0,
             highest: f32::NEG_INFINITY,
             on: 0,
             off: 0,
@@ -168,6 +171,7 @@ impl Relay {
                 self.swings += self.highest - self.lowest;
             }
         }
+        self.last_lowest = self.lowest;
         (self.on, self.off, self.is_on) = (0, 0, true);
         self.ended += 1;
     }
@@ -178,7 +182,7 @@ impl Relay {
         if self.has_failed {
             RelayProgress::Failed
         } else if ended < of {
-            RelayProgress::Cycles { ended, of, lowest_celsius: self.lowest, highest_celsius: self.highest }
+            RelayProgress::Cycles { ended, of, lowest_celsius: self.last_lowest, highest_celsius: self.highest }
         } else {
             self.findings().map_or(RelayProgress::Failed, RelayProgress::Found)
         }

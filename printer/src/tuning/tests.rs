@@ -180,6 +180,12 @@ fn an_autotune_reports_its_cycles_and_the_gains_and_sets_them_only_with_u() {
         assert_eq!(said[0], "PID Autotune start");
         let cycles = said.iter().filter(|text| text.starts_with(" cycle: ")).count();
         assert_eq!(cycles, 7, "{said:?}");
+        // The swing of the cycle that has ended, not of the one that has begun.
+        for text in said.iter().filter(|text| text.starts_with(" cycle: ")).skip(1) {
+            let figures: Vec<f32> = text.split(' ').filter_map(|word| word.parse().ok()).collect();
+            let [lowest, highest] = figures[..] else { panic!("{text}") };
+            assert!(lowest < 199.0 && highest > 201.0, "{text}");
+        }
         assert!(said.iter().any(|text| text == "echo:busy: processing"), "{said:?}");
         assert_eq!(said.iter().filter(|text| text.starts_with("ok")).count(), 1);
         let at = said.iter().position(|text| text == "PID Autotune finished!").unwrap();
