@@ -166,8 +166,8 @@ fn use_gains(model: &Model, deviation: f32, gains: PidGains, target: f32) -> Out
 fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
     let mut rows = Vec::new();
     let mut table = String::from(
-        "| heater | M303 takes | P | I | D | F | overshoot | within, at rest | the fan disturbs by |\n\
-         |---|---|---|---|---|---|---|---|---|\n",
+        "| heater | M303 takes | P | I | D | F | overshoot | within, at rest | the fan disturbs by | without F |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n",
     );
     for deviation in [1.0, 3.0] {
         for model in &MODELS {
@@ -190,9 +190,13 @@ fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
             if deviation == 1.0 {
                 let [p, i, d, f] = [gains.proportional, gains.integral, gains.derivative, gains.fan]
                     .map(|gain| ferrostep_gcode::Real::short(gain * 255.0, 3));
-                let fan = if model.heater == Heater::Nozzle { format!("{fan:.1} °C") } else { String::new() };
+                let without = PidGains { fan: 0.0, ..gains };
+                let unaided = use_gains(model, deviation, without, model.tuned_at).fan;
+                let is_nozzle = model.heater == Heater::Nozzle;
+                let [fan, unaided] =
+                    [fan, unaided].map(|degrees| if is_nozzle { format!("{degrees:.1} °C") } else { String::new() });
                 table += &format!(
-                    "| {} | {} s | {p} | {i} | {d} | {f} | {overshoot:.1} °C | {steady:.2} °C | {fan} |\n",
+                    "| {} | {} s | {p} | {i} | {d} | {f} | {overshoot:.1} °C | {steady:.2} °C | {fan} | {unaided} |\n",
                     model.name,
                     bench.samples / SAMPLES_A_S
                 );
@@ -214,6 +218,35 @@ fn keep(chart: &str, table: &str) {
     let kept = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(kept == chart, "images/autotune.svg has changed: look at it, then set {REFRESH_VARIABLE} to keep it");
     book::keep(&pages.join("heaters.md"), "tuned", table).unwrap();
+}
+
+/// Gains that were found with another block, sock or supply.
+#[test]
+fn tuned_gains_bear_another_mass_power_and_loss() {
+    for model in &MODELS {
+        let (findings, _) = Bench::new(model, 1.0).tune();
+        let gains = gains_by_relay(&findings, model.tuned_at);
+        for (mass, power, loss, lag) in [
+            (0.8, 1.0, 1.0, 1.0),
+            (1.25, 1.0, 1.0, 1.0),
+            (1.0, 1.1, 1.0, 1.0),
+            (1.0, 0.9, 1.0, 1.0),
+            (1.0, 1.0, 1.2, 1.0),
+            (1.0, 1.0, 1.0, 1.3),
+        ] {
+            let other = HeatedMass {
+                heater_w: model.mass.heater_w * power,
+                capacity_j_per_k: model.mass.capacity_j_per_k * mass,
+                loss_w_per_k: model.mass.loss_w_per_k * loss,
+                sensor_lag_s: model.mass.sensor_lag_s * lag,
+                ..model.mass
+            };
+            let other = Model { mass: other, name: model.name, heater: model.heater, ..*model };
+            let Outcome { overshoot, steady, .. } = use_gains(&other, 1.0, gains, model.tuned_at);
+            let what = (model.name, mass, power, loss, lag);
+            assert!(overshoot <= MAX_OVERSHOOT && steady <= STEADY, "{what:?}: {overshoot}, {steady}");
+        }
+    }
 }
 
 /// A heater with a dead time alone is what the relay's two equations describe.
