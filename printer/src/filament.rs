@@ -3,8 +3,6 @@
 use ferrostep_gcode::{AxisWords, Command};
 use ferrostep_hal_shim::Heater;
 
-use crate::error::CommandError;
-use crate::paused::{PauseReason, PauseWords};
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::FilamentSensor;
@@ -34,6 +32,10 @@ impl FilamentWatch {
     }
 }
 
+/// What a print does when its filament has run out: M600 without words.
+pub(crate) static CHANGE_FILAMENT: Command<'static> =
+    Command::ChangeFilament { park: AxisWords { x: None, y: None, z: None, e: None }, unload: None, load: None };
+
 /// Whether a command lays a line, as only prints do. A person who pushes new filament in moves E alone.
 fn lays(command: &Command<'_>) -> bool {
     let lays = |axes: &AxisWords| axes.e.is_some() && (axes.x.is_some() || axes.y.is_some());
@@ -61,15 +63,18 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Pauses as M600 does if a print's line was laid and the filament has run out. As long as it is missing, the print's next line
-    /// pauses again.
-    pub(crate) async fn pause_at_runout(&mut self, command: &Command<'_>) -> Result<(), CommandError> {
+    /// Whether a print's line was laid and the filament has run out, which is reported then. As long as it is missing, each line of a
+    /// print says so.
+    // In a future the compiler would keep every value in memory.
+    #[inline(never)]
+    pub(crate) fn has_run_out(&self, command: &Command<'_>) -> bool {
         let is_out = self.pauses_at_runout && self.signals.is_filament_missing();
         // A print's nozzle is hot; lines without heat are a rehearsal.
-        if !is_out || !lays(command) || self.heating.status(Heater::Nozzle).target_celsius <= 0.0 {
-            return Ok(());
+        let is_out = is_out && lays(command) && self.heating.status(Heater::Nozzle).target_celsius > 0.0;
+        if is_out {
+            self.replies.say(format_args!("echo:The filament has run out; M412 S0 ignores the sensor"));
         }
-        self.pause_command(PauseReason::Runout, PauseWords::default()).await
+        is_out
     }
 }
 

@@ -50,7 +50,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         let park_10nm = self.park_place_10nm(&words.park)?;
         let [unload_100pm, load_100pm] = match reason {
-            PauseReason::FilamentChange | PauseReason::Runout => self.filament_to_change_100pm(&words)?,
+            PauseReason::FilamentChange => self.filament_to_change_100pm(&words)?,
             PauseReason::Stop | PauseReason::Pause => [0; 2],
         };
         if unload_100pm != 0 {
@@ -69,7 +69,7 @@ impl<P: Ports> Printer<'_, P> {
             self.draw_back(&mut paused).await?;
             self.park(park_10nm).await?;
         }
-        if reason.changes_filament() {
+        if reason == PauseReason::FilamentChange {
             self.move_filament(-unload_100pm, self.profile.pause.filament_10nm_per_s).await?;
             self.motion.set_motors_enabled(1 << 3, false);
         }

@@ -13,16 +13,9 @@ pub enum PauseReason {
     Pause,
     /// M600: the nozzle goes aside, and the extruder's motor lets the filament go.
     FilamentChange,
-    /// The same, because the filament has run out.
-    Runout,
 }
 
 impl PauseReason {
-    /// Whether the filament is changed.
-    pub(crate) fn changes_filament(self) -> bool {
-        matches!(self, Self::FilamentChange | Self::Runout)
-    }
-
     /// The text for a person.
     pub(crate) fn text(self) -> &'static str {
         match self {
@@ -30,9 +23,6 @@ impl PauseReason {
             Self::Pause => "The print is paused",
             Self::FilamentChange => {
                 "Change the filament: its motor is off, pull the old one out and push the new one in"
-            }
-            Self::Runout => {
-                "The filament has run out: its motor is off, pull the rest out and push a new one in (M412 S0 ignores the sensor)"
             }
         }
     }

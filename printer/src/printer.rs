@@ -11,6 +11,7 @@ use crate::axis_names::AXIS_NAMES;
 use crate::card::Card;
 use crate::command_kind::{WhileHalted, moves, while_halted};
 use crate::error::{CommandError, Failure};
+use crate::filament::CHANGE_FILAMENT;
 use crate::interpreter::MoveInterpreter;
 use crate::modal::{Modal, Tally};
 use crate::paused::Paused;
@@ -377,11 +378,14 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.heat_again(self.targets_celsius).await?;
             }
         }
-        let answer = self.dispatch(command).await?;
-        if is_of_print {
-            self.pause_at_runout(command).await?;
+        let mut command = command;
+        loop {
+            let outcome = self.dispatch(command).await;
+            if !is_of_print || outcome.is_err() || !self.has_run_out(command) {
+                return outcome;
+            }
+            command = &CHANGE_FILAMENT;
         }
-        Ok(answer)
     }
 
     /// Reports once that the target of a move is uncertain: motors without current may have been turned.

@@ -1,10 +1,10 @@
 //! M301, M303 and M304: the gains of heaters, and how they are found.
 
-use ferrostep_gcode::{Decimal, GainWords, Real};
+use ferrostep_gcode::{Decimal, GainWords, Real, Reply};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
-use crate::heat::{PidGains, gains_by_relay};
+use crate::heat::{PidGains, RelayProgress, gains_by_relay};
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::in_range;
@@ -37,6 +37,13 @@ fn marlins(gain: f32) -> Real {
     Real::short(f64::from(gain) * FULL_POWER, 4)
 }
 
+/// Reports a cycle of the relay. By itself, as the compiler keeps every value of a future's function in memory.
+#[inline(never)]
+fn tell_cycle(replies: &impl Replies, ended: u8, of: u8, ends: [f32; 2]) {
+    let [lowest, highest] = ends.map(|celsius| Real::fixed(celsius, 2));
+    replies.say(format_args!(" cycle: {ended}/{of} min: {lowest} max: {highest}"));
+}
+
 impl<P: Ports> Printer<'_, P> {
     /// M301, M304.
     pub(crate) fn heater_gains(&mut self, heater: Heater, words: &GainWords) -> Result<(), CommandError> {
@@ -55,6 +62,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// The line that sets these gains.
+    #[inline(never)]
     fn report_gains(&self, heater: Heater, gains: &PidGains) {
         let [p, i, d, f] = [gains.proportional, gains.integral, gains.derivative, gains.fan].map(marlins);
         match heater {
@@ -71,20 +79,11 @@ impl<P: Ports> Printer<'_, P> {
         cycles: Option<u8>,
         uses: bool,
     ) -> Result<(), CommandError> {
-        self.needs(self.equipment.heaters, "heaters")?;
-        let (usual, margin, has_fan) = match heater {
-            Heater::Nozzle => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
-            Heater::Bed => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
-        };
-        let settings = self.heater_settings(heater);
-        let highest = settings.max_target_celsius.min(settings.max_celsius - margin);
-        let celsius = in_range('S', target.map_or(usual, Decimal::to_f64), MIN_CELSIUS, highest.into())? as f32;
-        if self.is_paused() || self.heating.status(Heater::Nozzle).target_celsius > 0.0 {
-            return Err(CommandError::TunesNoPrint);
-        }
+        self.may_autotune()?;
+        let (celsius, has_fan) = self.autotune_target(heater, target)?;
         self.signals.take_end_wait();
         self.motion.finish().await?;
-        self.replies.say(format_args!("PID Autotune start"));
+        self.replies.send(Reply::Text("PID Autotune start"));
         self.heating.begin_relay(heater, celsius, cycles.unwrap_or(CYCLES).max(MIN_CYCLES), has_fan);
         let (mut waits, stops) = (self.waits(), self.motion.stops());
         let (heating, motion, replies) = (&self.heating, &self.motion, self.replies);
@@ -93,27 +92,61 @@ impl<P: Ports> Printer<'_, P> {
                 heater,
                 heating,
                 || motion.stops() != stops,
-                |ended, of, [lowest, highest]| {
-                    let [lowest, highest] = [lowest, highest].map(|celsius| Real::fixed(celsius, 2));
-                    replies.say(format_args!(" cycle: {ended}/{of} min: {lowest} max: {highest}"));
-                },
+                |ended, of, ends| tell_cycle(replies, ended, of, ends),
             )
             .await;
+        self.end_autotune(heater, celsius, uses, outcome)
+    }
+
+    /// The heater goes off, whatever has ended the autotune.
+    #[inline(never)]
+    fn end_autotune(
+        &mut self,
+        heater: Heater,
+        celsius: f32,
+        uses: bool,
+        outcome: Result<(), CommandError>,
+    ) -> Result<(), CommandError> {
+        let progress = self.heating.relay(heater);
         self.heating.set_target(heater, 0.0);
-        match outcome? {
-            Some(findings) => self.tuned(heater, &gains_by_relay(&findings, celsius), uses),
-            None => self.replies.say(format_args!("PID Autotune ended by M108, the gains stay")),
+        outcome?;
+        match progress {
+            Some(RelayProgress::Found(findings)) => self.tuned(heater, &gains_by_relay(&findings, celsius), uses),
+            _ => self.replies.send(Reply::Text("PID Autotune ended by M108, the gains stay")),
         }
         Ok(())
     }
 
+    /// Refuses an autotune without heaters, and in a print.
+    fn may_autotune(&self) -> Result<(), CommandError> {
+        self.needs(self.equipment.heaters, "heaters")?;
+        if self.is_paused() || self.heating.status(Heater::Nozzle).target_celsius > 0.0 {
+            return Err(CommandError::TunesNoPrint);
+        }
+        Ok(())
+    }
+
+    /// The target of an autotune, degrees Celsius, and whether a fan cools the heater.
+    #[inline(never)]
+    fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
+        let (usual, margin, has_fan) = match heater {
+            Heater::Nozzle => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
+            Heater::Bed => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
+        };
+        let settings = self.heater_settings(heater);
+        let highest = settings.max_target_celsius.min(settings.max_celsius - margin);
+        let celsius = in_range('S', target.map_or(usual, Decimal::to_f64), MIN_CELSIUS, highest.into())?;
+        Ok((celsius as f32, has_fan))
+    }
+
     /// Reports gains that have been found, as Marlin does and as the profile has them.
+    #[inline(never)]
     fn tuned(&mut self, heater: Heater, gains: &PidGains, uses: bool) {
         let (name, marlins_name) = match heater {
             Heater::Nozzle => ("nozzle", ""),
             Heater::Bed => ("bed", "bed"),
         };
-        self.replies.say(format_args!("PID Autotune finished!"));
+        self.replies.send(Reply::Text("PID Autotune finished!"));
         for (letter, gain) in [('p', gains.proportional), ('i', gains.integral), ('d', gains.derivative)] {
             self.replies.say(format_args!("#define DEFAULT_{marlins_name}K{letter} {}", marlins(gain)));
         }

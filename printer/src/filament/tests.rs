@@ -134,7 +134,13 @@ fn a_print_pauses_after_the_line_as_m600_does_and_again_until_filament_is_there(
     assert!(!world.pauses(&mut printer, "G1 X10 E1 F600", true));
     world.signals.set_filament_missing(true);
     assert!(world.pauses(&mut printer, "G1 X20 E2", true));
-    for text in ["//action:paused", "//action:prompt_begin The filament has run out", "//action:resumed", "ok"] {
+    for text in [
+        "//action:paused",
+        "echo:The filament has run out",
+        "//action:prompt_begin Change the filament",
+        "//action:resumed",
+        "ok",
+    ] {
         assert!(world.said(text), "{text}: {:?}", world.texts);
     }
     assert_eq!(world.rig.believed_mm(), [20.0, 0.0, 0.0], "back where the line ends");
