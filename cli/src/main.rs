@@ -244,7 +244,7 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
     let prepared = match prepared {
         Ok(prepared) => prepared,
         Err(PrepareError::Write(error)) => return Err(OutputError::new(out, error).to_string()),
-        Err(error @ PrepareError::Acceleration(_)) => return Err(error.to_string()),
+        Err(error @ (PrepareError::Acceleration(_) | PrepareError::FilamentOnTheWay)) => return Err(error.to_string()),
         Err(error @ (PrepareError::Job(_) | PrepareError::Command(..))) => {
             tell(format_args!("error: {name}: {error}"));
             return Ok(ExitCode::from(1));
