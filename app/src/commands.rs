@@ -12,6 +12,7 @@ use crate::card::BoardMailbox;
 #[cfg(card)]
 use crate::card::{BoardMailboxLock, CardHosts};
 use crate::clock::SystemClock;
+#[cfg(drivers)]
 use crate::drivers::BoardDrivers;
 use crate::heat::{EQUIPMENT, Heat};
 use crate::host_line::{Reader, Writers};
@@ -19,6 +20,8 @@ use crate::identity::IDENTITY;
 use crate::job_line::{Hosts, JOB_BYTES, JobPort};
 use crate::ports::{BoardHeating, BoardMachine, BoardMachineLock, BoardReplies};
 use crate::profile::PROFILE;
+#[cfg(settings_memory)]
+use crate::settings_memory;
 use crate::timing::BoardTiming;
 
 /// What the task shares with others.
@@ -64,13 +67,20 @@ where
     printer.set_emergency_parser(true);
     printer.set_meatpack(true);
     printer.set_equipment(EQUIPMENT);
+    #[cfg(drivers)]
     let drivers = BoardDrivers(RefCell::new(drivers));
-    if cfg!(drivers) {
-        printer.set_drivers(&drivers);
-    }
+    #[cfg(drivers)]
+    printer.set_drivers(&drivers);
+    #[cfg(not(drivers))]
+    let _no_drivers = drivers;
     let timing = BoardTiming::new(own.measured);
     printer.set_timing(&timing);
     printer.set_receives_jobs();
+    #[cfg(settings_memory)]
+    {
+        printer.set_settings_memory(&settings_memory::MEMORY);
+        printer.restore_settings();
+    }
     #[cfg(card)]
     let mailbox = mailbox.map(|mailbox| BoardMailboxLock(RefCell::new(mailbox)));
     #[cfg(card)]

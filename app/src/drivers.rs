@@ -1,15 +1,19 @@
 //! The motors' drivers as the printer sees them, and their line as the drivers' own code does: views of what tasks share.
 
+#[cfg(drivers)]
 use core::cell::RefCell;
+#[cfg(drivers)]
 use core::fmt;
 use core::sync::atomic::Ordering;
 
+#[cfg(drivers)]
 use ferrostep_printer::MotorDrivers;
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
 use ferrostep_stm32f4_board::driver_line::{DriverLine, FERROSTEP_DRIVERS};
-use ferrostep_tmc2209::{DriverBank, DriverReport, DriverSettings, DriverState, LineTiming, SettingsError};
+use ferrostep_tmc2209::{DriverBank, LineTiming};
 #[cfg(drivers)]
-use ferrostep_tmc2209::{LineBusy, SingleWireUart};
+use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, LineBusy, SettingsError, SingleWireUart};
+#[cfg(drivers)]
 use rtic::Mutex;
 
 use crate::profile::PROFILE;
@@ -50,15 +54,18 @@ impl<L: Mutex<T = BoardDriverLine>> SingleWireUart for Line<'_, L> {
     }
 }
 
+#[cfg(drivers)]
 /// The drivers, as the task that executes commands shares them.
 pub struct BoardDrivers<B>(pub RefCell<B>);
 
+#[cfg(drivers)]
 impl<B> fmt::Debug for BoardDrivers<B> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str("BoardDrivers")
     }
 }
 
+#[cfg(drivers)]
 impl<B: Mutex<T = DriverBank>> MotorDrivers for BoardDrivers<B> {
     fn state(&self, motor: usize) -> Option<DriverState> {
         self.0.borrow_mut().lock(|bank| bank.state(motor))

@@ -1,8 +1,8 @@
 //! The heaters: their control, and what it controls: the board's own, or on the bench their models.
 
 use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
-use ferrostep_printer::{Equipment, HeaterStatus, Profile};
+use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
+use ferrostep_printer::{Equipment, HeaterStatus, PidGains, Profile};
 use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
 use ferrostep_stm32f4_board::thermal::{self, Converters, Heaters};
@@ -109,6 +109,30 @@ impl Heat {
     /// Temperature, target and power of a heater.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
         self.0.as_ref().map_or_else(HeaterStatus::default, |heat| heat.control.status(heater))
+    }
+
+    /// The gains of a heater.
+    pub fn gains(&self, heater: Heater) -> PidGains {
+        self.0.as_ref().map_or_else(PidGains::default, |heat| heat.control.gains(heater))
+    }
+
+    /// Sets the gains of a heater.
+    pub fn set_gains(&mut self, heater: Heater, gains: PidGains) {
+        if let Some(heat) = &mut self.0 {
+            heat.control.set_gains(heater, gains);
+        }
+    }
+
+    /// Tunes a heater, see [`HeatControl::begin_relay`].
+    pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
+        if let Some(heat) = &mut self.0 {
+            heat.control.begin_relay(heater, celsius, cycles, has_fan);
+        }
+    }
+
+    /// How far the autotune of a heater has come.
+    pub fn relay(&self, heater: Heater) -> Option<RelayProgress> {
+        self.0.as_ref().and_then(|heat| heat.control.relay(heater))
     }
 
     /// Switches all heaters off, now.

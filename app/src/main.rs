@@ -40,6 +40,8 @@ mod job_line;
 mod ports;
 mod profile;
 mod reports;
+#[cfg(settings_memory)]
+mod settings_memory;
 mod timing;
 mod wiring;
 
@@ -68,6 +70,7 @@ mod app {
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
+    use ferrostep_stm32f4_board::settings_memory;
     use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
     use ferrostep_stm32f4_board::vector_table::VectorTable;
@@ -190,6 +193,7 @@ mod app {
         let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
         let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
         let card = card::start(device.SDIO, &clock, motion_clock);
+        settings_memory::start(device.FLASH);
         HAS_CARD.store(card.is_some(), Ordering::Relaxed);
 
         // Each is taken here only.

@@ -10,7 +10,7 @@ use core::mem::MaybeUninit;
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Heater, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::heat::HeatFault;
+use ferrostep_printer::heat::{HeatFault, PidGains, RelayProgress};
 use ferrostep_printer::machine::Machine;
 use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, SharedMachine, Signals};
 use ferrostep_step_player::{StepFeeder, StepPlayer};
@@ -184,6 +184,22 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
 
     fn all_off(&mut self) {
         self.0.get_mut().lock(|heat| heat.all_off());
+    }
+
+    fn gains(&self, heater: Heater) -> PidGains {
+        self.0.borrow_mut().lock(|heat| heat.gains(heater))
+    }
+
+    fn set_gains(&mut self, heater: Heater, gains: PidGains) {
+        self.0.get_mut().lock(|heat| heat.set_gains(heater, gains));
+    }
+
+    fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
+        self.0.get_mut().lock(|heat| heat.begin_relay(heater, celsius, cycles, has_fan));
+    }
+
+    fn relay(&self, heater: Heater) -> Option<RelayProgress> {
+        self.0.borrow_mut().lock(|heat| heat.relay(heater))
     }
 
     fn restart(&mut self) -> Result<(), HeatFault> {

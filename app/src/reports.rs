@@ -2,13 +2,16 @@
 
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::Heater;
-use ferrostep_printer::{HeaterTimeout, Heating, Replies, Signals, temperatures};
+use ferrostep_printer::{FilamentWatch, HeaterTimeout, Heating, Replies, Signals, temperatures};
+use ferrostep_stm32f4_board::board::is_triggered;
 use rtic::Mutex;
 
 use crate::heat::{self, Heat};
 use crate::host_line::{self, Writers};
 use crate::ports::{BoardHeating, BoardMachine, BoardReplies, Overload};
+use crate::profile::PROFILE;
 use crate::timing;
+use crate::wiring::FILAMENT;
 
 /// Looks at the machine at intervals and reports to all hosts.
 pub struct Reports<'a, M, H, W> {
@@ -17,6 +20,7 @@ pub struct Reports<'a, M, H, W> {
     replies: BoardReplies<W>,
     signals: &'a Signals,
     heater_timeout: HeaterTimeout,
+    filament: FilamentWatch,
     /// As it was last reported.
     overload: Overload,
     /// When temperatures, the card's progress and times were last reported, ms.
@@ -39,6 +43,7 @@ where
             replies,
             signals,
             heater_timeout: HeaterTimeout::new(),
+            filament: FilamentWatch::new(),
             overload: Overload::default(),
             temperatures_ms: 0,
             card_ms: 0,
@@ -64,6 +69,9 @@ where
         self.replies.line_troubles(host_line::take_troubles());
         self.replies.packing();
         self.rest(now_ms);
+        if let (Some(pin), Some(sensor)) = (FILAMENT, &PROFILE.filament_sensor) {
+            self.filament.look(now_ms, is_triggered(pin), sensor, self.signals);
+        }
         if is_due(&mut self.card_ms, self.signals.card_report_interval_s(), now_ms)
             && let Some((position, size)) = self.signals.card_progress()
         {

@@ -211,11 +211,25 @@ impl Board {
         self.boot_file.as_deref().is_some_and(|name| name.ends_with(BBF_SUFFIX))
     }
 
+    /// Flash at its end that the image leaves to settings (M500), bytes: the last two sectors of a chip of 1 MiB. Smaller ones have no
+    /// two sectors to spare.
+    pub fn settings_bytes(&self) -> u32 {
+        if self.flash_kib >= 1024 { 2 * SECTOR_BYTES } else { 0 }
+    }
+
+    /// Flash that the image may take, bytes.
+    pub fn image_room(&self) -> u32 {
+        (self.flash_kib * 1024).saturating_sub(self.boot_offset).saturating_sub(self.settings_bytes())
+    }
+
     /// Address of the image in flash.
     pub fn image_address(&self) -> u32 {
         FLASH_ADDRESS + self.boot_offset
     }
 }
+
+/// Length of the sectors at the end of a flash, bytes (RM0090, table 5).
+const SECTOR_BYTES: u32 = 128 * 1024;
 
 /// Ending of the name of a file in Prusa's container.
 pub const BBF_SUFFIX: &str = ".bbf";

@@ -46,6 +46,8 @@ pub fn rust(board: &Board) -> String {
         text
     });
     let enable: Vec<(u8, u8)> = board.motors.iter().map(|motor| (motor.enable.port, motor.enable.number)).collect();
+    let settings_bytes = board.settings_bytes();
+    let settings_offset = board.flash_kib * 1024 - settings_bytes;
     let ram_end = RAM_ADDRESS + board.ram_kib * 1024;
     let first = registers::first(board);
     format!(
@@ -72,6 +74,8 @@ pub fn rust(board: &Board) -> String {
          /// Those ports: 0 is A.\npub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = {ports:?};\n\
          /// Step and direction pins of X, Y, Z and E.\npub const MOTORS: [MotorPins; 4] = [{motors}];\n\
          /// Port and number of their enable pins; low = on.\npub const ENABLE: [(u8, u8); 4] = {enable:?};\n\
+         /// Flash that settings are kept in (M500): bytes from its start, and bytes; 0: none.\n\
+         pub const SETTINGS: [u32; 2] = [{settings_offset:#x}, {settings_bytes:#x}];\n\
          /// RAM.\npub const RAM: core::ops::Range<u32> = {RAM_ADDRESS:#x}..{ram_end:#x};\n{}\
          /// What the image writes before anything else.\n{}\
          /// Heaters off, motors off, fans full, off the USB bus.\n{}\
@@ -157,8 +161,18 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
     let mut script = Script::default();
     SensorLines::start(pins, &mut script);
+    let filament = fit::filament_pin(board, profile).map(|(Pin { port, number }, triggers_low)| SensorPin {
+        port,
+        number,
+        triggers_low,
+    });
+    if let Some(pin) = filament {
+        pin.set_up(&mut script);
+    }
     format!(
         "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
+         /// The pin of the filament sensor, which triggers when filament is missing.\n\
+         pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
          /// Their set-up.\n{}",
         stores("SENSOR_STORES", &script.0)
     )
@@ -199,7 +213,7 @@ fn stores(name: &str, stores: &[Store]) -> String {
 
 /// The linker's memories, as `memory.x` includes them, with this much of RAM for the stack.
 pub fn memories(board: &Board, stack_kib: u32) -> String {
-    let flash_length = board.flash_kib * 1024 - board.boot_offset;
+    let flash_length = board.image_room();
     let (stack_length, ram_length) = (stack_kib * 1024, (board.ram_kib - stack_kib) * 1024);
     let ram = RAM_ADDRESS + stack_length;
     format!(
@@ -230,7 +244,10 @@ impl Memory {
             let start = u64::from(start);
             address >= start && address.saturating_add(bytes) <= start + u64::from(kib) * 1024
         };
-        if within(FLASH_ADDRESS, board.flash_kib) && address >= u64::from(board.image_address()) {
+        let image_end = u64::from(board.image_address()) + u64::from(board.image_room());
+        let is_after_boot_loader = address >= u64::from(board.image_address());
+        if within(FLASH_ADDRESS, board.flash_kib) && is_after_boot_loader && address.saturating_add(bytes) <= image_end
+        {
             Some(Self::Flash)
         } else if within(RAM_ADDRESS, board.ram_kib) {
             Some(Self::Ram)
@@ -262,6 +279,22 @@ mod tests {
         assert_eq!(of(0x2001_fffc, 4), Some(Memory::Ram));
         assert_eq!(of(0x2001_fffd, 4), None);
         assert_eq!(of(0x1000_0000, 4), None);
-        assert_eq!(Memory::of(&crate::load("bench").unwrap(), 0x1000_0000, 4), Some(Memory::Ccm));
+        let bench = crate::load("bench").unwrap();
+        assert_eq!(Memory::of(&bench, 0x1000_0000, 4), Some(Memory::Ccm));
+    }
+
+    /// No image reaches into the sectors that settings are kept in, and a debugger's tool is not told that it may.
+    #[test]
+    fn images_end_before_the_settings() {
+        for (name, length) in [("bench", 0xc_0000), ("prusa-buddy", 0x9_fe00)] {
+            let board = crate::load(name).unwrap();
+            let text = memories(&board, STACK_KIB);
+            assert!(text.contains(&format!("LENGTH = {length:#x}\n")), "{text}");
+            assert!(rust(&board).contains("SETTINGS: [u32; 2] = [0xc0000, 0x40000];"));
+            assert_eq!(Memory::of(&board, 0x080b_fffc, 4), Some(Memory::Flash));
+            assert_eq!(Memory::of(&board, 0x080b_fffd, 4), None);
+            assert_eq!(Memory::of(&board, 0x080c_0000, 4), None);
+        }
+        assert!(rust(&crate::load("btt-octopus-1.1").unwrap()).contains("SETTINGS: [u32; 2] = [0x80000, 0x0];"));
     }
 }

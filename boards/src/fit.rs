@@ -41,6 +41,13 @@ pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3]
     std::array::from_fn(|_| sensors.next().flatten())
 }
 
+/// The pin of the profile's filament sensor, and whether it is low while filament is missing; `None` without such a sensor or
+/// such an input.
+pub fn filament_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
+    let pin = board.inputs.iter().find(|(input, _)| *input == "filament").map(|(_, pin)| *pin);
+    pin.zip(profile.filament_sensor.map(|sensor| sensor.missing_is_low))
+}
+
 /// Sense resistors of a driver that is plugged in, ohm: those of the usual TMC2209 modules.
 const USUAL_SENSE_OHM: f64 = 0.11;
 
@@ -109,6 +116,10 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
         for (name, settings) in [("nozzle", &profile.nozzle), ("bed", &profile.bed)] {
             check_heater(board, name, settings, profile_name)?;
         }
+    }
+    if profile.filament_sensor.is_some() && filament_pin(board, profile).is_none() {
+        let expected = format!("no such table: the board {} has no input `filament`", board.name);
+        return Err(refuse(profile_name, "filament_sensor", "a table", &expected));
     }
     let pins = sensor_pins(board, profile);
     for (axis, (homing, pin)) in AXES.into_iter().zip(profile.homing.iter().zip(pins)) {

@@ -17,6 +17,7 @@ use ferrostep_simulator::shapers::ShaperKind;
 
 use crate::comparing::key_and_value;
 use crate::sweeping::key_and_values;
+use crate::waveform::{Edge, edge};
 
 pub use calibrate::{
     CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration,
@@ -53,12 +54,12 @@ pub enum Command {
         /// Writes the step and direction signals as a waveform, for GTKWave or PulseView. A whole print is large.
         #[arg(long, value_name = "OUT")]
         vcd: Option<PathBuf>,
-        /// Begins the waveform here, seconds of motion: `motion_time_s` without waits for heat.
-        #[arg(long, value_name = "SECONDS", requires = "vcd", value_parser = seconds)]
-        from: Option<f64>,
-        /// Ends the waveform here, seconds of motion.
-        #[arg(long, value_name = "SECONDS", requires = "vcd", value_parser = seconds)]
-        to: Option<f64>,
+        /// Begins the waveform here: seconds of motion (12.5; waits for heat left out), a line (line:120) or a layer (layer:3).
+        #[arg(long, value_name = "SECONDS|line:N|layer:N", requires = "vcd", value_parser = edge)]
+        from: Option<Edge>,
+        /// Ends the waveform here, after the motion of the line or the layer.
+        #[arg(long, value_name = "SECONDS|line:N|layer:N", requires = "vcd", value_parser = edge)]
+        to: Option<Edge>,
     },
     /// Plans the speeds of a file on this computer and writes a prepared job (.gpre), which a board only has to execute.
     Preprocess {
@@ -235,6 +236,10 @@ pub struct SendArguments {
     /// Writes G-code to the printer's memory card under this name, 8 characters and 3 after the dot, instead of printing it.
     #[arg(long, value_name = "NAME", conflicts_with = "fallback")]
     pub to_card: Option<String>,
+    /// The printer, as its profile describes it: cartesian, corexy, prusa-mini, or the path of a TOML file. The remaining time of
+    /// G-code is estimated for it, instead of being the slicer's.
+    #[arg(long, value_name = "NAME|PATH", conflicts_with = "to_card")]
+    pub profile: Option<String>,
     /// Packs the lines of G-code into two thirds of their bytes, if the printer says that it knows MeatPack.
     #[arg(long)]
     pub meatpack: bool,
@@ -261,7 +266,7 @@ pub struct ServeArguments {
     pub tcp: Option<u16>,
     /// Serves a page that shows the printer and controls it, for this computer's browsers, or for others at another address; its
     /// address with a secret token is printed at the start.
-    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", value_parser = web_address, conflicts_with = "board")]
+    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", value_parser = web_address)]
     pub web: Option<SocketAddr>,
     /// Largest file that the page uploads, MiB.
     #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=65_536), requires = "web")]
@@ -271,7 +276,7 @@ pub struct ServeArguments {
         long,
         value_name = "PATH|tcp:HOST:PORT",
         requires = "web",
-        conflicts_with_all = ["pty", "tcp", "board", "fault", "card", "json"]
+        conflicts_with_all = ["pty", "tcp", "board", "fault", "card", "settings", "json"]
     )]
     pub port: Option<Address>,
     /// Speed of the port; without effect over USB.
@@ -282,13 +287,16 @@ pub struct ServeArguments {
     pub speed: Speed,
     /// Makes something fail, at once or at @SECONDS of the printer: nozzle-HOW or bed-HOW with HOW open, shorted,
     /// fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE (of the bytes), drop-line:RATE or flip-line:RATE (of the lines)
-    /// with RATE such as 1%; card-pull, card-back. Can be repeated.
+    /// with RATE such as 1%; card-pull, card-back; filament-out, filament-back. Can be repeated.
     #[arg(long, value_name = "KIND[@SECONDS]", conflicts_with = "board")]
     pub fault: Vec<Fault>,
     /// The memory card in the printer's slot: an image (FAT16 or FAT32), which at the end contains the files that a host has
     /// written, or a folder, whose files are copied to a card; the folder stays unchanged.
     #[arg(long, value_name = "IMAGE|FOLDER", conflicts_with = "board")]
     pub card: Option<PathBuf>,
+    /// The memory for settings (M500): a file, which is made if it does not exist. Without it the printer has none.
+    #[arg(long, value_name = "FILE", conflicts_with = "board")]
+    pub settings: Option<PathBuf>,
     /// Prints what the printer has done as one JSON object, as `print` does, when it is switched off with Ctrl-C.
     #[arg(long, conflicts_with = "board")]
     pub json: bool,
@@ -407,12 +415,6 @@ fn input_shaper(name: &str) -> Result<InputShaperKind, String> {
         let names = InputShaperKind::NAMED.map(|(name, _)| name).join(", ");
         format!("expected {names}, or as mzv(5,0.9)")
     })
-}
-
-/// A time from the start, s.
-fn seconds(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds >= 0.0);
-    number.ok_or_else(|| "expected seconds, 0 or more, as 12.5".to_owned())
 }
 
 /// Two numbers with a comma between them.

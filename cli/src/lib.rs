@@ -11,6 +11,7 @@ pub mod gpre;
 pub mod import;
 pub mod input;
 pub mod job;
+pub mod layer_lines;
 pub mod method_comparison;
 pub mod output;
 #[cfg(unix)]
@@ -19,10 +20,13 @@ pub mod printer_line;
 pub mod record;
 pub mod remarks;
 pub mod report;
+pub mod schedule;
 pub mod send;
 #[cfg(unix)]
 pub mod serve;
 pub mod session;
+#[cfg(unix)]
+pub mod settings_file;
 pub mod show;
 pub mod simulation;
 pub mod sweep;

@@ -17,6 +17,7 @@ mod serving_page;
 mod showing;
 mod simulating;
 mod sweeping;
+mod waveform;
 
 use std::cell::Cell;
 use std::io::{BufWriter, Write};
@@ -46,6 +47,7 @@ use ferrostep_printer::Profile;
 use arguments::{Arguments, Command, Format, JobArguments};
 use outcome::{exit_code, result};
 use progress::Progress;
+use waveform::Edge;
 
 /// Maximum number of the machine's notices that are shown; a broken file could cause one a line.
 const MAX_NOTICES: u32 = 20;
@@ -57,8 +59,7 @@ fn main() -> ExitCode {
     };
     let outcome = match arguments.command {
         Command::Print { job, look_ahead, from_frame, trace, vcd, from, to } => {
-            let window = Window { from_s: from.unwrap_or(0.0), to_s: to };
-            let vcd = vcd.as_deref().map(|path| (path, window));
+            let vcd = vcd.as_deref().map(|path| (path, from, to));
             print(&job, look_ahead.map(|blocks| blocks as usize), from_frame, trace.as_deref(), vcd)
         }
         Command::Preprocess { job, out, format } => preprocess(&job, &out, format),
@@ -162,13 +163,9 @@ fn print(
     look_ahead: Option<usize>,
     from_frame: Option<u32>,
     trace: Option<&Path>,
-    vcd: Option<(&Path, Window)>,
+    vcd: Option<(&Path, Option<Edge>, Option<Edge>)>,
 ) -> Result<ExitCode, String> {
-    if let Some((_, Window { from_s, to_s: Some(to_s) })) = vcd
-        && to_s <= from_s
-    {
-        return Err(format!("--to {to_s}: the waveform ends before it begins (--from {from_s}): write a later time"));
-    }
+    let window = vcd.map(|(_, from, to)| waveform::window(&job.file, from, to)).transpose()?.unwrap_or(Window::ALL);
     let (profile, input) = open(job)?;
     let named = job.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gpre"));
     match (named, input.is_prepared()) {
@@ -191,6 +188,9 @@ fn print(
     let usual = if input.is_prepared() { gpre::LOOK_AHEAD_BLOCKS } else { LOOK_AHEAD_BLOCKS };
     let look_ahead = look_ahead.unwrap_or(usual);
     let progress = Progress::new();
+    if !input.is_prepared() {
+        progress.estimate(&job.file, profile, look_ahead);
+    }
     if trace.is_none() && vcd.is_none() {
         let session = Session::print(profile, look_ahead, (), replies(&progress));
         return Ok(run(job, input, &session, &progress, from));
@@ -203,16 +203,19 @@ fn print(
     if let Some(trace) = &trace {
         protected.push(Protected { path: trace.target(), what: "the trace" });
     }
-    let window = vcd.map_or(Window::ALL, |(_, window)| window);
-    let vcd = vcd.map(|(path, _)| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
+    let vcd = vcd.map(|(path, ..)| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
     let vcd = vcd.map_err(|error| error.to_string())?;
     recorder.trace = trace.map(|out| TraceWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
     recorder.vcd =
         vcd.map(|out| VcdWriter::new(out, &profile, window)).transpose().map_err(|error| error.to_string())?;
     let session = Session::print(profile, look_ahead, recorder, replies(&progress));
     let code = run(job, input, &session, &progress, from);
+    let recorder = session.into_observer();
+    if recorder.waveform_is_empty() {
+        tell("note: no motion lies in the waveform's part (--from, --to): it has the levels only");
+    }
     // A job that stops leaves complete files up to that place.
-    match session.into_observer().finish() {
+    match recorder.finish() {
         Ok(()) => Ok(code),
         outcome => Ok(exit_code(outcome)),
     }
@@ -245,7 +248,7 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
     let prepared = match prepared {
         Ok(prepared) => prepared,
         Err(PrepareError::Write(error)) => return Err(OutputError::new(out, error).to_string()),
-        Err(error @ PrepareError::Acceleration(_)) => return Err(error.to_string()),
+        Err(error @ (PrepareError::Acceleration(_) | PrepareError::FilamentOnTheWay)) => return Err(error.to_string()),
         Err(error @ (PrepareError::Job(_) | PrepareError::Command(..))) => {
             tell(format_args!("error: {name}: {error}"));
             return Ok(ExitCode::from(1));

@@ -7,7 +7,6 @@ mod driver;
 mod job_lines;
 mod page_side;
 mod readings;
-mod schedule;
 mod shared;
 mod watching;
 

@@ -1,11 +1,16 @@
 //! The progress bar, on standard error.
 
 use std::cell::Cell;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use ferrostep::desk::Figures;
 use ferrostep::job::JobProgress;
+use ferrostep::schedule::Schedule;
 use ferrostep::terminal::tell;
+use ferrostep_printer::Profile;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Length of the bar, characters.
@@ -13,6 +18,33 @@ const LENGTH: usize = 20;
 
 /// Least time between two messages: what changes faster cannot be read.
 const INTERVAL: Duration = Duration::from_millis(50);
+
+/// When each line of a file is executed, once a thread beside this one has estimated it.
+#[derive(Clone, Default)]
+pub struct Estimate(Arc<OnceLock<Schedule>>);
+
+impl Estimate {
+    /// Begins to estimate a file for a machine. Of what is no file nothing is estimated, for it can be read once only.
+    pub fn begin(&self, file: &Path, profile: Profile, look_ahead: usize) {
+        if !file.metadata().is_ok_and(|metadata| metadata.is_file()) {
+            return;
+        }
+        let (file, estimated) = (file.to_owned(), Arc::clone(&self.0));
+        let estimate = move || {
+            // A job that stops has no time; its error comes from the print itself.
+            if let Ok(schedule) = Schedule::of(&file, profile, look_ahead, &Arc::new(AtomicBool::new(false))) {
+                let _ = estimated.set(schedule);
+            }
+        };
+        // Without a thread there is no time.
+        let _ = std::thread::Builder::new().name("estimate".to_owned()).spawn(estimate);
+    }
+
+    /// The estimate, if it is made.
+    pub fn get(&self) -> Option<&Schedule> {
+        self.0.get()
+    }
+}
 
 /// Shows the progress of a job. If standard error is not a terminal, only messages appear.
 pub struct Progress {
@@ -24,6 +56,8 @@ pub struct Progress {
     /// The job's motion, s, if its file says it.
     motion_time_s: Cell<Option<f64>>,
     layers: Cell<Option<u32>>,
+    /// The estimate that is made beside the print.
+    schedule: Estimate,
 }
 
 impl Progress {
@@ -36,6 +70,14 @@ impl Progress {
             most: Cell::default(),
             motion_time_s: Cell::default(),
             layers: Cell::default(),
+            schedule: Estimate::default(),
+        }
+    }
+
+    /// Estimates the time of a file's print meanwhile: only from that is it known what is left. Without a terminal nobody would see it.
+    pub fn estimate(&self, file: &Path, profile: Profile, look_ahead: usize) {
+        if !self.bar.is_hidden() {
+            self.schedule.begin(file, profile, look_ahead);
         }
     }
 
@@ -61,15 +103,20 @@ impl Progress {
         }
         self.shown.set(Some(now));
         let figures = figures();
-        let share = match self.motion_time_s.get() {
-            Some(all_s) if all_s > 0.0 => Some((figures.motion_time_s / all_s).min(1.0)),
-            _ => share,
+        // What is left of the time that is known: it can only fall.
+        let times = match (self.motion_time_s.get(), self.schedule.get().map(Schedule::total_s)) {
+            (Some(all_s), _) => Some((figures.motion_time_s, all_s)),
+            (None, Some(all_s)) => Some((figures.print_time_s, all_s)),
+            (None, None) => None,
         };
+        let times = times.filter(|(_, all_s)| *all_s > 0.0);
+        let share = times.map_or(share, |(done_s, all_s)| Some((done_s / all_s).min(1.0)));
+        let left_s = times.map(|(done_s, all_s)| all_s - done_s);
         // Shares of packed files are estimates: the bar does not go back.
         let share = share.map(|share| share.max(self.most.get()));
         self.most.set(share.unwrap_or_default());
         // All of the line at once: a bar and a message of indicatif's would be drawn one after the other.
-        self.bar.set_message(line(share, self.layers.get(), &figures, self.started.elapsed()));
+        self.bar.set_message(line(share, left_s, self.layers.get(), &figures, self.started.elapsed()));
     }
 
     /// A message, above the bar.
@@ -94,16 +141,14 @@ pub fn bar(length: u64, template: &str) -> ProgressBar {
 }
 
 /// The bar, where the share is known, and the text beside it, the most important first.
-fn line(share: Option<f64>, layers: Option<u32>, figures: &Figures, elapsed: Duration) -> String {
+fn line(share: Option<f64>, left_s: Option<f64>, layers: Option<u32>, figures: &Figures, elapsed: Duration) -> String {
     let mut parts = Vec::new();
     if let Some(share) = share {
         let filled = "=".repeat((share * LENGTH as f64) as usize) + ">";
         parts.push(format!("{filled:LENGTH$.LENGTH$} {:>3.0} %", (share * 100.0).floor()));
     }
-    if let Some(share) = share.filter(|share| *share > 0.0 && figures.motion_time_s > 0.0) {
-        // The time that the printer will still need, not the desk: what is left is taken to move as what has been executed.
-        parts.push(format!("left {}", clock(figures.motion_time_s * (1.0 / share - 1.0))));
-    }
+    // The time that the printer will still need, not the desk.
+    parts.extend(left_s.map(|left_s| format!("left {}", clock(left_s))));
     parts.push(format!("printed {}", clock(figures.print_time_s)));
     parts.extend(layers.map(|layers| format!("layer {layers}")));
     parts.push(format!("{:.0} x", figures.motion_time_s / elapsed.as_secs_f64().max(1e-6)));
@@ -111,7 +156,7 @@ fn line(share: Option<f64>, layers: Option<u32>, figures: &Figures, elapsed: Dur
 }
 
 /// Hours, minutes and seconds as a clock writes them.
-fn clock(seconds: f64) -> String {
+pub fn clock(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
     let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
     if hours > 0 { format!("{hours}:{minutes:02}:{seconds:02}") } else { format!("{minutes}:{seconds:02}") }
@@ -136,14 +181,14 @@ mod tests {
             merged_moves: 0,
             digests: StepDigests::default(),
         };
-        let text = line(Some(0.5), Some(1234), &figures, Duration::from_secs(30));
+        let text = line(Some(0.5), Some(89.0 * 3600.0), Some(1234), &figures, Duration::from_secs(30));
         assert_eq!(text, "==========>           50 %  left 89:00:00  printed 90:00:00  layer 1234  10680 x");
         assert!(text.len() <= 80, "{}", text.len());
         assert!(
-            line(Some(1.0), None, &figures, Duration::from_secs(30))
+            line(Some(1.0), Some(0.0), None, &figures, Duration::from_secs(30))
                 .starts_with("==================== 100 %  left 0:00  ")
         );
-        let text = line(None, None, &figures, Duration::from_secs(30));
+        let text = line(None, None, None, &figures, Duration::from_secs(30));
         assert_eq!(text, "printed 90:00:00  10680 x");
     }
 

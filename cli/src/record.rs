@@ -3,9 +3,11 @@
 mod motor_names;
 mod trace;
 mod vcd;
+mod window;
 
 pub use trace::TraceWriter;
-pub use vcd::{VcdWriter, Window};
+pub use vcd::VcdWriter;
+pub use window::{Bound, Window};
 
 use ferrostep_planner::{Move, StepObserver};
 
@@ -37,6 +39,11 @@ pub struct Recorder {
 }
 
 impl Recorder {
+    /// Whether a waveform is written and no motion lies in its part so far.
+    pub fn waveform_is_empty(&self) -> bool {
+        self.vcd.as_ref().is_some_and(|vcd| !vcd.has_changes())
+    }
+
     /// Flushes and completes both outputs.
     ///
     /// # Errors
@@ -60,15 +67,27 @@ impl StepObserver for Recorder {
 }
 
 impl Observer for Recorder {
+    fn planned(&mut self, taken: &Move, _slowed_moves: u64) {
+        if let Some(vcd) = &mut self.vcd {
+            vcd.planned(taken);
+        }
+    }
+
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
         if let Some(trace) = &mut self.trace {
             trace.redefined(tick, motor_steps);
+        }
+        if let Some(vcd) = &mut self.vcd {
+            vcd.redefined(tick);
         }
     }
 
     fn move_ended(&mut self, tick: u64, line: u32) {
         if let Some(trace) = &mut self.trace {
             trace.move_ended(tick, line);
+        }
+        if let Some(vcd) = &mut self.vcd {
+            vcd.move_ended(tick);
         }
     }
 }

@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::ExitCode;
 
+use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::input::{self, Input};
 use ferrostep::printer_line::{self, Address, FoundPort, PrinterLine};
 use ferrostep::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
@@ -15,7 +16,7 @@ use indicatif::ProgressBar;
 
 use crate::arguments::SendArguments;
 use crate::outcome::exit_code;
-use crate::progress;
+use crate::progress::{self, Estimate, clock};
 use person::Person;
 
 /// Length of the bar of G-code.
@@ -92,11 +93,19 @@ pub fn run(arguments: &SendArguments) -> Result<ExitCode, String> {
         }
         false => None,
     };
+    let estimate = Estimate::default();
+    if let Some(profile) = &arguments.profile {
+        let profile = ferrostep_profiles::load(profile).map_err(|error| error.to_string())?;
+        let file = if job.is_some() { arguments.fallback.as_ref() } else { Some(&arguments.file) };
+        let file =
+            file.ok_or_else(|| format!("{name}: this is a prepared job, which knows its time: leave --profile out"))?;
+        estimate.begin(file, profile, LOOK_AHEAD_BLOCKS);
+    }
     let mut person = Person::new()?;
     let address = arguments.port.clone().map_or_else(choose, Ok)?;
     let mut line = PrinterLine::open(&address, arguments.baud).map_err(|error| format!("{address}: {error}"))?;
     let Some(job) = job else {
-        return Ok(send_gcode(&mut line, input, person, arguments.meatpack, arguments.to_card.as_deref()));
+        return Ok(send_gcode(&mut line, input, person, estimate, arguments.meatpack, arguments.to_card.as_deref()));
     };
     let end = match send_prepared(&mut line, job, &mut person) {
         Ok(end) => end,
@@ -112,7 +121,7 @@ pub fn run(arguments: &SendArguments) -> Result<ExitCode, String> {
         && let Some(gcode) = fallback
     {
         tell("sending the G-code instead");
-        return Ok(send_gcode(&mut line, gcode, person, arguments.meatpack, None));
+        return Ok(send_gcode(&mut line, gcode, person, estimate, arguments.meatpack, None));
     }
     Ok(if end.word == Word::Done { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
@@ -158,7 +167,14 @@ impl Watch for PreparedWatch<'_> {
 
 /// Sends G-code to be printed, or to be written to the card under a name; packed if that is wanted and the printer knows it.
 /// Reports how it ended.
-fn send_gcode(line: &mut PrinterLine, input: Input, person: Person, meatpack: bool, to_card: Option<&str>) -> ExitCode {
+fn send_gcode(
+    line: &mut PrinterLine,
+    input: Input,
+    person: Person,
+    estimate: Estimate,
+    meatpack: bool,
+    to_card: Option<&str>,
+) -> ExitCode {
     let packing = match choose_packing(line, meatpack) {
         Ok(packing) => packing,
         Err(error) => return failed(&error),
@@ -173,7 +189,7 @@ fn send_gcode(line: &mut PrinterLine, input: Input, person: Person, meatpack: bo
         line: 0,
         refused: 0,
         temperatures: String::new(),
-        left: None,
+        left: Left { estimate, slicer_min: None },
     };
     let begin = to_card.map(|name| format!("M28 {name}"));
     let opening = begin.as_deref().map(|begin| [begin]);
@@ -240,15 +256,44 @@ struct Show<S> {
     line: u32,
     refused: u32,
     temperatures: String,
-    /// Minutes left, by the slicer.
-    left: Option<String>,
+    left: Left,
+}
+
+/// What is left of the print: it only falls.
+#[derive(Default)]
+struct Left {
+    estimate: Estimate,
+    /// Minutes, by the slicer (M73 R).
+    slicer_min: Option<f64>,
+}
+
+impl Left {
+    /// Takes in what a command says.
+    fn hear(&mut self, command: &str) {
+        let mut words = command.split_ascii_whitespace();
+        if words.next() == Some("M73") {
+            let minutes = words.find_map(|word| word.strip_prefix('R')?.parse::<f64>().ok()).filter(|min| *min >= 0.0);
+            self.slicer_min =
+                minutes.map(|min| self.slicer_min.map_or(min, |before| before.min(min))).or(self.slicer_min);
+        }
+    }
+
+    /// What is left at a line.
+    fn text(&self, line: u32) -> String {
+        match (self.estimate.get(), self.slicer_min) {
+            (Some(schedule), _) => format!("  left {}", clock(schedule.total_s() - schedule.at_s(line))),
+            (None, Some(minutes)) => format!("  {minutes} min left (slicer)"),
+            (None, None) => String::new(),
+        }
+    }
 }
 
 impl<S: Fn() -> Option<f64>> Show<S> {
     fn show(&self) {
-        self.bar.set_position(((self.share)().unwrap_or(0.0) * SHARES as f64) as u64);
-        let left = self.left.as_ref().map_or(String::new(), |minutes| format!("  {minutes} min left (slicer)"));
-        self.bar.set_message(format!("line {}{left}  {}", self.line, self.temperatures));
+        // Shares of packed files are estimates: the bar does not go back.
+        let position = ((self.share)().unwrap_or(0.0) * SHARES as f64) as u64;
+        self.bar.set_position(position.max(self.bar.position()));
+        self.bar.set_message(format!("line {}{}  {}", self.line, self.left.text(self.line), self.temperatures));
     }
 }
 
@@ -274,10 +319,7 @@ impl<S: Fn() -> Option<f64>> Watch for Show<S> {
 
     fn sent(&mut self, line: u32, command: &str) {
         self.line = line;
-        let mut words = command.split_ascii_whitespace();
-        if words.next() == Some("M73") {
-            self.left = words.find_map(|word| word.strip_prefix('R').map(str::to_owned)).or_else(|| self.left.take());
-        }
+        self.left.hear(command);
         self.show();
     }
 
@@ -306,4 +348,49 @@ fn open_gcode(path: &Path) -> Result<Input, String> {
 fn failed(error: &SendError) -> ExitCode {
     tell(format_args!("error: {error}"));
     ExitCode::from(1)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    #[test]
+    fn what_the_slicer_says_only_falls() {
+        let mut left = Left::default();
+        assert_eq!(left.text(1), "");
+        for (command, expected) in [
+            ("M73 P0 R21", "  21 min left (slicer)"),
+            ("M73 P10 R23", "  21 min left (slicer)"),
+            ("M73 Q5 S30", "  21 min left (slicer)"),
+            ("G1 X5 R3", "  21 min left (slicer)"),
+            ("M73 R", "  21 min left (slicer)"),
+            ("M73 P100 R0", "  0 min left (slicer)"),
+        ] {
+            left.hear(command);
+            assert_eq!(left.text(1), expected, "{command}");
+        }
+    }
+
+    #[test]
+    fn an_estimate_knows_what_is_left_at_each_line() {
+        let mut left = Left::default();
+        left.hear("M73 R99");
+        let cube = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/cube.gcode");
+        left.estimate.begin(&cube, ferrostep_profiles::load("cartesian").unwrap(), LOOK_AHEAD_BLOCKS);
+        let end = Instant::now() + Duration::from_secs(120);
+        while left.estimate.get().is_none() && Instant::now() < end {
+            std::thread::yield_now();
+        }
+        let texts: Vec<String> = (1..8778).map(|line| left.text(line)).collect();
+        assert_eq!(texts[0], "  left 23:15");
+        let seconds = |text: &String| {
+            let (minutes, seconds) = text.trim_start_matches("  left ").split_once(':').unwrap();
+            minutes.parse::<u32>().unwrap() * 60 + seconds.parse::<u32>().unwrap()
+        };
+        assert!(texts.iter().map(seconds).is_sorted_by(|before, after| before >= after), "{texts:?}");
+        assert!(seconds(&texts[8776]) < 10, "{}", texts[8776]);
+    }
 }

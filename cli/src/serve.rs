@@ -24,6 +24,7 @@ use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
 
 use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
 use crate::session::{LiveSession, Session};
+use crate::settings_file::SettingsFile;
 
 pub use faults::{Fault, FaultKind, KINDS as FAULT_KINDS};
 pub use hosts::{Hosts, PageLine};
@@ -131,8 +132,15 @@ pub struct Served {
     pub card: Option<Vec<u8>>,
 }
 
-/// Serves hosts, one after the other, until `ends` returns `true`. `show` is called several times a second.
-pub fn serve(hosts: Hosts, settings: &Settings, ends: impl Fn() -> bool, mut show: impl FnMut(&Status)) -> Served {
+/// Serves hosts, one after the other, until `ends` returns `true`. Settings survive in `memory`, if there is one. `show` is called
+/// several times a second.
+pub fn serve(
+    hosts: Hosts,
+    settings: &Settings,
+    memory: Option<&SettingsFile>,
+    ends: impl Fn() -> bool,
+    mut show: impl FnMut(&Status),
+) -> Served {
     let session = Session::live(settings.profile, LOOK_AHEAD_BLOCKS, HostPort::new(hosts));
     let card = settings.card.clone().map(|image| Card::new(VirtualCard::new(image)));
     let mut printer = session.printer();
@@ -145,6 +153,10 @@ pub fn serve(hosts: Hosts, settings: &Settings, ends: impl Fn() -> bool, mut sho
     let port = session.replies();
     port.send(Reply::Start);
     port.say("echo:board: virtual");
+    if let Some(memory) = memory {
+        printer.set_settings_memory(memory);
+        printer.restore_settings();
+    }
     let failed = RefCell::new(None);
     let mut conductor = Conductor::new(settings, Instant::now());
     let is_over = || ends() || failed.borrow().is_some();
@@ -290,6 +302,8 @@ impl Conductor {
             match fault.kind {
                 FaultKind::Heater(heater, failure) => session.set_heater_failure(heater, Some(failure)),
                 FaultKind::Line(fault, share) => session.replies().damage(fault, share),
+                FaultKind::FilamentOut => session.set_filament_out(true),
+                FaultKind::FilamentBack => session.set_filament_out(false),
                 FaultKind::CardPulled => drop(card.map(|card| card.with_slot(VirtualCard::pull))),
                 FaultKind::CardPutBack => drop(card.map(|card| card.with_slot(VirtualCard::insert))),
             }

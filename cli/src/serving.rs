@@ -10,6 +10,7 @@ use ferrostep::card_image::CardImage;
 use ferrostep::duration::hms;
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::serve::{self, Hosts, Served, Settings, Status};
+use ferrostep::settings_file::SettingsFile;
 use ferrostep::terminal::{self, tell};
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
@@ -29,6 +30,7 @@ use crate::serving_page::{self, VirtualPage};
 pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
     let card = arguments.card.as_ref().map(|path| CardImage::open(path)).transpose()?;
+    let memory = arguments.settings.as_ref().map(|path| SettingsFile::open(path)).transpose()?;
     // Registered before the line exists, so that the line never outlives the program.
     let ends = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
@@ -38,6 +40,11 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     }
     if card.is_none() && arguments.fault.iter().any(|fault| fault.kind.is_of_card()) {
         return Err("--fault card-pull and card-back need a card: add --card IMAGE|FOLDER".to_owned());
+    }
+    if profile.filament_sensor.is_none() && arguments.fault.iter().any(|fault| fault.kind.is_of_filament()) {
+        return Err(
+            "--fault filament-out and filament-back need a sensor: add [filament_sensor] to the profile".to_owned()
+        );
     }
     if let (Some(address), Some(port)) = (arguments.web, &arguments.port) {
         return serving_page::before_a_port(arguments, address, port, profile, &ends);
@@ -76,6 +83,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     let served = serve::serve(
         Hosts::new(outside, page_line),
         &settings,
+        memory.as_ref(),
         || ends.load(Ordering::Relaxed),
         |status| {
             if let Some(page) = &page {

@@ -17,8 +17,14 @@ const PROGRAM: &str = "mainboard/target/release/ferrostep-mainboard";
 /// Serves until the process is interrupted.
 ///
 /// # Errors
-/// The board is unknown, or the virtual mainboard is not built yet.
+/// The board is unknown, a page is wanted, or the virtual mainboard is not built yet.
 pub fn run(board: &str, arguments: &ServeArguments) -> Result<ExitCode, String> {
+    if arguments.web.is_some() {
+        return Err(format!(
+            "--web with --board: the image is in one program and its page in another: give the board a port (`ferrostep serve --board {board} \
+             --tcp 5000`), and put the page in front of it from a second terminal (`ferrostep serve --web --port tcp:127.0.0.1:5000`)"
+        ));
+    }
     let home = home().ok_or(
         "serve needs a checkout of Ferrostep: change into one, build the virtual mainboard there, and run it again",
     )?;

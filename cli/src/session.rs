@@ -12,7 +12,8 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    Failure, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event, temperatures,
+    Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event,
+    temperatures,
 };
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
@@ -52,6 +53,9 @@ pub struct Session<D, R> {
     drivers: Rc<DeskDrivers>,
     signals: Signals,
     heater_timeout: Cell<HeaterTimeout>,
+    filament: Cell<FilamentWatch>,
+    /// What the filament sensor says.
+    is_filament_out: Cell<bool>,
     replies: R,
     last_step_ns: Cell<u64>,
     /// The motion clock when time passed last.
@@ -108,6 +112,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
             drivers,
             signals: Signals::new(),
             heater_timeout: Cell::default(),
+            filament: Cell::default(),
+            is_filament_out: Cell::new(false),
             replies,
             profile,
             last_step_ns: Cell::new(0),
@@ -164,6 +170,11 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.heat.borrow_mut().set_failure(heater, failure);
     }
 
+    /// The filament runs out, or new one is there.
+    pub fn set_filament_out(&self, is_out: bool) {
+        self.is_filament_out.set(is_out);
+    }
+
     /// Samples of the heaters' models so far.
     pub fn heat_samples(&self) -> u64 {
         self.heat.borrow().samples()
@@ -215,6 +226,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
             self.drivers.work_until(self.clock.now_ns());
             self.tell_driver_events();
             self.rest_heaters();
+            self.watch_filament();
             self.report_temperatures(&mut next_report_ms);
             self.report_card(&mut next_card_report_ms);
             between(self);
@@ -272,6 +284,14 @@ impl<D: Desk, R: Replies> Session<D, R> {
             heating.all_off();
         }
         self.replies.send(Reply::Text(&rest.to_string()));
+    }
+
+    /// Looks at the filament sensor, as a board does.
+    fn watch_filament(&self) {
+        let Some(sensor) = &self.profile.filament_sensor else { return };
+        let mut watch = self.filament.get();
+        watch.look((&self.clock).now_ms() as u32, self.is_filament_out.get(), sensor, &self.signals);
+        self.filament.set(watch);
     }
 
     /// M27 S.

@@ -113,6 +113,37 @@ pub struct AdvanceWords {
     pub smooth_time: Option<Decimal>,
 }
 
+/// What is done with the settings that survive the power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SettingsCommand {
+    /// M500: those in force are stored.
+    Store,
+    /// M501: the stored ones come into force.
+    Load,
+    /// M502: those of the profile come into force.
+    Reset,
+    /// M503: those in force are reported as commands.
+    Report {
+        /// Not with S0: above each of them a line says what it is.
+        headings: bool,
+    },
+    /// M504: the stored ones are checked.
+    Validate,
+}
+
+/// What M301 or M304 sets of a heater's gains, in Marlin's units: power is 0 to 255. Without any of them it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GainWords {
+    /// P: per degree.
+    pub proportional: Option<Decimal>,
+    /// I: per degree and second.
+    pub integral: Option<Decimal>,
+    /// D: seconds per degree.
+    pub derivative: Option<Decimal>,
+    /// F (M301): what the part-cooling fan takes, for each degree between 25 degrees Celsius and the target.
+    pub fan: Option<Decimal>,
+}
+
 /// Target of M104, M109, M140 and M190.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
@@ -236,6 +267,8 @@ pub enum Command<'a> {
     },
     /// M602: a paused print goes on.
     ResumePrint,
+    /// M412 S: whether the filament sensor pauses a print; without S a query.
+    FilamentSensor(Option<bool>),
     /// M876 S: the number of the button that was pressed on a prompt.
     PromptAnswer(u8),
     /// M110 N: the last line number.
@@ -309,6 +342,21 @@ pub enum Command<'a> {
     FeedPercent(Option<Decimal>),
     /// M221 S: flow in percent; without S a query.
     FlowPercent(Option<Decimal>),
+    /// M301: gains of the nozzle's heater.
+    NozzleGains(GainWords),
+    /// M304: gains of the bed's heater.
+    BedGains(GainWords),
+    /// M303: finds the gains of a heater.
+    Autotune {
+        /// E-1 or H0: the bed's.
+        of_bed: bool,
+        /// S, degrees Celsius.
+        target: Option<Decimal>,
+        /// C.
+        cycles: Option<u8>,
+        /// U: the gains are used.
+        uses: bool,
+    },
     // ANCHOR: m302
     /// M302: S = smallest extrusion temperature, P1 = allow cold extrusion; neither: a query.
     ColdExtrusion {
@@ -325,6 +373,8 @@ pub enum Command<'a> {
         /// P0: the probe's offset stays as it is.
         keeps_offset: bool,
     },
+    /// M500 to M504: the stored settings.
+    Settings(SettingsCommand),
     /// M851: from the nozzle to the probe; without words a query.
     ProbeOffset(AxisWords),
     /// M400.

@@ -114,7 +114,7 @@ const fn named(number: u16) -> (u8, u16, u16) {
 const NO_MESH: &str = "there is no mesh of the bed, which must be level by itself";
 const NO_DISPLAY: &str = "there is no display";
 const NO_UNIT: &str = "there is no such unit: change filament by hand";
-const NO_STORE: &str = "settings are the profile's, and nothing is stored";
+const NO_STORE: &str = "the profile says where home is";
 const NO_OUTPUT: &str = "there is no such output";
 const NO_CHAMBER: &str = "there is no chamber heater";
 const NO_TWIN: &str = "this machine has one extruder";
@@ -180,9 +180,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(250), "M250", "contrast of the display", NO_DISPLAY),
     unknown((b'M', 280, 282), "M280 to M282", "servo", NO_OUTPUT),
     accepted(m(300), "M300", "sound", "there is no loudspeaker"),
-    unknown(m(301), "M301", "gains of the nozzle's heater", "the profile's stay"),
-    unknown(m(303), "M303", "find the gains of a heater", "the profile's stay"),
-    unknown((b'M', 304, 306), "M304 to M306", "gains of the bed's heater, thermistors, models", "the profile's stay"),
+    unknown((b'M', 305, 306), "M305 and M306", "thermistors, models of heaters", "the profile's stay"),
     unknown((b'M', 320, 323), "M320 to M323", "bed levelling (Repetier)", NO_MESH),
     unknown((b'M', 350, 351), "M350 and M351", "microsteps", "the profile's stay"),
     unknown(m(355), "M355", "light of the case", NO_OUTPUT),
@@ -191,7 +189,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'M', 401, 402), "M401 and M402", "deploy and stow the probe", "the probe is fixed"),
     unknown(m(403), "M403", "filament of a multi-material unit", NO_UNIT),
     unknown((b'M', 404, 407), "M404 to M407", "measure the filament's diameter", "there is no such sensor"),
-    accepted(m(412), "M412", "filament sensor", "there is none: a job goes on when the filament ends"),
     accepted(m(413), "M413", "continue after a power cut", "a job of G-code cannot be continued"),
     accepted(m(420), "M420", "follow the bed's shape", NO_MESH),
     unknown(m(421), "M421", "a point of the bed's mesh", NO_MESH),
@@ -199,7 +196,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(428), "M428", "make this place home", NO_STORE),
     accepted(m(486), "M486", "names of objects, to leave one out", "all are printed"),
     unknown(m(493), "M493", "input shaping by fixed-time motion", "use M593"),
-    unknown((b'M', 500, 504), "M500 to M504", "store, load and report settings", NO_STORE),
     accepted((b'M', 530, 532), "M530 to M532", "a job begins, its name, its progress", NO_DISPLAY),
     unknown(m(540), "M540", "end the job when an end stop triggers", "end stops are read while homing"),
     accepted(m(555), "M555", "which part of the bed to measure", NO_MESH),
@@ -207,7 +203,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(565), "M565", "probe offset (RepRapFirmware)", "use M851"),
     accepted(m(573), "M573", "mean flow, to set pressure advance by", "M572 and M900 report what is set"),
     unknown(m(575), "M575", "speed of the serial port", "it stays"),
-    unknown(m(591), "M591", "filament sensor", "there is none: a job goes on when the filament ends"),
+    unknown(m(591), "M591", "filament sensor (RepRapFirmware)", "use M412"),
     unknown(m(605), "M605", "how two nozzles work together", NO_TWIN),
     unknown((b'M', 620, 629), "M620 to M629", "filament of an AMS (Bambu)", NO_UNIT),
     unknown((b'M', 665, 666), "M665 and M666", "geometry of a delta", "the profile's kinematics stay"),

@@ -139,6 +139,10 @@ pub struct FirmwareInfo<'a> {
     pub z_probe: bool,
     /// Whether there is a slot for a memory card.
     pub card: bool,
+    /// Whether settings can be stored.
+    pub stores_settings: bool,
+    /// Whether there is a filament sensor.
+    pub filament_sensor: bool,
 }
 
 /// One answer.

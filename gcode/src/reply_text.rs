@@ -14,14 +14,14 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("PAREN_COMMENTS", true),
     ("SERIAL_XON_XOFF", false),
     ("BINARY_FILE_TRANSFER", false),
-    ("EEPROM", false),
+    (EEPROM, false),
     ("VOLUMETRIC", false),
     ("AUTOREPORT_POS", false),
     ("AUTOREPORT_TEMP", true),
     ("PROGRESS", false),
     ("PRINT_JOB", false),
     ("AUTOLEVEL", false),
-    ("RUNOUT", false),
+    (RUNOUT, false),
     (Z_PROBE, false),
     ("LEVELING_DATA", false),
     ("BUILD_PERCENT", false),
@@ -30,8 +30,14 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("CASE_LIGHT_BRIGHTNESS", false),
 ];
 
+/// The capability of a machine that stores settings (M500).
+const EEPROM: &str = "EEPROM";
+
 /// The capability of a machine whose Z homes with a probe.
 const Z_PROBE: &str = "Z_PROBE";
+
+/// The capability of a machine with a filament sensor.
+const RUNOUT: &str = "RUNOUT";
 
 /// The capability of a machine that watches its heaters.
 const THERMAL_PROTECTION: &str = "THERMAL_PROTECTION";
@@ -267,6 +273,8 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
         thermal_protection,
         z_probe,
         card,
+        stores_settings,
+        filament_sensor,
     } = info;
     write!(formatter, "FIRMWARE_NAME:Ferrostep {version}")?;
     if !source_code_url.is_empty() {
@@ -284,6 +292,8 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
             THERMAL_PROTECTION => *thermal_protection,
             MEATPACK => *meatpack,
             Z_PROBE => *z_probe,
+            EEPROM => *stores_settings,
+            RUNOUT => *filament_sensor,
             name => *has || *card && CARD.contains(&name),
         };
         write!(formatter, "\nCap:{name}:{}", u8::from(has))?;

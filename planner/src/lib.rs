@@ -40,6 +40,7 @@ mod given_speeds;
 mod junction;
 mod limits;
 mod motion_choice;
+mod on_the_way;
 mod open_block;
 mod pace;
 mod path;

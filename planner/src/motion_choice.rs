@@ -108,6 +108,8 @@ pub struct MotionChoice {
     pub shapers: [AxisShaper; 2],
     /// How far the extruder runs ahead of the flow.
     pub pressure_advance: PressureAdvance,
+    /// Whether filament is drawn back and pushed again along the travel between, without a stop for it ([`crate::Move`]s only).
+    pub filament_on_the_way: bool,
 }
 
 impl MotionChoice {
@@ -140,5 +142,6 @@ impl MotionChoice {
         s_curve_table: SCurveTableSettings { start_hz: 1_000, top_hz: 10_000, jerk_hz_per_s2: 100_000 },
         shapers: [AxisShaper::NONE; 2],
         pressure_advance: PressureAdvance::NONE,
+        filament_on_the_way: false,
     };
 }

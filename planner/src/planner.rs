@@ -3,6 +3,7 @@
 pub(crate) mod block_rules;
 mod choice;
 mod given_block;
+mod held;
 pub(crate) mod move_error;
 mod passing_over;
 mod position;
@@ -30,6 +31,7 @@ use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 
 use block_rules::{BlockRules, Planned, Previous};
+use held::Held;
 use move_error::MoveError;
 use position::{MotorPosition, Position, Target};
 
@@ -64,6 +66,8 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
     /// ring has room, so that a full ring holds the same blocks however late the next move comes.
     open: OpenBlock,
+    /// Moves that are taken and not planned, since filament may move on their way.
+    held: Option<Held>,
     /// A flush waits until the open block has entered the ring.
     flushing: bool,
     queue: BlockQueue<S, M::Rule>,
@@ -98,6 +102,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             position,
             previous: Previous::NONE,
             open: OpenBlock::NONE,
+            held: None,
             flushing: false,
             queue: BlockQueue::new(ring),
             curve: Curve::NONE,
@@ -170,7 +175,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.tallies.slowed_moves
     }
 
-    /// Whether any move or fan change would be taken now; some are even if this says no.
+    /// Whether a move or fan change would be taken now; some are even if this says no, and one is not for which moves that were held
+    /// back have to enter the ring first.
     pub fn has_room(&self) -> bool {
         self.queue.has_room() && (!self.queue.is_switching || self.is_look_ahead_empty())
     }
@@ -182,7 +188,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
 
     /// Whether all moves have their speeds.
     pub fn is_look_ahead_empty(&self) -> bool {
-        !self.open.is_some() && self.queue.is_empty()
+        !self.open.is_some() && self.held.is_none() && self.queue.is_empty()
     }
 
     /// Whether the last entry handed out leaves the motors running.
@@ -199,16 +205,29 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
 
     /// A move has been taken.
     #[inline(always)]
-    fn advance_position(&mut self, target: &Target, planned: &Planned) {
+    fn advance_position(&mut self, target: &Target, planned: &Planned, is_part: bool) {
         let Planned { path, corner_acceleration, line, ends_move, .. } = *planned;
         let unended_line = (!ends_move).then_some(line);
-        self.previous = Previous { path, acceleration: corner_acceleration, unended_line };
+        self.previous = Previous { path, acceleration: corner_acceleration, unended_line, is_part };
         self.position.advance(target);
     }
 
-    /// The open block enters the ring; `false` without room. A flush that waited for it follows.
+    /// What is held and the open block enter the ring; `false` without room. A flush that waited for it follows.
     #[inline(never)]
     fn close_open_block(&mut self) -> bool {
+        if !(self.plan_held() && self.push_open_block()) {
+            return false;
+        }
+        if self.flushing {
+            self.flushing = false;
+            self.queue.flush();
+        }
+        true
+    }
+
+    /// The open block enters the ring; `false` without room.
+    #[inline(always)]
+    fn push_open_block(&mut self) -> bool {
         if self.open.is_some() {
             if !self.queue.has_room() {
                 return false;
@@ -217,10 +236,6 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             self.tallies.slowed_moves += u64::from(closing.slowed_moves);
             self.queue.push(closing.block, &closing.start);
             self.open.clear();
-        }
-        if self.flushing {
-            self.flushing = false;
-            self.queue.flush();
         }
         true
     }
@@ -435,6 +450,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             position,
             previous,
             open,
+            held,
             flushing,
             queue,
             curve,
@@ -451,6 +467,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         let dropped_100pm = position.reset_to(motor_steps, &rules.geometry);
         *previous = Previous::NONE;
         *open = OpenBlock::NONE;
+        *held = None;
         *flushing = false;
         queue.clear();
         *curve = Curve::NONE;

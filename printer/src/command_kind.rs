@@ -1,6 +1,6 @@
 //! Kinds of commands, before they are executed.
 
-use ferrostep_gcode::{AdvanceWords, CardCommand, Command, ShaperWords};
+use ferrostep_gcode::{AdvanceWords, CardCommand, Command, GainWords, SettingsCommand, ShaperWords};
 
 /// How a command is treated while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +32,8 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Echo { .. }
         | Command::EndWait
         | Command::PromptAnswer(_)
+        | Command::Settings(SettingsCommand::Report { .. } | SettingsCommand::Validate)
+        | Command::FilamentSensor(None)
         | Command::SoftLimits(None)
         | Command::FeedPercent(None)
         | Command::FlowPercent(None)
@@ -50,6 +52,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Restart => WhileHalted::Works,
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
         Command::PressureAdvance(words) if *words == AdvanceWords::default() => WhileHalted::Works,
+        Command::NozzleGains(words) | Command::BedGains(words) if *words == GainWords::default() => WhileHalted::Works,
         Command::DisableMotors(_) | Command::HeatersOff => WhileHalted::IsOff,
         Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) if celsius.nanos() <= 0 => {
             WhileHalted::IsOff

@@ -1,7 +1,8 @@
 //! Which command goes where.
 
 use ferrostep_gcode::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, ShaperWords, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, SettingsCommand,
+    ShaperWords, WaitTarget,
 };
 use ferrostep_hal_shim::Heater;
 
@@ -12,22 +13,55 @@ use crate::printer::{Answer, Printer};
 
 /// A command that may wait, so that none can be named without being executed.
 enum Waiting<'a> {
-    Linear { rapid: bool, axes: &'a AxisWords, feed: Option<Decimal> },
-    Arc { clockwise: bool, axes: &'a AxisWords, form: &'a ArcForm, feed: Option<Decimal> },
-    Dwell { milliseconds: u64 },
-    Retraction { retract: bool },
+    Linear {
+        rapid: bool,
+        axes: &'a AxisWords,
+        feed: Option<Decimal>,
+    },
+    Arc {
+        clockwise: bool,
+        axes: &'a AxisWords,
+        form: &'a ArcForm,
+        feed: Option<Decimal>,
+    },
+    Dwell {
+        milliseconds: u64,
+    },
+    Retraction {
+        retract: bool,
+    },
     Home(AxisFlags),
-    DisableMotors { mask: u8 },
+    DisableMotors {
+        mask: u8,
+    },
     Heat(Heater, WaitTarget),
-    Fan { power: u8 },
+    Fan {
+        power: u8,
+    },
+    Autotune {
+        heater: Heater,
+        target: Option<Decimal>,
+        cycles: Option<u8>,
+        uses: bool,
+    },
     Pause(PauseReason, PauseWords),
     ResumePrint,
-    MotionChoice { interpolation: Option<u8>, acceleration: Option<u8> },
-    InputShaper { axes: &'a [ShaperWords<'a>; 2], usual: &'static str },
+    MotionChoice {
+        interpolation: Option<u8>,
+        acceleration: Option<u8>,
+    },
+    InputShaper {
+        axes: &'a [ShaperWords<'a>; 2],
+        usual: &'static str,
+    },
     PressureAdvance(&'a AdvanceWords),
-    ShiftZ { words: &'a AxisWords, keeps_offset: bool },
+    ShiftZ {
+        words: &'a AxisWords,
+        keeps_offset: bool,
+    },
     Card(&'a CardCommand<'a>),
-    Finish,
+    /// Until motion has ended; then M500 to M502.
+    Finish(Option<SettingsCommand>),
 }
 
 /// What became of a command that was looked at.
@@ -64,6 +98,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Home(axes) => self.home(axes).await?,
             Waiting::DisableMotors { mask } => self.disable_motors(mask).await?,
             Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
+            Waiting::Autotune { heater, target, cycles, uses } => self.autotune(heater, target, cycles, uses).await?,
             Waiting::Fan { power } => self.motion.set_fan_power(power).await?,
             Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
             Waiting::ResumePrint => self.start_print(None).await?,
@@ -74,7 +109,13 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::PressureAdvance(words) => self.advance(words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
             Waiting::Card(command) => self.card_command(*command).await?,
-            Waiting::Finish => self.motion.finish().await?,
+            // One wait for both, which takes less room than two.
+            Waiting::Finish(then) => {
+                self.motion.finish().await?;
+                if let Some(command) = then {
+                    self.change_settings(command);
+                }
+            }
         }
         Ok(Answer::Ok)
     }
@@ -98,6 +139,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::RelativeExtrusion => self.interpreter.modal.relative_extruder = true,
             Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
             Command::SetBed(Some(celsius)) => self.set_temperature(Heater::Bed, celsius.to_f64())?,
+            Command::NozzleGains(ref words) => self.heater_gains(Heater::Nozzle, words)?,
+            Command::BedGains(ref words) => self.heater_gains(Heater::Bed, words)?,
             Command::HeatersOff => {
                 self.set_temperature(Heater::Nozzle, 0.0)?;
                 self.set_temperature(Heater::Bed, 0.0)?;
@@ -112,6 +155,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Display(text) => self.display(text),
             Command::Progress { percent, minutes_left } => self.progress(percent, minutes_left),
             Command::Layer { current, total } => self.layer(current, total),
+            Command::FilamentSensor(on) => self.filament_sensor(on),
             Command::PromptAnswer(button) => self.signals.answer_prompt(button),
             Command::ResumePrint if self.is_paused() => return waiting(Waiting::ResumePrint),
             Command::ResumePrint => return Err(CommandError::NotPaused),
@@ -171,6 +215,10 @@ impl<P: Ports> Printer<'_, P> {
             Command::DisableMotors(axes) => return waiting(Waiting::DisableMotors { mask: mask(axes) }),
             Command::WaitNozzle(target) => return waiting(Waiting::Heat(Heater::Nozzle, target)),
             Command::WaitBed(target) => return waiting(Waiting::Heat(Heater::Bed, target)),
+            Command::Autotune { of_bed, target, cycles, uses } => {
+                let heater = if of_bed { Heater::Bed } else { Heater::Nozzle };
+                return waiting(Waiting::Autotune { heater, target, cycles, uses });
+            }
             Command::Fan { index: 0, power } => {
                 self.needs(self.equipment.fan || power == 0, "fan")?;
                 return waiting(Waiting::Fan { power });
@@ -188,8 +236,13 @@ impl<P: Ports> Printer<'_, P> {
             Command::InputShaper { ref axes, usual } => return waiting(Waiting::InputShaper { axes, usual }),
             Command::PressureAdvance(ref words) => return waiting(Waiting::PressureAdvance(words)),
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
+            Command::Settings(command) if self.refuse_settings(command) => {}
+            Command::Settings(command) if Self::needs_standstill(command) => {
+                return waiting(Waiting::Finish(Some(command)));
+            }
+            Command::Settings(command) => self.show_settings(command),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
-            Command::Finish => return waiting(Waiting::Finish),
+            Command::Finish => return waiting(Waiting::Finish(None)),
             // The drivers' part is all that there is to the first four. Without a display or a second fan the others change
             // nothing here.
             Command::ReportDrivers

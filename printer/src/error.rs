@@ -95,6 +95,10 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// M303 while the nozzle has a target, or a print is paused.
+    TunesNoPrint,
+    /// M303 has found no gains: the heater does not swing around its target.
+    NotTuned,
     /// M24 or M602 without a print that is paused.
     NotPaused,
     /// M290 has shifted Z, and a prepared job brings its own heights.
@@ -292,6 +296,12 @@ impl fmt::Display for CommandError {
                     "the print stays paused: {name} was homed when it paused and is not now: home it (G28 {name}), then go on (M602)"
                 )
             }
+            Self::TunesNoPrint => out.write_str(
+                "M303 is for an idle printer: the nozzle has a target or a print is paused; end it (M524, M104 S0), then tune",
+            ),
+            Self::NotTuned => out.write_str(
+                "PID Autotune failed! timeout: the temperature does not swing around S, is the heater strong enough for it?",
+            ),
             Self::NotPaused => write!(out, "no print is paused: M601, M600 or M25 pauses one"),
             Self::Shifted { shift_10nm } => write!(
                 out,

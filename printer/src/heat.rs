@@ -3,11 +3,14 @@
 //! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
 //! sets the power of every heater and fan. Nothing else sets one.
 
+mod gains;
 mod hotend_fan;
 mod pid;
+mod relay;
 pub mod safety;
 mod sample_time;
 mod thermometer;
+mod tuning_rule;
 
 use core::fmt;
 
@@ -15,11 +18,15 @@ use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
 
 use crate::profile::HeaterSettings;
+pub use gains::PidGains;
 use hotend_fan::HotEndFan;
 use pid::Pid;
+use relay::Relay;
+pub use relay::{RelayFindings, RelayProgress};
 use safety::{Safety, Trip};
 pub use sample_time::SAMPLE_MS;
 use thermometer::{MEDIAN_OF, Thermometer};
+pub use tuning_rule::gains_by_relay;
 
 /// A heater as a report shows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,13 +69,22 @@ impl fmt::Display for HeatFault {
     }
 }
 
+/// What works out a heater's power.
+#[derive(Clone, Copy, Debug)]
+enum Loop {
+    /// It holds its target.
+    Pid(Pid),
+    /// It is tuned (M303).
+    Relay(Relay),
+}
+
 /// One heater.
 #[derive(Clone, Copy, Debug)]
 struct Channel {
     settings: HeaterSettings,
     thermometer: Thermometer,
     safety: Safety,
-    pid: Pid,
+    control: Loop,
     /// The last temperature, degrees Celsius; `None` if there has never been one.
     celsius: Option<f32>,
     target: f32,
@@ -80,8 +96,8 @@ impl Channel {
         let thermometer = Thermometer::new(settings.thermistor, readings);
         // Without a temperature the first sample trips.
         let celsius = thermometer.celsius().ok();
-        let (safety, pid) = (Safety::new(settings), Pid::new(&settings));
-        Self { settings, thermometer, safety, pid, celsius, target: 0.0, power: 0.0 }
+        let (safety, control) = (Safety::new(), Loop::Pid(Pid::new()));
+        Self { settings, thermometer, safety, control, celsius, target: 0.0, power: 0.0 }
     }
 
     /// Takes a sample; the power stays.
@@ -89,18 +105,32 @@ impl Channel {
         self.thermometer.add(reading);
         let celsius = self.thermometer.celsius();
         self.celsius = celsius.ok().or(self.celsius);
-        self.safety.check(celsius, self.target, self.power)
+        let is_tuned = matches!(self.control, Loop::Relay(_));
+        self.safety.check(&self.settings, celsius, self.target, self.power, is_tuned)
     }
 
     /// Works out the power for the next sample. A heater without a temperature has none.
-    fn control(&mut self) {
-        self.power = self.celsius.map_or(0.0, |celsius| self.pid.power(celsius, self.target));
+    fn control(&mut self, fan_power: u8) {
+        self.power = match (self.celsius, &mut self.control) {
+            (None, _) => 0.0,
+            (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
+            (Some(celsius), Loop::Relay(relay)) => {
+                let power = relay.power(celsius, self.target);
+                if relay.has_ended() {
+                    self.target = 0.0;
+                }
+                power
+            }
+        };
     }
 
     fn off(&mut self) {
         self.target = 0.0;
         self.power = 0.0;
-        self.pid.reset();
+        match &mut self.control {
+            Loop::Pid(pid) => pid.reset(),
+            Loop::Relay(_) => self.control = Loop::Pid(Pid::new()),
+        }
     }
 }
 
@@ -143,9 +173,19 @@ impl HeatControl {
         }
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
+        let mut fan_power = self.part_fan_power;
         match self.fault {
             Some(_) => self.all_off(),
-            None => self.channels.iter_mut().for_each(Channel::control),
+            None => {
+                if self
+                    .channels
+                    .iter()
+                    .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+                {
+                    fan_power = u8::MAX;
+                }
+                self.channels.iter_mut().for_each(|channel| channel.control(fan_power));
+            }
         }
         for heater in Heater::ALL {
             board.set_power(heater, self.channels[heater.index()].power);
@@ -154,7 +194,7 @@ impl HeatControl {
         let nozzle_celsius = self.channels[Heater::Nozzle.index()].thermometer.celsius().ok();
         board.set_hotend_fan(self.hotend_fan.update(nozzle_celsius) || has_fault);
         // A transistor that has failed closed cannot be switched off; only moving air can cool its heater.
-        board.set_fan_power(if has_fault { u8::MAX } else { self.part_fan_power });
+        board.set_fan_power(if has_fault { u8::MAX } else { fan_power });
         match self.fault {
             Some(fault) if !told => Err(fault),
             _ => Ok(()),
@@ -166,10 +206,43 @@ impl HeatControl {
         self.fault
     }
 
-    /// Sets a target, degrees Celsius; anything not above 0 switches the heater off. Ignored after a fault.
+    /// Sets a target, degrees Celsius; anything not above 0 switches the heater off. It ends an autotune of the heater.
+    /// Ignored after a fault.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
+        if self.fault.is_some() {
+            return;
+        }
+        let channel = &mut self.channels[heater.index()];
+        if matches!(channel.control, Loop::Relay(_)) {
+            channel.off();
+        }
+        channel.target = if celsius > 0.0 { celsius } else { 0.0 };
+    }
+
+    /// The gains of a heater.
+    pub fn gains(&self, heater: Heater) -> PidGains {
+        self.channels[heater.index()].settings.gains
+    }
+
+    /// Sets the gains of a heater, from the next [`Self::update`] on. The caller keeps them within their ranges.
+    pub fn set_gains(&mut self, heater: Heater, gains: PidGains) {
+        self.channels[heater.index()].settings.gains = gains;
+    }
+
+    /// Tunes a heater at a target by a relay that counts so many cycles, and as many with the part-cooling fan at full power if
+    /// `has_fan`. All checks go on; after its last cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
+    pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
+        self.set_target(heater, celsius);
         if self.fault.is_none() {
-            self.channels[heater.index()].target = if celsius > 0.0 { celsius } else { 0.0 };
+            self.channels[heater.index()].control = Loop::Relay(Relay::new(cycles, has_fan));
+        }
+    }
+
+    /// How far the autotune of a heater has come; `None` without one.
+    pub fn relay(&self, heater: Heater) -> Option<RelayProgress> {
+        match &self.channels[heater.index()].control {
+            Loop::Pid(_) => None,
+            Loop::Relay(relay) => Some(relay.progress()),
         }
     }
 
@@ -198,8 +271,8 @@ impl HeatControl {
         self.fault = None;
         for heater in Heater::ALL {
             let channel = &mut self.channels[heater.index()];
-            channel.safety = Safety::new(channel.settings);
-            if let Err(trip) = channel.safety.check(channel.thermometer.celsius(), 0.0, 0.0) {
+            channel.safety = Safety::new();
+            if let Err(trip) = channel.safety.check(&channel.settings, channel.thermometer.celsius(), 0.0, 0.0, false) {
                 self.fault = self.fault.or(Some(HeatFault { heater, trip }));
             }
         }

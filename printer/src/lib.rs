@@ -18,6 +18,7 @@ mod drivers;
 mod entry;
 mod error;
 mod extrusion;
+mod filament;
 mod heater_timeout;
 mod homing;
 mod host;
@@ -39,8 +40,10 @@ mod shaper_refusal;
 mod shapers;
 mod shared_machine;
 mod signals;
+mod stored;
 mod temperatures;
 mod transfer;
+mod tuning;
 mod waits;
 mod z_offset;
 
@@ -48,19 +51,22 @@ pub use axis_names::AXIS_NAMES;
 pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
-pub use heat::HeaterStatus;
+pub use filament::FilamentWatch;
+pub use heat::{HeaterStatus, PidGains};
 pub use heater_timeout::{HeaterRest, HeaterTimeout};
 pub use host::Host;
 pub use modal::Tally;
 pub use motion_fault::{HomingOutcome, Miscount, MotionError, MotionFault};
 pub use paused::PauseReason;
-pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing, temperatures};
+pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing, temperatures};
 pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
-    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, PauseSettings, Profile, SafeHoming,
+    FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, PauseSettings, Profile,
+    SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};
+pub use stored::stored_keys;
 pub use transfer::JobLine;

@@ -9,8 +9,10 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
+use ferrostep_settings::{Slot, StoreError};
+
 use crate::error::Failure;
-use crate::heat::{HeatFault, HeaterStatus};
+use crate::heat::{HeatFault, HeaterStatus, PidGains, RelayProgress};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 
 /// A line of text that is formatted here.
@@ -138,6 +140,18 @@ pub trait Heating {
     fn status(&self, heater: Heater) -> HeaterStatus;
     /// Switches all heaters off.
     fn all_off(&mut self);
+    /// The gains of a heater.
+    fn gains(&self, _heater: Heater) -> PidGains {
+        PidGains::default()
+    }
+    /// Sets the gains of a heater.
+    fn set_gains(&mut self, _heater: Heater, _gains: PidGains) {}
+    /// Tunes a heater by a relay, see [`crate::heat::HeatControl::begin_relay`].
+    fn begin_relay(&mut self, _heater: Heater, _celsius: f32, _cycles: u8, _has_fan: bool) {}
+    /// How far the autotune of a heater has come; `None` without one.
+    fn relay(&self, _heater: Heater) -> Option<RelayProgress> {
+        None
+    }
     /// M999: heaters may be switched on again after a fault.
     ///
     /// # Errors
@@ -173,6 +187,22 @@ pub trait MotorDrivers: core::fmt::Debug {
     fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError>;
     /// Takes the mask of the motors that may not be where their steps say since the last call.
     fn take_moved(&self) -> u8;
+}
+
+/// A memory that keeps settings without power ([`ferrostep_settings::Store`]). Machines may do without.
+pub trait SettingsMemory: core::fmt::Debug {
+    /// The newest record; `None` where there is none.
+    ///
+    /// # Errors
+    /// The memory does not work.
+    fn load<'s>(&self, slot: &'s mut Slot) -> Result<Option<&'s [u8]>, StoreError>;
+    /// Stores a record, at standstill.
+    ///
+    /// # Errors
+    /// The memory does not work.
+    fn save(&self, record: &[u8]) -> Result<(), StoreError>;
+    /// Whether the processor stands still meanwhile, so that no heater may be on.
+    fn stalls(&self) -> bool;
 }
 
 /// Where replies go. Several commands may answer, so this takes a shared reference.

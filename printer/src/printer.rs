@@ -11,12 +11,14 @@ use crate::axis_names::AXIS_NAMES;
 use crate::card::Card;
 use crate::command_kind::{WhileHalted, moves, while_halted};
 use crate::error::{CommandError, Failure};
+use crate::filament::CHANGE_FILAMENT;
 use crate::interpreter::MoveInterpreter;
 use crate::modal::{Modal, Tally};
 use crate::paused::Paused;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
 use crate::profile::Profile;
 use crate::signals::Signals;
+use crate::stored::KeepsSettings;
 use crate::waits::Waits;
 
 /// Masks of all motors.
@@ -92,6 +94,7 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
     pub(crate) equipment: Equipment,
+    pub(crate) settings_memory: Option<&'a dyn KeepsSettings<P>>,
     pub(crate) receives_jobs: bool,
     pub(crate) job_request: Option<JobRequest>,
     pub(crate) card: Card<'a>,
@@ -104,6 +107,8 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) targets_celsius: [f32; 2],
     /// Whether the hosts know that their prints end because the machine is halted.
     told_halted: bool,
+    /// A print pauses when its filament has run out (M412).
+    pub(crate) pauses_at_runout: bool,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -128,6 +133,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             timing: None,
             drivers: None,
             equipment: Equipment::ALL,
+            settings_memory: None,
             receives_jobs: false,
             job_request: None,
             card: Card::none(),
@@ -136,6 +142,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             progress: (None, None),
             targets_celsius: [0.0; 2],
             told_halted: false,
+            pauses_at_runout: profile.filament_sensor.is_some(),
         }
     }
 }
@@ -374,7 +381,14 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.heat_again(self.targets_celsius).await?;
             }
         }
-        self.dispatch(command).await
+        let mut command = command;
+        loop {
+            let outcome = self.dispatch(command).await;
+            if !is_of_print || outcome.is_err() || !self.has_run_out(command) {
+                return outcome;
+            }
+            command = &CHANGE_FILAMENT;
+        }
     }
 
     /// Reports once that the target of a move is uncertain: motors without current may have been turned.

@@ -6,6 +6,8 @@ use ferrostep_thermistor::Thermistor;
 use ferrostep_tmc2209::DriverSettings;
 use ferrostep_virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe};
 
+use crate::heat::PidGains;
+
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
 /// 168 MHz.
 ///
@@ -131,12 +133,8 @@ pub struct HeaterSettings {
     pub max_target_celsius: f32,
     /// When it counts as failed.
     pub watch: HeaterWatch,
-    /// Proportional gain, power per degree.
-    pub proportional: f32,
-    /// Integral gain, power per degree and second.
-    pub integral: f32,
-    /// Derivative gain, power seconds per degree.
-    pub derivative: f32,
+    /// Gains of its control loop.
+    pub gains: PidGains,
     /// M109 and M190 wait until the temperature stays this near the target, degrees.
     pub residency_window_celsius: f32,
     /// ... for this long, milliseconds.
@@ -181,6 +179,15 @@ impl PauseSettings {
 
     /// The most filament that is drawn out or pushed in, units of 10 nm: 2 m.
     pub const MAX_FILAMENT_10NM: i64 = 200_000_000;
+}
+
+/// A sensor that sees whether there is filament.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilamentSensor {
+    /// Its signal is low while filament is missing.
+    pub missing_is_low: bool,
+    /// How long it must say so, ms.
+    pub debounce_ms: u16,
 }
 
 /// Step and direction signals that the motor drivers need, in nanoseconds.
@@ -281,6 +288,8 @@ pub struct Profile {
     pub bed: HeaterSettings,
     /// What a pause does.
     pub pause: PauseSettings,
+    /// The filament sensor, if there is one.
+    pub filament_sensor: Option<FilamentSensor>,
     /// Firmware retraction at start-up.
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.

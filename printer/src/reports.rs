@@ -31,6 +31,8 @@ impl<P: Ports> Printer<'_, P> {
             thermal_protection: self.equipment.heaters,
             z_probe: self.profile.homing[2].sensor == HomeSensor::Probe,
             card: self.card.is_there(),
+            stores_settings: self.settings_memory.is_some(),
+            filament_sensor: self.profile.filament_sensor.is_some(),
         }));
     }
 
@@ -56,8 +58,10 @@ impl<P: Ports> Printer<'_, P> {
     /// M119.
     pub(crate) fn report_end_stops(&self) {
         const NAMES: [[&str; 2]; 3] = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
-        let mut states = [EndStopState { name: "", triggered: false }; 3];
-        for (axis, state) in states.iter_mut().enumerate() {
+        // As Marlin has it: the sensor is triggered by filament.
+        let filament = EndStopState { name: "filament", triggered: !self.signals.is_filament_missing() };
+        let mut states = [filament; 4];
+        for (axis, state) in states.iter_mut().take(3).enumerate() {
             let homing = &self.profile.homing[axis];
             let name = match homing.sensor {
                 HomeSensor::Probe => "z_probe",
@@ -65,7 +69,8 @@ impl<P: Ports> Printer<'_, P> {
             };
             *state = EndStopState { name, triggered: self.motion.is_end_stop_triggered(axis) };
         }
-        self.replies.send(Reply::EndStops(&states));
+        let shown = if self.profile.filament_sensor.is_some() { 4 } else { 3 };
+        self.replies.send(Reply::EndStops(states.get(..shown).unwrap_or_default()));
     }
 
     /// M117: without a display the host shows it. The text of a file on the desk is not reported.

@@ -16,7 +16,7 @@ pub(crate) const LARGEST_LIMIT: f64 = 1_000_000.0;
 pub(crate) const PERCENTS: [f64; 2] = [1.0, 999.0];
 
 /// A value within its range.
-fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, CommandError> {
+pub(crate) fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, CommandError> {
     if value >= minimum && value <= maximum {
         Ok(value)
     } else {

@@ -19,6 +19,7 @@ pub struct Signals {
     heater_timeout_s: AtomicU16,
     host_spoke: AtomicBool,
     is_writing: AtomicBool,
+    filament_missing: AtomicBool,
     card_report_interval_s: AtomicU8,
     /// Progress of the print from the card, and the file's length, bytes; 0 without a print.
     card_position: AtomicU32,
@@ -44,6 +45,7 @@ impl Signals {
             heater_timeout_s: AtomicU16::new(DEFAULT_HEATER_TIMEOUT_S),
             host_spoke: AtomicBool::new(false),
             is_writing: AtomicBool::new(false),
+            filament_missing: AtomicBool::new(false),
             card_report_interval_s: AtomicU8::new(0),
             card_position: AtomicU32::new(0),
             card_size: AtomicU32::new(0),
@@ -130,6 +132,15 @@ impl Signals {
 
     pub(crate) fn set_writing(&self, is_writing: bool) {
         self.is_writing.store(is_writing, Ordering::Release);
+    }
+
+    /// Whether the filament sensor sees no filament; `false` without a sensor.
+    pub fn is_filament_missing(&self) -> bool {
+        self.filament_missing.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_filament_missing(&self, is_missing: bool) {
+        self.filament_missing.store(is_missing, Ordering::Relaxed);
     }
 
     /// Seconds between reports of a print from the card (M27 S); 0 = off.

@@ -9,8 +9,8 @@ use crate::printer::Printer;
 use crate::profile::HeaterSettings;
 use crate::waits::WaitReport;
 
-impl<P: Ports> Printer<'_, P> {
-    fn heater_settings(&self, heater: Heater) -> &HeaterSettings {
+impl<'a, P: Ports> Printer<'a, P> {
+    pub(crate) fn heater_settings(&self, heater: Heater) -> &'a HeaterSettings {
         match heater {
             Heater::Nozzle => &self.profile.nozzle,
             Heater::Bed => &self.profile.bed,
@@ -90,10 +90,10 @@ impl<P: Ports> Printer<'_, P> {
 
     async fn stay_until_near(&mut self, heater: Heater, cooling_counts: bool) -> Result<(), CommandError> {
         self.signals.set_waiting_for_heat(true);
-        let (mut waits, settings) = (self.waits(), *self.heater_settings(heater));
+        let (mut waits, settings) = (self.waits(), self.heater_settings(heater));
         let (heating, replies, line) = (&self.heating, self.replies, self.line);
         let outcome = waits
-            .for_heat(heater, &settings, cooling_counts, heating, |report| match report {
+            .for_heat(heater, settings, cooling_counts, heating, |report| match report {
                 WaitReport::Remaining(left_s) => replies.send(Reply::Waiting(temperatures(heating), left_s)),
                 WaitReport::CoolsNoFurther(status) => {
                     let name = heater.name();

@@ -4,7 +4,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
-use crate::heat::HeaterStatus;
+use crate::heat::{HeaterStatus, RelayProgress};
 use crate::ports::Heating;
 use crate::profile::HeaterSettings;
 use crate::signals::Signals;
@@ -77,6 +77,40 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             let is_over = end.is_some_and(|end| self.clock.now_ms() >= end);
             if self.signals.take_end_wait() || self.signals.take_prompt_answer() || is_over {
                 return Ok(());
+            }
+            self.clock.delay_ms(LOOK_MS as u32).await;
+        }
+    }
+
+    /// Waits until the relay of a heater has found something, or M108 ends the wait. `is_stopped` says whether motion was stopped.
+    pub async fn for_relay(
+        &mut self,
+        heater: Heater,
+        heating: &impl Heating,
+        is_stopped: impl Fn() -> bool,
+        tell: impl Fn(u8, u8, [f32; 2]),
+    ) -> Result<(), CommandError> {
+        let mut told = 0;
+        loop {
+            if self.signals.is_halted() {
+                return Err(CommandError::Halted);
+            }
+            if is_stopped() {
+                return Err(CommandError::Stopped);
+            }
+            if self.signals.take_end_wait() {
+                return Ok(());
+            }
+            match heating.relay(heater) {
+                // Only a fault or a timeout ends it.
+                None => return Err(CommandError::HeatersTimedOut),
+                Some(RelayProgress::Failed) => return Err(CommandError::NotTuned),
+                Some(RelayProgress::Found(_)) => return Ok(()),
+                Some(RelayProgress::Cycles { ended, of, lowest_celsius, highest_celsius }) => {
+                    if core::mem::replace(&mut told, ended) != ended {
+                        tell(ended, of, [lowest_celsius, highest_celsius]);
+                    }
+                }
             }
             self.clock.delay_ms(LOOK_MS as u32).await;
         }

@@ -36,8 +36,17 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.z.shift_10nm != 0
     }
 
-    fn has_probe(&self) -> bool {
+    pub(crate) fn has_probe(&self) -> bool {
         self.profile.homing[2].sensor == HomeSensor::Probe
+    }
+
+    /// Between which lengths the probe's offset along an axis is: where Z homes the probe must be above the bed.
+    pub(crate) fn probe_range_10nm(&self, axis: usize) -> [i64; 2] {
+        let SafeHoming { home_at_10nm, bed_10nm, .. } = self.profile.safe_homing;
+        match (bed_10nm.get(axis), home_at_10nm.unwrap_or_default().get(axis)) {
+            (Some([from, to]), Some(place)) => [from - place, to - place],
+            _ => SafeHoming::PROBE_Z_10NM,
+        }
     }
 
     /// M851. The new offset holds from the next homing of Z on.
@@ -49,17 +58,11 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.say(format_args!("echo:; Z-Probe Offset:\necho:  M851 X{x} Y{y} Z{z} ; (mm)"));
             return Ok(());
         }
-        let SafeHoming { home_at_10nm, bed_10nm, .. } = self.profile.safe_homing;
-        let place_10nm = home_at_10nm.unwrap_or_default();
         let mut offset_10nm = self.interpreter.modal.probe_offset_10nm;
         for (axis, word) in words.into_iter().enumerate() {
             let Some(value) = word else { continue };
             let length_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
-            // Where Z homes the probe must be above the bed.
-            let [minimum, maximum] = match (bed_10nm.get(axis), place_10nm.get(axis)) {
-                (Some([from, to]), Some(place)) => [from - place, to - place],
-                _ => SafeHoming::PROBE_Z_10NM,
-            };
+            let [minimum, maximum] = self.probe_range_10nm(axis);
             offset_10nm[axis] = within(AXIS_NAMES[axis], length_10nm, minimum, maximum)?;
         }
         self.interpreter.modal.probe_offset_10nm = offset_10nm;

@@ -1,16 +1,17 @@
 //! Range, control and checks of the heaters, and their models on the virtual board.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_printer::{HeaterSettings, HeaterWatch};
+use ferrostep_printer::{HeaterSettings, HeaterWatch, PidGains};
 use ferrostep_thermistor::{Thermistor, ThermistorType};
 use ferrostep_virtual_board::HeatedMass;
 
 const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
 const NOZZLE_MAX: Range = range(60.0, 500.0, "degrees Celsius");
 const BED_MAX: Range = range(60.0, 200.0, "degrees Celsius");
-const PROPORTIONAL: Range = range(0.000_1, 10.0, "per degree");
-const INTEGRAL: Range = range(0.0, 10.0, "per degree and second");
-const DERIVATIVE: Range = range(0.0, 100.0, "seconds per degree");
+const PROPORTIONAL: Range = gain(PidGains::PROPORTIONAL, "per degree");
+const INTEGRAL: Range = gain(PidGains::INTEGRAL, "per degree and second");
+const DERIVATIVE: Range = gain(PidGains::DERIVATIVE, "seconds per degree");
+const FAN: Range = gain(PidGains::FAN, "per degree");
 const RESIDENCY_WINDOW: Range = range(0.1, 20.0, "degrees");
 const RESIDENCY: Range = range(0.0, 600.0, "s");
 const R25: Range = range(1_000.0, 1_000_000.0, "ohms");
@@ -29,6 +30,10 @@ const CAPACITY: Range = range(1.0, 20_000.0, "J/K");
 const LOSS: Range = range(0.001, 100.0, "W/K");
 const FAN_LOSS: Range = range(0.0, 100.0, "W/K");
 const DEAD_TIME: Range = range(0.0, 30.0, "s");
+
+const fn gain([low, high]: [f64; 2], unit: &'static str) -> Range {
+    range(low, high, unit)
+}
 
 /// In what the nozzle's heater and the bed's differ.
 struct Kind {
@@ -106,12 +111,24 @@ fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings
         max_celsius,
         max_target_celsius: max_target_celsius.map_or(max_celsius, |celsius| celsius as f32),
         watch,
-        proportional: apart.number("proportional", PROPORTIONAL).required("PID gain; power is 0 to 1") as f32,
-        integral: apart.number("integral", INTEGRAL).required("PID gain") as f32,
-        derivative: apart.number("derivative", DERIVATIVE).required("PID gain") as f32,
+        gains: gains(&apart),
         residency_window_celsius,
         residency_ms: milliseconds(apart.number("residency_s", RESIDENCY).required("for this long")),
         mass: mass(&apart, kind),
+    }
+}
+
+/// The gains of a heater's control loop.
+fn gains(heater: &Section<'_>) -> PidGains {
+    PidGains {
+        proportional: heater.number("proportional", PROPORTIONAL).required("PID gain; power is 0 to 1 (M303 finds it)")
+            as f32,
+        integral: heater.number("integral", INTEGRAL).required("PID gain (M303)") as f32,
+        derivative: heater.number("derivative", DERIVATIVE).required("PID gain (M303)") as f32,
+        fan: heater
+            .number("fan_gain", FAN)
+            .or(0.0, "power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)")
+            as f32,
     }
 }
 
@@ -128,7 +145,10 @@ fn mass(heater: &Section<'_>, kind: &Kind) -> HeatedMass {
             .or(0.0, "more with the part-cooling fan at full power") as f32,
         dead_time_s: model
             .number("dead_time_s", DEAD_TIME)
-            .or(0.0, "from a change of power until the thermistor answers") as f32,
+            .or(0.0, "from a change of power until the temperature answers") as f32,
+        sensor_lag_s: model
+            .number("sensor_lag_s", DEAD_TIME)
+            .or(0.0, "time constant with which the thermistor follows the temperature") as f32,
     }
 }
 

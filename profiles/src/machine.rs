@@ -118,6 +118,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2], ErrorBudget)
         nozzle,
         bed,
         pause: pause::pause(&apart, &travel),
+        filament_sensor: pause::filament_sensor(&apart),
         retraction: extrusion::retraction(&apart),
         driver: timing,
         extrusion: extrusion::extrusion(&apart),

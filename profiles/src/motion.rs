@@ -43,6 +43,10 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         shapers: shapers(&keys.apart()),
         // Lines accelerate as far as the extruder can follow: the plan depends on it.
         pressure_advance: pressure_advance(keys),
+        filament_on_the_way: keys.apart().flag("filament_on_the_way").or(
+            default.filament_on_the_way,
+            "filament is drawn back in the first half of the travel after it and comes back in the last half, without a stop ([Filament on the way](filament-on-the-way.md)); prepared jobs stop",
+        ),
     };
     if is_shaped(&choice) && interpolation != Interpolation::StepBresenham {
         let expected = "\"step-bresenham\" with input_shaper and pressure_advance: under the others the motors have no times of their own";

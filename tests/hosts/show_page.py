@@ -4,92 +4,21 @@ Prints one line of JSON: errors of the console, requests, the values at the plac
 play, findings and pointer lead.
 """
 
-import base64
 import json
-import os
 import sys
 
+from pages import LOOK, drawn, launched, opened, picture
 from playwright.sync_api import sync_playwright
-
-# What a picture looks like: the share of saturated pixels, the middle of their box, and how many hues there are.
-LOOK = """async (picture) => {
-  const image = new Image();
-  image.src = 'data:image/png;base64,' + picture;
-  await image.decode();
-  const canvas = document.createElement('canvas');
-  [canvas.width, canvas.height] = [image.width, image.height];
-  const context = canvas.getContext('2d');
-  context.drawImage(image, 0, 0);
-  const { data } = context.getImageData(0, 0, image.width, image.height);
-  let count = 0;
-  const box = [Infinity, Infinity, -Infinity, -Infinity];
-  const hues = new Set();
-  for (let i = 0; i < data.length; i += 4) {
-    const [r, g, b] = [data[i], data[i + 1], data[i + 2]];
-    const most = Math.max(r, g, b);
-    const range = most - Math.min(r, g, b);
-    if (most < 40 || range < 0.35 * most) continue;
-    const [x, y] = [i / 4 % image.width, Math.floor(i / 4 / image.width)];
-    // The panels on the picture have colours, too.
-    if (x < 245 && y < 300 || x > image.width - 120) continue;
-    count += 1;
-    box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y); box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
-    const hue = most === r ? (g - b) / range : most === g ? 2 + (b - r) / range : 4 + (r - g) / range;
-    hues.add(Math.floor(((hue + 6) % 6) * 4));
-  }
-  return { share: count / (data.length / 4), colours: hues.size,
-    middle: [(box[0] + box[2]) / 2 / image.width, (box[1] + box[3]) / 2 / image.height] };
-}"""
-
-# A frame after this number has been drawn, or all is drawn.
-DRAWN = "(frames) => ferrostep.drawn.frames > frames || ferrostep.isUpToDate()"
-
-# The browser's word about its own reading of pictures where no graphics card shows them.
-READING = "GPU stall due to ReadPixels"
-
-
-def drawn(page):
-    """Waits for a frame that shows what has been done."""
-    page.wait_for_function(DRAWN, arg=page.evaluate("() => ferrostep.drawn.frames"))
-
-
-def picture(page):
-    """The view, once all of it is drawn: a slow machine draws some of it in each frame."""
-    drawn(page)
-    page.wait_for_function("() => ferrostep.drawn.isWhole && ferrostep.isUpToDate()")
-    return base64.b64encode(page.locator("#view").screenshot()).decode()
 
 
 def main():
     browser_path, file, places = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
     seen = {"errors": [], "requests": [], "drawn": {}, "jumps": []}
-    # Root has no sandbox; without a graphics card WebGL is computed.
-    arguments = ["--enable-unsafe-swiftshader"]
-    if os.geteuid() == 0:
-        arguments.append("--no-sandbox")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=browser_path, args=arguments)
-
-        def opened(mark=""):
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
-            page.set_default_timeout(120_000)
-            page.on(
-                "console",
-                lambda said: seen["errors"].append(said.text)
-                if said.type in ("error", "warning") and READING not in said.text
-                else None,
-            )
-            page.on("pageerror", lambda error: seen["errors"].append(str(error)))
-            page.on(
-                "request",
-                lambda asked: None if asked.url.startswith(("file:", "data:")) else seen["requests"].append(asked.url),
-            )
-            page.goto(f"file://{file}{mark}")
-            page.wait_for_selector("html[data-ready]", state="attached")
-            return page
-
+        browser = launched(playwright, browser_path)
         for mark in ("#flat", ""):
-            page = opened(mark)
+            page = opened(browser, file, seen, mark, viewport={"width": 1280, "height": 800})
+            page.wait_for_selector("html[data-ready]", state="attached")
             way = page.evaluate("() => ferrostep.draws")
             page.focus("#space")
             before = picture(page)
@@ -166,6 +95,14 @@ def main():
         page.mouse.move(box["x"] + spot[0], box["y"] + spot[1])
         page.wait_for_selector("#tip:not([hidden])")
         seen["tip"] = page.locator("#tip").inner_text()
+
+        # As a phone, in the dark: nothing is wider than the window.
+        phone = opened(browser, file, seen, viewport={"width": 360, "height": 740}, color_scheme="dark")
+        phone.wait_for_selector("html[data-ready]", state="attached")
+        seen["phone_overflow"] = phone.evaluate(
+            "() => ['html', '#figures', 'aside'].map((part) => document.querySelector(part))"
+            ".map((part) => part.scrollWidth - part.clientWidth)"
+        )
         browser.close()
     print(json.dumps(seen))
 

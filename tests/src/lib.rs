@@ -3,7 +3,8 @@
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
 //! hostile conversations with it of any bytes. [`stress_file`] writes a demanding print, [`feed_chart`] draws the
 //! result. [`host_side`] numbers a host's lines and receives its bytes. [`program`] is the `ferrostep` command, [`chromium`] the browser, [`python`]
-//! runs the hosts and the browser of `tests/hosts/`. [`step_edges`]
+//! runs the hosts and the browser of `tests/hosts/`. [`stored_settings`] switches a machine on with any bytes in its
+//! memory. [`step_edges`]
 //! plays a trace on the step interrupt's model at its latest. The crate `ferrostep-oracle` judges the results.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
@@ -19,4 +20,5 @@ pub mod program;
 pub mod python;
 pub mod stack;
 pub mod step_edges;
+pub mod stored_settings;
 pub mod stress_file;

@@ -34,6 +34,11 @@ pub struct Options {
     save_baseline: bool,
 }
 
+impl Options {
+    /// To make these counts the baseline.
+    pub const SAVE: Self = Self { json: false, check: false, save_baseline: true };
+}
+
 /// Builds both images, counts, and prints, compares or saves the counts. The speed of the desk is for information only.
 pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
     let mainboard = mainboard::build(run)?;

@@ -1,6 +1,6 @@
 //! The core library of the boards' processor: installed by rustup, or compiled from the toolchain's own source.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::steps::Failure;
@@ -65,6 +65,33 @@ fn rustc_prints(what: &[&str]) -> Option<String> {
 pub fn compiler_version() -> Result<String, Failure> {
     system::output(Command::new("rustc").arg("--version").current_dir(system::root()))
         .ok_or_else(|| "`rustc --version` fails".to_owned())
+}
+
+/// What a compiler calls the folders of this computer in what it builds: the root of the sources, cargo's copies of others' sources, those of the
+/// core library, and what build scripts have written. Panics and debug information name source files, and an image would otherwise differ with the folder in
+/// which, and the person by whom, it is built.
+///
+/// # Errors
+/// The compiler does not say where it is.
+pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
+    let sysroot = rustc_prints(&["sysroot"]).ok_or("`rustc --print sysroot` fails")?;
+    let version = system::output(Command::new("rustc").arg("-vV").current_dir(system::root())).unwrap_or_default();
+    // The compiler's own name of this folder where the core library is installed.
+    let commit = version.lines().find_map(|line| line.strip_prefix("commit-hash: ")).unwrap_or("unknown");
+    let mut folders = vec![(system::root(), "/ferrostep".to_owned())];
+    if let Some(home) = system::cargo_home() {
+        folders.push((home.join("registry/src"), "/registry".to_owned()));
+    }
+    folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust"), format!("/rustc/{commit}")));
+    // Last, for the last that fits counts, and this one lies within the root unless it is told otherwise.
+    folders.push((system::target_directory(), "/target".to_owned()));
+    // The compiler is told paths as they are written, and asks the system for the folder that it runs in.
+    let resolved = folders.iter().filter_map(|(folder, name)| {
+        let resolved = folder.canonicalize().ok().filter(|resolved| resolved != folder)?;
+        Some((resolved, name.clone()))
+    });
+    let resolved: Vec<_> = resolved.collect();
+    Ok([folders, resolved].concat())
 }
 
 /// Packages that are optimised for speed on the desk and for size in an image, and their level there.

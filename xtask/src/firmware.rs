@@ -149,6 +149,7 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
         Ok(())
     })?;
     run.step("files and sizes", || {
+        names_no_folder(&elf)?;
         let folder = image::folder_of(&target.board, target.boot_offset.is_some());
         let image = image::export(&elf, &target.board, &folder)?;
         let sizes = sizes(&image)?;
@@ -290,7 +291,41 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
         Program::OnTarget => command.args(["--bin", "on-target", "--features", "on-target"]),
     };
     core_library.apply(&mut command);
+    command
+        .arg("--config")
+        .arg(renamed_folders(&format!("target.{}", core_library::TARGET), &core_library::folders()?)?);
     Ok(command)
+}
+
+/// Checks that an image names no folder of this computer, in its debug information neither: it would differ from the same image built
+/// elsewhere.
+///
+/// # Errors
+/// It names one.
+fn names_no_folder(elf: &Path) -> Result<(), Failure> {
+    let bytes = std::fs::read(elf).map_err(|error| format!("{}: {error}", elf.display()))?;
+    for (folder, _) in core_library::folders()? {
+        let name = folder.as_os_str().as_encoded_bytes();
+        if bytes.windows(name.len()).any(|window| window == name) {
+            return Err(format!("{} names {}: see core_library::folders", elf.display(), folder.display()));
+        }
+    }
+    Ok(())
+}
+
+/// Cargo's key by which the compiler calls folders by these names. `table`: where cargo's flags for the compiler stand, `build` or a target's.
+///
+/// # Errors
+/// A folder is no text.
+pub fn renamed_folders(table: &str, folders: &[(PathBuf, String)]) -> Result<String, Failure> {
+    let flags: Result<Vec<toml::Value>, Failure> = folders
+        .iter()
+        .map(|(folder, name)| {
+            let folder = folder.to_str().ok_or_else(|| format!("{}: the path is no text", folder.display()))?;
+            Ok(toml::Value::from(format!("--remap-path-prefix={folder}={name}")))
+        })
+        .collect();
+    Ok(format!("{table}.rustflags={}", toml::Value::from(flags?)))
 }
 
 /// Name of the firmware's package.
@@ -326,6 +361,33 @@ mod tests {
         let changing = ["CARGO_INCREMENTAL", "CARGO_PROFILE_RELEASE_LTO", "CARGO_PROFILE_RELEASE_CODEGEN_UNITS"];
         assert!(changing.into_iter().all(changes_profile));
         assert!(!["CARGO_HOME", "CARGO_TARGET_DIR", "CARGO"].into_iter().any(changes_profile));
+    }
+
+    #[test]
+    fn an_image_names_no_folder_of_the_computer_that_builds_it() {
+        let key = renamed_folders(
+            "target.thumbv7em-none-eabihf",
+            &[("/home/a \"b\"".into(), "/c".to_owned()), ("/d".into(), "/e".to_owned())],
+        )
+        .unwrap();
+        let parsed: toml::Table = key.parse().unwrap();
+        let flags = parsed["target"]["thumbv7em-none-eabihf"]["rustflags"].as_array().unwrap();
+        let expected = ["--remap-path-prefix=/home/a \"b\"=/c", "--remap-path-prefix=/d=/e"];
+        assert_eq!(flags.iter().filter_map(toml::Value::as_str).collect::<Vec<_>>(), expected);
+        let names: Vec<String> = core_library::folders().unwrap().into_iter().map(|(_, name)| name).collect();
+        assert_eq!(names[..2], ["/ferrostep", "/registry"]);
+        assert!(names[2].starts_with("/rustc/") && names[2].len() == 47, "{names:?}");
+        assert_eq!(names[3], "/target");
+        let file = std::env::temp_dir().join(format!("ferrostep-folders-{}", std::process::id()));
+        let checked = |text: String| {
+            std::fs::write(&file, text).unwrap();
+            names_no_folder(&file)
+        };
+        let (named, unnamed) =
+            (checked(format!("x{}/y", system::root().display())), checked("/ferrostep/y".to_owned()));
+        std::fs::remove_file(&file).unwrap();
+        assert!(named.unwrap_err().contains("names /"));
+        assert_eq!(unnamed, Ok(()));
     }
 
     #[test]

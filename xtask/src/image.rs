@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ferrostep_boards::{Board, FLASH_ADDRESS};
+use ferrostep_boards::Board;
 use ihex::Record;
 use object::LittleEndian;
 use object::elf::PT_LOAD;
@@ -81,13 +81,17 @@ impl Flash {
     /// # Errors
     /// It begins elsewhere, or is too long.
     pub fn check(&self, board: &Board) -> Result<(), Failure> {
-        let end = u64::from(FLASH_ADDRESS) + u64::from(board.flash_kib) * 1024;
+        let end = u64::from(board.image_address()) + u64::from(board.image_room());
         let wanted = board.image_address();
         if self.address != wanted {
             return Err(format!("the image begins at {:#x}, the board {} wants {wanted:#x}", self.address, board.name));
         }
         if u64::from(self.address) + self.bytes.len() as u64 > end {
-            return Err(format!("the image ends beyond the flash of the board {}", board.name));
+            return Err(format!(
+                "the image ends beyond the flash that the board {} has for it: settings keep {} bytes at its end",
+                board.name,
+                board.settings_bytes()
+            ));
         }
         Ok(())
     }
@@ -202,9 +206,11 @@ mod tests {
         assert!(folder_of(&buddy, false).ends_with("images/prusa-buddy"));
         let instead = buddy.at_boot_offset(0).unwrap();
         assert!(folder_of(&instead, true).ends_with("images/prusa-buddy-at-0x08000000"));
-        // Without the boot loader all of the flash is the image's.
+        // Without the boot loader all of the flash is the image's, up to the sectors of the settings.
         let flash = |address, bytes: usize| Flash { address, bytes: vec![0; bytes] };
-        assert_eq!(flash(0x0800_0000, 0x10_0000).check(&instead), Ok(()));
+        assert_eq!(flash(0x0800_0000, 0xc_0000).check(&instead), Ok(()));
+        let longer = flash(0x0800_0000, 0xc_0001).check(&instead).unwrap_err();
+        assert!(longer.contains("settings keep 262144 bytes at its end"), "{longer}");
         assert!(flash(0x0802_0200, 4).check(&instead).unwrap_err().contains("wants 0x8000000"));
     }
 }

@@ -9,12 +9,14 @@ mod core_library;
 mod firmware;
 mod generated;
 mod hosts;
+mod house;
 mod image;
 mod mainboard;
 mod mutants;
 mod no_std;
 mod on_target;
 mod policy;
+mod refresh;
 mod release;
 mod reproducible;
 mod seed;
@@ -87,6 +89,8 @@ enum Task {
     Release(release::Options),
     /// Build a board's image in two folders and compare them: the last commit makes the same bytes anywhere
     Reproducible(reproducible::Options),
+    /// Write everything of the book, the README and the tests' data that a command makes anew: figures, tables, pictures
+    Refresh(refresh::Options),
     /// Make small mistakes in the code, one at a time, and list those that no test notices
     Mutants(mutants::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
@@ -106,6 +110,7 @@ fn main() -> ExitCode {
         Task::Hosts => "hosts",
         Task::Release(_) => "release",
         Task::Reproducible(_) => "reproducible",
+        Task::Refresh(_) => "refresh",
         Task::Mutants(_) => "mutants",
         Task::NoStd => "no-std",
     };
@@ -121,6 +126,7 @@ fn main() -> ExitCode {
         Task::Hosts => hosts::install(&mut run).map(|folder| println!("{}", folder.display())),
         Task::Reproducible(options) => reproducible::check(&mut run, &options),
         Task::Release(options) => release::write(&mut run, &options),
+        Task::Refresh(options) => refresh::write(&mut run, &options),
         Task::Mutants(options) => mutants::run(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),
     };

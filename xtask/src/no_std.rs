@@ -7,13 +7,14 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The crates that the firmware is made of.
-const PACKAGES: [&str; 12] = [
+const PACKAGES: [&str; 13] = [
     "ferrostep-binary-gcode",
     "ferrostep-card",
     "ferrostep-gcode",
     "ferrostep-hal-shim",
     "ferrostep-planner",
     "ferrostep-printer",
+    "ferrostep-settings",
     "ferrostep-step-player",
     "ferrostep-stm32f4",
     "ferrostep-thermistor",

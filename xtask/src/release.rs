@@ -9,6 +9,7 @@ use std::process::Command;
 
 use sha2::{Digest, Sha256};
 
+use crate::core_library;
 use crate::firmware;
 use crate::image;
 use crate::policy;
@@ -63,7 +64,10 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
     firmware::build_images(run, &firmware::Options::default())?;
     run.step("images", || collect_images(&folder, version))?;
     run.step("command", || {
-        system::run(cargo().args(["build", "--release", "--locked", "--package", "ferrostep"]))?;
+        let mut build = cargo();
+        build.args(["build", "--release", "--locked", "--package", "ferrostep"]);
+        build.arg("--config").arg(firmware::renamed_folders("build", &core_library::folders()?)?);
+        system::run(&mut build)?;
         let name = format!("ferrostep{}", std::env::consts::EXE_SUFFIX);
         let program = system::target_directory().join("release").join(&name);
         copy(&program, &folder.join(name))?;

@@ -1,4 +1,5 @@
-//! Whether an image is the same wherever it is built: two clones of the last commit, in folders of different names and depths.
+//! Whether an image is the same wherever it is built: two clones of the last commit, in folders of different names and depths, with
+//! cargo's downloads in different ones.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ pub struct Options {
 const FOLDERS: [(&str, &str); 2] =
     [("a", "image in one folder"), ("another-folder/that-lies-deeper", "image in another folder")];
 
-/// Builds a board's image in both clones and compares what is flashed of it; prints the digests.
+/// Builds a board's image in both clones and compares all its files; prints the digests.
 ///
 /// # Errors
 /// A build fails, or a file differs.
@@ -34,22 +35,26 @@ pub fn check(run: &mut Run, options: &Options) -> Result<(), Failure> {
 }
 
 fn build_and_compare(run: &mut Run, options: &Options, folder: &Path) -> Result<(), Failure> {
+    // Both before a build, which takes minutes: a commit in between would be another image.
+    run.step("two clones of the last commit", || {
+        FOLDERS.into_iter().try_for_each(|(name, _)| {
+            let mut git = Command::new("git");
+            system::run(git.args(["clone", "--quiet", "--no-hardlinks"]).arg(system::root()).arg(folder.join(name)))
+        })
+    })?;
     let mut images = Vec::new();
     for (name, step) in FOLDERS {
         let clone = folder.join(name);
         run.step(step, || {
-            system::run(
-                Command::new("git").args(["clone", "--quiet", "--no-hardlinks"]).arg(system::root()).arg(&clone),
-            )?;
             let mut build = Command::new(env!("CARGO"));
             build.current_dir(&clone).env("CARGO_TARGET_DIR", clone.join("target"));
+            build.env("CARGO_HOME", another_home(&folder.join("cargo-of").join(name))?);
             system::run(build.args(["xtask", "firmware", "--board", &options.board]))
         })?;
         images.push(files(&clone.join("target/images"))?);
     }
     run.step("comparison", || {
         let [first, second] = &images[..] else { return Err("there are not two images".to_owned()) };
-        eprintln!("    the ELF is left out: its debug information names the folder");
         same(first, second)
     })?;
     for (name, bytes) in images.first().into_iter().flatten() {
@@ -80,11 +85,29 @@ fn same(first: &[NamedBytes], second: &[NamedBytes]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is flashed of an image, below a folder: all files with their bytes but the ELF, in the order of their names.
+/// A folder for cargo's downloads, made here, with what the present one has.
+#[cfg(unix)]
+fn another_home(folder: &Path) -> Result<PathBuf, Failure> {
+    let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
+    fs::create_dir_all(folder).map_err(shown)?;
+    let present = system::cargo_home().ok_or("cargo's folder is unknown: set CARGO_HOME")?;
+    for entry in fs::read_dir(&present).map_err(|error| format!("{}: {error}", present.display()))? {
+        let path = entry.map_err(shown)?.path();
+        std::os::unix::fs::symlink(&path, folder.join(path.file_name().unwrap_or_default())).map_err(shown)?;
+    }
+    Ok(folder.to_path_buf())
+}
+
+/// The present folder of cargo's downloads: without links, both builds share it.
+#[cfg(not(unix))]
+fn another_home(_folder: &Path) -> Result<PathBuf, Failure> {
+    system::cargo_home().ok_or_else(|| "cargo's folder is unknown: set CARGO_HOME".to_owned())
+}
+
+/// An image's files below a folder, with their bytes, in the order of their names.
 fn files(folder: &Path) -> Result<Vec<NamedBytes>, Failure> {
     let mut found = Vec::new();
-    let all = crate::release::files(folder)?;
-    for path in all.into_iter().filter(|path| path.extension().is_none_or(|extension| extension != "elf")) {
+    for path in crate::release::files(folder)? {
         let bytes = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         found.push((path.strip_prefix(folder).unwrap_or(&path).to_path_buf(), bytes));
     }

@@ -71,7 +71,7 @@ fn the_buddys_image_lies_after_its_boot_loader_or_in_its_place() {
     let instead = buddy.clone().at_boot_offset(0).unwrap();
     assert_eq!((instead.image_address(), instead.boot_file.clone(), instead.takes_bbf()), (0x0800_0000, None, false));
     let memories = constants::memories(&instead, constants::STACK_KIB);
-    assert!(memories.contains("ORIGIN = 0x8000000, LENGTH = 0x100000"), "{memories}");
+    assert!(memories.contains("ORIGIN = 0x8000000, LENGTH = 0xc0000"), "{memories}");
     for offset in [1, 0x20400, 0xa0000, u32::MAX] {
         let error = buddy.clone().at_boot_offset(offset).unwrap_err();
         assert!(error.contains("expected 0x20200, the board's own, or the beginning of a flash sector"), "{error}");

@@ -95,6 +95,34 @@ fn sensors_are_where_the_profile_wants_them() {
 }
 
 #[test]
+fn a_filament_sensor_needs_an_input() {
+    for (board, profile, pin, constant) in [
+        ("btt-octopus-1.1", "corexy", "PG12", "Some(SensorPin { port: 6, number: 12, triggers_low: true })"),
+        ("prusa-buddy", "prusa-mini", "PB4", "Some(SensorPin { port: 1, number: 4, triggers_low: true })"),
+    ] {
+        let board = load(board).unwrap();
+        let plain = ferrostep_profiles::load(profile).unwrap();
+        assert_eq!(fit::filament_pin(&board, &plain), None, "no profile says that there is one");
+        let text = ferrostep_profiles::builtin_text(profile).unwrap();
+        let text = format!("{text}\n[filament_sensor]\nmissing_is_low = true\n");
+        let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+        let (found, missing_is_low) = fit::filament_pin(&board, &profile).unwrap();
+        assert_eq!((found.to_string().as_str(), missing_is_low), (pin, true));
+        let [without, with] = [&plain, &profile].map(|profile| ferrostep_boards::constants::sensors(&board, profile));
+        assert!(with.contains(&format!("FILAMENT: Option<SensorPin> = {constant};")), "{with}");
+        assert!(without.contains("FILAMENT: Option<SensorPin> = None;"), "{without}");
+        // Clock, pull-up and mode.
+        let stores = |text: &str| text.matches("Store {").count();
+        assert!(stores(&with) >= stores(&without) + 3, "{with}");
+        fit::check(&board, &profile, "test.toml").unwrap();
+        let mut bare = board.clone();
+        bare.inputs.retain(|(input, _)| *input != "filament");
+        let error = fit::check(&bare, &profile, "test.toml").unwrap_err().to_string();
+        assert!(error.contains("filament_sensor") && error.contains("has no input `filament`"), "{error}");
+    }
+}
+
+#[test]
 fn pulses_are_as_long_as_the_driver_wants() {
     let error = error_after("prusa-buddy", "prusa-mini", "pulse_width_us = 0.2", "pulse_width_us = 0.05").unwrap();
     let line = line_of("prusa-mini", "pulse_width_us");

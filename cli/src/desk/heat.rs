@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 
 use ferrostep_hal_shim::{Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
-use ferrostep_printer::{HeaterStatus, Heating, Profile};
+use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
+use ferrostep_printer::{HeaterStatus, Heating, PidGains, Profile};
 use ferrostep_virtual_board::{HeaterFailure, VirtualHeaters};
 
 use super::heat_at_rest::{HeatAtRest, HeaterSample};
@@ -107,6 +107,26 @@ impl Heating for DeskHeating<'_> {
 
     fn all_off(&mut self) {
         self.0.borrow_mut().all_off();
+    }
+
+    fn gains(&self, heater: Heater) -> PidGains {
+        self.0.borrow().control.gains(heater)
+    }
+
+    fn set_gains(&mut self, heater: Heater, gains: PidGains) {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.set_gains(heater, gains);
+    }
+
+    fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.begin_relay(heater, celsius, cycles, has_fan);
+    }
+
+    fn relay(&self, heater: Heater) -> Option<RelayProgress> {
+        self.0.borrow().control.relay(heater)
     }
 
     fn restart(&mut self) -> Result<(), HeatFault> {

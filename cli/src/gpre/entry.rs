@@ -43,7 +43,10 @@ impl Passed {
                     | Command::RetractSettings(_)
                     | Command::RecoverSettings(_)
                     | Command::SoftLimits(_)
+                    | Command::FilamentSensor(Some(_))
                     | Command::ColdExtrusion { .. }
+                    | Command::NozzleGains(_)
+                    | Command::BedGains(_)
                     | Command::MotionChoice { .. }
                     | Command::InputShaper { .. }
                     | Command::PressureAdvance(_)
@@ -70,7 +73,7 @@ impl Passed {
                     | Command::FeedPercent(_)
                     | Command::FlowPercent(_),
                 ) => {}
-                // These have no lasting effect: motion, waits, reports, queries. M851 matters when Z is homed, as it is not here.
+                // These have no lasting effect: motion, waits, reports, queries, M500 to M502 in a job. M851 matters when Z is homed, as it is not here.
                 Ok(
                     Command::Linear { .. }
                     | Command::Arc { .. }
@@ -79,6 +82,7 @@ impl Passed {
                     | Command::Recover
                     | Command::Home(_)
                     | Command::ProbeOffset(_)
+                    | Command::Settings(_)
                     | Command::ShiftZ { .. }
                     | Command::EnableMotors(_)
                     | Command::DisableMotors(_)
@@ -87,6 +91,8 @@ impl Passed {
                     | Command::Pause(_)
                     | Command::ChangeFilament { .. }
                     | Command::ResumePrint
+                    | Command::FilamentSensor(None)
+                    | Command::Autotune { .. }
                     | Command::PromptAnswer(_)
                     | Command::QuickStop
                     | Command::EmergencyStop

@@ -55,6 +55,8 @@ pub struct Prepared {
 pub enum PrepareError {
     /// The machine's acceleration profile cannot be prepared.
     Acceleration(AccelerationProfile),
+    /// The profile lets filament move along travels, and a prepared job has a stop for it.
+    FilamentOnTheWay,
     /// The G-code cannot be executed.
     Job(JobError),
     /// The file cannot be written.
@@ -71,6 +73,12 @@ impl std::fmt::Display for PrepareError {
                 "acceleration = \"{}\": prepared jobs have trapezoids only, expected \"trapezoid\"",
                 acceleration.name()
             ),
+            Self::FilamentOnTheWay => {
+                write!(
+                    out,
+                    "filament_on_the_way = true: prepared jobs stop for filament that moves alone, expected false"
+                )
+            }
             Self::Job(error) => error.fmt(out),
             Self::Write(error) => write!(out, "cannot be written: {error}"),
             Self::Command(line, why) => write!(out, "line {line}: {why}"),
@@ -194,6 +202,9 @@ pub fn prepare<F: Fn(&str)>(
 ) -> Result<Prepared, PrepareError> {
     if profile.motion.acceleration != AccelerationProfile::Trapezoid {
         return Err(PrepareError::Acceleration(profile.motion.acceleration));
+    }
+    if profile.motion.filament_on_the_way {
+        return Err(PrepareError::FilamentOnTheWay);
     }
     let Target { mut out, encoding } = target;
     let mut header = Header {

@@ -8,8 +8,9 @@ use std::time::Instant;
 use ferrostep_web::{Activity, ConsoleLine, Job, Printer, Refusal, Speaker, State, Upload};
 
 use super::job_lines::JobLines;
-use super::schedule::Schedule;
 use super::shared::{Inner, PageHost, PageJob, Phase, Wishes};
+use crate::desk::LOOK_AHEAD_BLOCKS;
+use crate::schedule::Schedule;
 
 /// Most lines of persons that wait for the printer.
 const MAX_WAITING: usize = 16;
@@ -198,7 +199,7 @@ impl Printer for PageSide {
         // The estimate does not keep the file: the program may end before it.
         let (host, path, file) = (Arc::clone(&self.0), file.path().to_owned(), Arc::downgrade(&file));
         let estimate = thread::Builder::new().name("estimate".to_owned()).spawn(move || {
-            let schedule = Schedule::of(&path, host.setup.profile, &unwanted);
+            let schedule = Schedule::of(&path, host.setup.profile, LOOK_AHEAD_BLOCKS, &unwanted);
             let lines = if schedule.is_err() { JobLines::open(&path).ok().map(JobLines::count) } else { None };
             let mut inner = host.lock();
             let is_its = |job: &&mut PageJob| Weak::ptr_eq(&Arc::downgrade(&job.file), &file);

@@ -10,8 +10,8 @@ use ferrostep_web::{Console, Heat, Speaker};
 use tempfile::NamedTempFile;
 
 use super::readings::{self, Readings};
-use super::schedule::Schedule;
 use crate::printer_line::LineOutput;
+use crate::schedule::Schedule;
 use crate::send::{HALTED, is_transfer_error};
 use crate::serve::Ownership;
 

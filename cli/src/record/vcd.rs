@@ -1,12 +1,12 @@
 //! Step and direction signals as a value change dump (IEEE 1364), for GTKWave and similar viewers.
 
 use std::io::{self, BufWriter, Write};
-use std::ops::Range;
 
-use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_planner::{Move, TICKS_PER_SECOND};
 use ferrostep_printer::{DriverTiming, Profile};
 
 use super::motor_names::motor_names;
+use super::window::{Cut, Window};
 use crate::output::{Output, OutputError};
 
 /// Identifiers of the step signals; the direction signals are the next four.
@@ -21,8 +21,8 @@ pub struct VcdWriter {
     out: BufWriter<Output>,
     error: Option<io::Error>,
     timing: DriverTiming,
-    /// The part of the motion that is written, ns.
-    window_ns: Range<u64>,
+    /// The part of the motion that is written.
+    cut: Cut,
     /// Whether the part has begun.
     is_open: bool,
     /// The signals' levels.
@@ -40,24 +40,9 @@ struct Levels {
     directions: u8,
 }
 
-/// A part of the motion, s of the motion clock, for [`VcdWriter`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Window {
-    /// Its beginning.
-    pub from_s: f64,
-    /// Its end; the end of the motion if absent.
-    pub to_s: Option<f64>,
-}
-
-impl Window {
-    /// All of the motion.
-    pub const ALL: Self = Self { from_s: 0.0, to_s: None };
-
-    fn ns(self) -> Range<u64> {
-        // Saturates for numbers that no print reaches.
-        let ns = |seconds: f64| (seconds * 1e9) as u64;
-        ns(self.from_s)..self.to_s.map_or(u64::MAX, ns)
-    }
+/// A tick of the motion clock, ns.
+fn nanoseconds(tick: u64) -> u64 {
+    (u128::from(tick) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64
 }
 
 impl VcdWriter {
@@ -80,12 +65,29 @@ impl VcdWriter {
             out,
             error: None,
             timing: profile.driver,
-            window_ns: window.ns(),
+            cut: Cut::new(window),
             is_open: false,
             levels: Levels { steps: 0, directions: profile.driver.inverted & ALL },
             falling: None,
             stepped_ns: 0,
         })
+    }
+
+    pub(super) fn planned(&mut self, taken: &Move) {
+        self.cut.planned(taken);
+    }
+
+    pub(super) fn move_ended(&mut self, tick: u64) {
+        self.cut.move_ended(nanoseconds(tick));
+    }
+
+    pub(super) fn redefined(&mut self, tick: u64) {
+        self.cut.redefined(nanoseconds(tick));
+    }
+
+    /// Whether the part has a change so far.
+    pub(super) fn has_changes(&self) -> bool {
+        self.is_open
     }
 
     pub(super) fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
@@ -95,7 +97,8 @@ impl VcdWriter {
     }
 
     fn step(&mut self, tick: u64, axes: u8, directions: u8) -> io::Result<()> {
-        let now_ns = (u128::from(tick) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64;
+        let now_ns = nanoseconds(tick);
+        self.cut.stepped(self.falling.map(|(when_ns, _)| when_ns));
         // The levels at the pins: an inverted motor's direction is low where it is high for others.
         let turned = (self.levels.directions ^ directions ^ self.timing.inverted) & axes;
         let fallen_ns = self.fall()?;
@@ -134,7 +137,7 @@ impl VcdWriter {
 
     /// Changes levels, and writes what differs if it lies in the window.
     fn change(&mut self, when_ns: u64, levels: Levels) -> io::Result<()> {
-        if self.window_ns.contains(&when_ns) {
+        if self.cut.contains(when_ns) {
             self.open()?;
             writeln!(self.out, "#{when_ns}")?;
             self.write(
@@ -152,7 +155,8 @@ impl VcdWriter {
     /// Writes all levels at the beginning of the window.
     fn open(&mut self) -> io::Result<()> {
         if !std::mem::replace(&mut self.is_open, true) {
-            writeln!(self.out, "#{}\n$dumpvars", self.window_ns.start)?;
+            let begin_ns = self.cut.begin_ns().unwrap_or(self.stepped_ns);
+            writeln!(self.out, "#{begin_ns}\n$dumpvars")?;
             self.write(self.levels, Levels { steps: ALL, directions: ALL })?;
             writeln!(self.out, "$end")?;
         }

@@ -9,7 +9,8 @@ use ferrostep_virtual_board::HeaterFailure;
 
 /// The kinds of faults, for help and errors.
 pub const KINDS: &str = "nozzle-HOW or bed-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
-                         drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull or card-back";
+                         drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out or \
+                         filament-back";
 
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +32,10 @@ pub enum FaultKind {
     CardPulled,
     /// It is put back.
     CardPutBack,
+    /// The filament runs out.
+    FilamentOut,
+    /// New filament is there.
+    FilamentBack,
 }
 
 impl FaultKind {
@@ -38,6 +43,12 @@ impl FaultKind {
     #[must_use]
     pub const fn is_of_card(self) -> bool {
         matches!(self, Self::CardPulled | Self::CardPutBack)
+    }
+
+    /// Whether it needs a filament sensor.
+    #[must_use]
+    pub const fn is_of_filament(self) -> bool {
+        matches!(self, Self::FilamentOut | Self::FilamentBack)
     }
 }
 
@@ -63,6 +74,8 @@ impl FromStr for FaultKind {
         match text {
             "card-pull" => return Ok(Self::CardPulled),
             "card-back" => return Ok(Self::CardPutBack),
+            "filament-out" => return Ok(Self::FilamentOut),
+            "filament-back" => return Ok(Self::FilamentBack),
             _ => {}
         }
         let (heater, how) = text.split_once('-').unwrap_or((text, ""));
@@ -98,6 +111,8 @@ mod tests {
         assert_eq!(fault("flip:1%@9"), Ok(Fault { kind: flips, at: Duration::from_secs(9) }));
         let pulled = Fault { kind: FaultKind::CardPulled, at: Duration::from_secs(60) };
         assert_eq!(fault("card-pull@60"), Ok(pulled));
+        let out = Fault { kind: FaultKind::FilamentOut, at: Duration::from_secs(90) };
+        assert_eq!(fault("filament-out@90"), Ok(out));
         for text in [
             "card",
             "card-pull:1%",

@@ -3,7 +3,9 @@
 use super::code::Code;
 use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
-use crate::{AxisWords, Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
+use crate::{
+    AxisWords, Command, Decimal, DriverWords, GainWords, ParseError, RetractionWords, SettingsCommand, WaitTarget,
+};
 
 /// Maximum interval of M113 and M155, seconds.
 const MAX_INTERVAL_S: u8 = 60;
@@ -13,6 +15,8 @@ const MAX_PERCENT: u16 = 999;
 const MAX_CURRENT_MA: u16 = 3000;
 /// Maximum of M914.
 const MAX_STALL_THRESHOLD: u16 = 255;
+/// Maximum C of M303.
+const MAX_CYCLES: u8 = 20;
 /// Maximum T of M790, seconds.
 const MAX_SILENCE_S: u16 = 3600;
 /// T of M790 if the line has none, seconds.
@@ -145,6 +149,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let percent = words.required_above_zero(b'S')?;
             Ok(Command::FlowPercent(words.at_most(b'S', percent, MAX_PERCENT)?))
         }
+        301 | 304 => gains(code, remarks),
+        303 => autotune(code, remarks),
         // ANCHOR: m302
         302 => {
             let mut words = code.words(remarks)?;
@@ -159,6 +165,15 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
+        500 => code.without_words(Command::Settings(SettingsCommand::Store), remarks),
+        501 => code.without_words(Command::Settings(SettingsCommand::Load), remarks),
+        502 => code.without_words(Command::Settings(SettingsCommand::Reset), remarks),
+        503 => {
+            let headings = code.words(remarks)?.switch(b'S')?.unwrap_or(true);
+            Ok(Command::Settings(SettingsCommand::Report { headings }))
+        }
+        504 => code.without_words(Command::Settings(SettingsCommand::Validate), remarks),
+        412 => Ok(Command::FilamentSensor(code.words(remarks)?.switch(b'S')?)),
         569 => stealth_chop(code, remarks),
         572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),
         900 => pressure_advance::parse(code, remarks, &pressure_advance::M900),
@@ -209,11 +224,44 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 /// Whether a command that is not executed asks for just that: it switches off what is not there.
 fn switches_off(code: Code<'_>) -> bool {
     let letter = match code.number {
-        141 | 412 | 413 | 420 => b'S',
+        141 | 413 | 420 => b'S',
         _ => return false,
     };
     let mut remarks = Remarks::default();
     code.words(&mut remarks).is_ok_and(|mut words| words.value(letter) == Some(Decimal::ZERO))
+}
+
+/// M301 and M304. C and L of M301, what the filament takes, have no effect; its H is RepRapFirmware's, 0 is the bed.
+fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    let mut is_nozzle = code.number == 301;
+    if is_nozzle {
+        if words.names_other(b'E') {
+            return Ok(Command::Accepted);
+        }
+        is_nozzle = match words.whole(b'H') {
+            None | Some(1) => true,
+            Some(0) => false,
+            Some(_) => return Err(ParseError::WordsExpected { command: "M301", words: "H1 (nozzle) or H0 (bed)" }),
+        };
+    }
+    let [proportional, integral, derivative] = b"PID".map(|letter| words.value(letter));
+    let fan = if is_nozzle { words.value(b'F') } else { None };
+    let gains = GainWords { proportional, integral, derivative, fan };
+    Ok(if is_nozzle { Command::NozzleGains(gains) } else { Command::BedGains(gains) })
+}
+
+/// M303: E is Marlin's word, -1 is the bed, H RepRapFirmware's, 0 is the bed.
+fn autotune<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    let of_bed = match (words.whole(b'E'), words.whole(b'H')) {
+        (Some(0), None) | (None, Some(1) | None) => false,
+        (Some(-1), None) | (None, Some(0)) => true,
+        _ => return Err(ParseError::WordsExpected { command: "M303", words: "E0 or H1 (nozzle), E-1 or H0 (bed)" }),
+    };
+    let cycles = words.whole_to(b'C', MAX_CYCLES)?;
+    let uses = words.flag(b'U');
+    Ok(Command::Autotune { of_bed, target: words.not_negative(b'S')?, cycles, uses })
 }
 
 fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {

@@ -3,8 +3,9 @@
 use proptest::option::of;
 use proptest::prelude::*;
 
+use crate::SettingsCommand;
 use crate::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, GainWords, LineReader, RetractionWords,
     ShaperWords, Units, WaitTarget, parse,
 };
 
@@ -78,6 +79,10 @@ fn retraction(words: RetractionWords) -> Words {
     given([('S', words.length), ('F', words.feed), ('Z', words.lift)])
 }
 
+fn gains(words: GainWords) -> Words {
+    given([('P', words.proportional), ('I', words.integral), ('D', words.derivative), ('F', words.fan)])
+}
+
 /// Letter and number of the command, and its words.
 fn take_apart(command: Command<'_>) -> (char, u32, Words) {
     let (code, words) = match command {
@@ -141,6 +146,11 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             (290, [axes(words), given([('P', keeps_offset.then_some(Decimal::ZERO))])].concat())
         }
         Command::ProbeOffset(words) => (851, axes(words)),
+        Command::Settings(SettingsCommand::Store) => (500, vec![]),
+        Command::Settings(SettingsCommand::Load) => (501, vec![]),
+        Command::Settings(SettingsCommand::Reset) => (502, vec![]),
+        Command::Settings(SettingsCommand::Report { headings }) => (503, given([('S', switch(Some(headings)))])),
+        Command::Settings(SettingsCommand::Validate) => (504, vec![]),
         Command::Progress { percent, minutes_left } => (
             73,
             given([
@@ -154,10 +164,22 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             (600, [axes(park), given([('U', unload), ('L', load)])].concat())
         }
         Command::ResumePrint => (602, vec![]),
+        Command::FilamentSensor(on) => (412, given([('S', switch(on))])),
         Command::PromptAnswer(button) => (876, vec![('S', Some(whole(button.into())))]),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
         Command::FeedPercent(percent) => (220, given([('S', percent)])),
         Command::FlowPercent(percent) => (221, given([('S', percent)])),
+        Command::NozzleGains(words) => (301, gains(words)),
+        Command::BedGains(words) => (304, gains(words)),
+        Command::Autotune { of_bed, target, cycles, uses } => (
+            303,
+            given([
+                ('E', of_bed.then_some(whole(-1))),
+                ('S', target),
+                ('C', cycles.map(|cycles| whole(cycles.into()))),
+                ('U', uses.then_some(whole(1))),
+            ]),
+        ),
         // ANCHOR: m302
         Command::ColdExtrusion { minimum, allow } => (302, given([('S', minimum), ('P', switch(allow))])),
         // ANCHOR_END: m302
@@ -285,6 +307,20 @@ fn any_stealth_chop() -> impl Strategy<Value = Command<'static>> {
         .prop_map(|(motors, on)| Command::StealthChop { motors, on })
 }
 
+fn any_gains() -> impl Strategy<Value = Command<'static>> {
+    (of(any_number()), of(any_number()), of(any_number()), of(any_number()), any::<bool>()).prop_map(
+        |(proportional, integral, derivative, fan, of_bed)| {
+            let words = GainWords { proportional, integral, derivative, fan };
+            if of_bed { Command::BedGains(GainWords { fan: None, ..words }) } else { Command::NozzleGains(words) }
+        },
+    )
+}
+
+fn any_autotune() -> impl Strategy<Value = Command<'static>> {
+    (any::<bool>(), of(not_negative()), of(0..=20_u8), any::<bool>())
+        .prop_map(|(of_bed, target, cycles, uses)| Command::Autotune { of_bed, target, cycles, uses })
+}
+
 /// As M593 sets it: of one axis, or of both alike.
 fn any_shaper() -> impl Strategy<Value = Command<'static>> {
     let kind = of(proptest::sample::select(&["none", "zv", "mzv", "ei2", "zvddd", ""][..]));
@@ -360,6 +396,7 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
             .prop_map(|(length, feed)| { Command::RecoverSettings(RetractionWords { length, feed, lift: None }) }),
         (any_axes(), any::<bool>()).prop_map(|(words, keeps_offset)| Command::ShiftZ { words, keeps_offset }),
         any_axes().prop_map(|words| Command::ProbeOffset(AxisWords { e: None, ..words })),
+        any::<bool>().prop_map(|headings| Command::Settings(SettingsCommand::Report { headings })),
         of(any::<bool>()).prop_map(Command::SoftLimits),
         of(percent()).prop_map(Command::FeedPercent),
         of(percent()).prop_map(Command::FlowPercent),
@@ -410,6 +447,9 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         any_shaper(),
         any_advance(),
+        any_gains(),
+        of(any::<bool>()).prop_map(Command::FilamentSensor),
+        any_autotune(),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),
@@ -427,11 +467,15 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             Command::ReportEndStops,
             Command::ReportDrivers,
             Command::ReportMotion,
+            Command::Settings(SettingsCommand::Store),
+            Command::Settings(SettingsCommand::Load),
+            Command::Settings(SettingsCommand::Reset),
+            Command::Settings(SettingsCommand::Validate),
             Command::Finish,
             Command::QuickStop,
             Command::Restart,
             Command::Accepted,
-            Command::Unknown("M500 S3"),
+            Command::Unknown("M428 S3"),
         ]),
     ]
 }

@@ -1,7 +1,9 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
-use crate::{ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, Remarks, RetractionWords, Units, WaitTarget};
+use crate::{
+    ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, GainWords, Remarks, RetractionWords, Units, WaitTarget,
+};
 
 pub(super) fn number(text: &str) -> Decimal {
     Decimal::parse(text.as_bytes()).unwrap()
@@ -137,6 +139,46 @@ fn heaters_and_fans() {
     reads("M302 S170 P1", Command::ColdExtrusion { minimum: some("170"), allow: Some(true) });
     assert_eq!(refused("M302 P2"), "P: 2 is out of range, expected 0 to 1");
     // ANCHOR_END: m302
+}
+
+#[test]
+fn gains_of_heaters_and_their_search() {
+    let gains = |p: &str, i: &str, d: &str, f: Option<Decimal>| GainWords {
+        proportional: some(p),
+        integral: some(i),
+        derivative: some(d),
+        fan: f,
+    };
+    reads("M301 P22.2 I1.08 D114", Command::NozzleGains(gains("22.2", "1.08", "114", None)));
+    reads("M301 E0 P22.2 I1.08 D114 F0.2", Command::NozzleGains(gains("22.2", "1.08", "114", some("0.2"))));
+    reads_with(
+        "M301 P22.2 I1.08 D114 C100 L20",
+        Command::NozzleGains(gains("22.2", "1.08", "114", None)),
+        "C has no effect; L has no effect",
+    );
+    reads("M301 H1 P22.2 I1.08 D114", Command::NozzleGains(gains("22.2", "1.08", "114", None)));
+    reads("M301 H0 P22.2 I1.08 D114", Command::BedGains(gains("22.2", "1.08", "114", None)));
+    assert!(refused("M301 H2 P22").contains("H1 (nozzle) or H0 (bed)"));
+    reads("M304 P-1 I0 D600", Command::BedGains(gains("-1", "0", "600", None)));
+    reads("M304", Command::BedGains(GainWords::default()));
+    reads_with("M301 E1 P22", Command::Accepted, "T: this machine has one extruder, 0; no effect");
+    assert!(refused("M301 Pnan").contains("nan"), "{}", refused("M301 Pnan"));
+    let tune = |of_bed, target: Option<&str>, cycles, uses| Command::Autotune {
+        of_bed,
+        target: target.and_then(some),
+        cycles,
+        uses,
+    };
+    reads("M303", tune(false, None, None, false));
+    reads("M303 E0 S215 C8", tune(false, Some("215"), Some(8), false));
+    reads("M303 E-1 S60 U", tune(true, Some("60"), None, true));
+    reads("M303 E-1 S60 U0", tune(true, Some("60"), None, false));
+    reads("M303 H0 S60 U1", tune(true, Some("60"), None, true));
+    reads("M303 H1 S60", tune(false, Some("60"), None, false));
+    for text in ["M303 E1", "M303 E-2", "M303 H2", "M303 E0 H0"] {
+        assert!(refused(text).contains("E0 or H1 (nozzle), E-1 or H0 (bed)"), "{text}: {}", refused(text));
+    }
+    assert_eq!(refused("M303 C21"), "C: 21 is out of range, expected 0 to 20");
 }
 
 #[test]

@@ -285,6 +285,11 @@ impl<'a> Words<'a> {
         self.value(letter).is_some_and(|value| value != Decimal::ZERO)
     }
 
+    /// A letter that switches something on, alone or with a number other than zero.
+    pub(super) fn flag(&mut self, letter: u8) -> bool {
+        self.has(letter) && (self.valued & bit(letter) == 0 || self.values[usize::from(letter - b'A')] != Decimal::ZERO)
+    }
+
     /// Leaves a remark about the line.
     pub(super) fn remark(&mut self, remark: Remark) {
         self.remarks.add(remark);

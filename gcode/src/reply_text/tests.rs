@@ -140,7 +140,11 @@ fn firmware() {
         thermal_protection: true,
         z_probe: false,
         card: false,
+        stores_settings: false,
+        filament_sensor: false,
     };
+    let sensed = Reply::Firmware(FirmwareInfo { filament_sensor: true, ..info }).to_string();
+    assert_eq!(sensed, Reply::Firmware(info).to_string().replace("RUNOUT:0", "RUNOUT:1"));
     let probed = Reply::Firmware(FirmwareInfo { z_probe: true, ..info }).to_string();
     assert_eq!(probed, Reply::Firmware(info).to_string().replace("Z_PROBE:0", "Z_PROBE:1"));
     let identifier = Some([0x0123_4567, 0x89ab_cdef, 0xfedc_ba98]);
@@ -161,6 +165,8 @@ fn firmware() {
     assert!(with_card.contains("\nCap:LFN_WRITE:0\n"));
     let cold = Reply::Firmware(FirmwareInfo { thermal_protection: false, ..info }).to_string();
     assert_eq!(cold, Reply::Firmware(info).to_string().replace("THERMAL_PROTECTION:1", "THERMAL_PROTECTION:0"));
+    let stores = Reply::Firmware(FirmwareInfo { stores_settings: true, ..info }).to_string();
+    assert_eq!(stores, Reply::Firmware(info).to_string().replace("EEPROM:0", "EEPROM:1"));
     let packed = Reply::Firmware(FirmwareInfo { meatpack: true, ..info }).to_string();
     assert_eq!(packed, Reply::Firmware(info).to_string().replace("MEATPACK:0", "MEATPACK:1"));
     let text = Reply::Firmware(info).to_string();

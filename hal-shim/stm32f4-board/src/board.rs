@@ -57,6 +57,12 @@ impl BoardPins {
     }
 }
 
+/// Whether a sensor that no axis homes with is triggered. Its pin is set up by [`BoardPins::new`].
+pub fn is_triggered(pin: SensorPin) -> bool {
+    // SAFETY: a port is only read.
+    pin.is_triggered(&mut unsafe { Volatile::new() })
+}
+
 impl Motors<MOTOR_PORTS> for BoardPins {
     fn is_sensor_triggered(&self, axis: usize) -> bool {
         // SAFETY: a port is only read.

@@ -20,6 +20,7 @@ pub mod measured;
 pub mod motion_clock;
 pub mod safe_state;
 pub mod serial;
+pub mod settings_memory;
 pub mod step_timer;
 mod stores;
 pub mod supervision;

@@ -26,6 +26,7 @@ pub mod rcc;
 pub mod registers;
 mod reset_cause;
 pub mod sdio;
+pub mod sector_flash;
 pub mod sensor_lines;
 mod software_pwm;
 pub mod software_serial;

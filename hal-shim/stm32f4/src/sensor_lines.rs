@@ -38,8 +38,16 @@ impl SensorPin {
         1 << (self.number & 15)
     }
 
-    /// Whether the sensor is triggered now, at every one of [`LOOKS`].
-    fn is_triggered(self, registers: &mut impl Registers) -> bool {
+    /// Makes the pin an input with a pull-up, so that a broken wire reads as high.
+    pub fn set_up(self, registers: &mut impl Registers) {
+        let line = u32::from(self.number & 15);
+        registers.switch_clocks_on(RCC_AHB1ENR, 1 << self.port);
+        registers.modify(self.of_port(PUPDR), 0b11 << (2 * line), PULL_UP << (2 * line));
+        registers.modify(self.of_port(MODER), 0b11 << (2 * line), 0);
+    }
+
+    /// Whether the sensor is triggered now, by several samples that all agree: a spike does not count.
+    pub fn is_triggered(self, registers: &mut impl Registers) -> bool {
         (0..LOOKS).all(|_| {
             let is_high = registers.read(self.of_port(IDR)) & self.bit() != 0;
             is_high != self.triggers_low
@@ -60,10 +68,8 @@ impl SensorLines {
         registers.switch_clocks_on(RCC_APB2ENR, SYSCFG_CLOCK);
         registers.write(EXTI_IMR, 0);
         for pin in pins.into_iter().flatten() {
+            pin.set_up(registers);
             let line = u32::from(pin.number & 15);
-            registers.switch_clocks_on(RCC_AHB1ENR, 1 << pin.port);
-            registers.modify(pin.of_port(PUPDR), 0b11 << (2 * line), PULL_UP << (2 * line));
-            registers.modify(pin.of_port(MODER), 0b11 << (2 * line), 0);
             let place = line % 4 * 4;
             registers.modify(SYSCFG_EXTICR1 + line / 4 * 4, 0xf << place, u32::from(pin.port) << place);
             let (at, not_at) = if pin.triggers_low { (EXTI_FTSR, EXTI_RTSR) } else { (EXTI_RTSR, EXTI_FTSR) };

@@ -21,6 +21,8 @@ const FREEZE_WATCHDOG: u32 = 1 << 12;
 const DIVIDER_CODE: u32 = 4;
 const DIVIDER: u32 = 64;
 const COUNT: u32 = 500;
+/// The largest that it counts: 5.5 s and more.
+const LONG_COUNT: u32 = 0x1000;
 
 /// Frequency of its oscillator: 17 to 47 kHz, 32 kHz as a rule (DS8626, LSI characteristics).
 const FASTEST_HZ: u32 = 47_000;
@@ -72,6 +74,25 @@ impl Watchdog {
     pub fn feed(self, registers: &mut impl Registers) {
         feed(registers);
     }
+}
+
+/// Lets it wait for 5.5 s or more, whether it runs or not: an erasure of flash keeps the processor for up to 2 s.
+pub(crate) fn wait_longer(registers: &mut impl Registers) {
+    set_count(LONG_COUNT, registers);
+}
+
+/// Lets it wait as long as it does after [`Watchdog::start`].
+pub(crate) fn wait_as_usual(registers: &mut impl Registers) {
+    set_count(COUNT, registers);
+}
+
+/// Changes how far it counts and restarts it from there.
+fn set_count(count: u32, registers: &mut impl Registers) {
+    registers.write(KR, UNLOCK);
+    registers.write(RLR, count - 1);
+    // Fed earlier it would count from the old value.
+    let _updated = registers.comes_to(SR, UPDATING, false, MAX_LOOKS);
+    feed(registers);
 }
 
 /// Feeds it whether it runs or not, for the safe state.

@@ -39,7 +39,16 @@ impl VirtualHeater {
                 let share = (seconds / FALLEN_OUT_S).min(1.0);
                 self.thermistor_celsius += (AMBIENT_CELSIUS - self.thermistor_celsius) * share;
             }
-            _ => self.thermistor_celsius = self.model.celsius(),
+            _ => {
+                let (celsius, lag_s) = (self.model.celsius(), self.model.sensor_lag_s());
+                let share = if lag_s > seconds { seconds / lag_s } else { 1.0 };
+                // Without a lag exactly the temperature.
+                self.thermistor_celsius = if share < 1.0 {
+                    self.thermistor_celsius + (celsius - self.thermistor_celsius) * share
+                } else {
+                    celsius
+                };
+            }
         }
     }
 
@@ -82,6 +91,11 @@ impl VirtualHeaters {
     /// True temperature of what a heater heats, whatever its thermistor says, degrees Celsius.
     pub const fn true_celsius(&self, heater: Heater) -> f32 {
         self.heaters[heater.index()].model.celsius()
+    }
+
+    /// Temperature of a heater's thermistor, degrees Celsius: what an exact converter would read.
+    pub const fn thermistor_celsius(&self, heater: Heater) -> f32 {
+        self.heaters[heater.index()].thermistor_celsius
     }
 
     /// Last power set for a heater, 0 to 1.

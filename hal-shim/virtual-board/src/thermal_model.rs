@@ -16,16 +16,30 @@ pub struct HeatedMass {
     pub fan_loss_w_per_k: f32,
     /// From a change of power until the temperature answers, s.
     pub dead_time_s: f32,
+    /// Time constant with which the thermistor follows what is heated, s.
+    pub sensor_lag_s: f32,
 }
 
 impl HeatedMass {
     /// A 40 W hot end: 210 C in about 70 s, half power holds it.
-    pub const NOZZLE: Self =
-        Self { heater_w: 40.0, capacity_j_per_k: 12.0, loss_w_per_k: 0.11, fan_loss_w_per_k: 0.02, dead_time_s: 0.0 };
+    pub const NOZZLE: Self = Self {
+        heater_w: 40.0,
+        capacity_j_per_k: 12.0,
+        loss_w_per_k: 0.11,
+        fan_loss_w_per_k: 0.02,
+        dead_time_s: 0.0,
+        sensor_lag_s: 0.0,
+    };
 
     /// A 250 W bed: 60 C in about 80 s.
-    pub const BED: Self =
-        Self { heater_w: 250.0, capacity_j_per_k: 500.0, loss_w_per_k: 1.8, fan_loss_w_per_k: 0.0, dead_time_s: 0.0 };
+    pub const BED: Self = Self {
+        heater_w: 250.0,
+        capacity_j_per_k: 500.0,
+        loss_w_per_k: 1.8,
+        fan_loss_w_per_k: 0.0,
+        dead_time_s: 0.0,
+        sensor_lag_s: 0.0,
+    };
 }
 
 /// Powers on their way from the heater to the thermistor: a ring of means, each over a part of the dead time.
@@ -78,6 +92,11 @@ impl ThermalModel {
         Self { mass, celsius: AMBIENT_CELSIUS, delay: Delay::EMPTY }
     }
 
+    /// Time constant of the thermistor, s.
+    pub const fn sensor_lag_s(&self) -> f32 {
+        self.mass.sensor_lag_s
+    }
+
     /// Temperature now.
     pub const fn celsius(&self) -> f32 {
         self.celsius
@@ -86,7 +105,7 @@ impl ThermalModel {
     /// Runs the model for `seconds`, at most a second or so at a time, with the heater at `power` (0 to 1) and the
     /// fan at `fan_power` (0 to 255).
     pub fn advance(&mut self, power: f32, fan_power: u8, seconds: f32) {
-        let HeatedMass { heater_w, capacity_j_per_k, loss_w_per_k, fan_loss_w_per_k, dead_time_s } = self.mass;
+        let HeatedMass { heater_w, capacity_j_per_k, loss_w_per_k, fan_loss_w_per_k, dead_time_s, .. } = self.mass;
         let power = self.delay.pass(power, seconds, dead_time_s);
         let loss = loss_w_per_k + fan_loss_w_per_k * f32::from(fan_power) / 255.0;
         let watts = heater_w * power - loss * (self.celsius - AMBIENT_CELSIUS);

@@ -8,8 +8,9 @@ use crate::budget::Budget;
 use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
 use crate::junction::{CornerAcceleration, radius_10nm, speed_of_jumps};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
-use crate::limits::{ExtruderAdvance, Limits, PathLimits, larger};
+use crate::limits::{ExtruderAdvance, FeedAndAcceleration, Limits, PathLimits, larger, smaller};
 use crate::methods::{MotionMethods, StepPattern};
+use crate::on_the_way::EXTRUDER_JUMP_MM_PER_S;
 use crate::path::Path;
 use crate::pressure_advance::MOST_FILAMENT_IN_LINE;
 use crate::time_units::TICKS_PER_SECOND;
@@ -37,11 +38,14 @@ pub(crate) struct Previous {
     pub acceleration: CornerAcceleration,
     /// The line of which more moves come: those of an arc.
     pub unended_line: Option<u32>,
+    /// It is a part of a travel on which filament moves.
+    pub is_part: bool,
 }
 
 impl Previous {
     /// No move before.
-    pub const NONE: Self = Self { path: Path::NONE, acceleration: CornerAcceleration::ZERO, unended_line: None };
+    pub const NONE: Self =
+        Self { path: Path::NONE, acceleration: CornerAcceleration::ZERO, unended_line: None, is_part: false };
 }
 
 /// A straight move, its target within reach.
@@ -55,6 +59,36 @@ pub(crate) struct Travel {
     pub feed_mm_per_s: f32,
     pub line: u32,
     pub ends_move: bool,
+    /// What limits it, where it is a part of a travel on which filament moves.
+    pub part: Option<PartLimits>,
+}
+
+/// What limits a part of a travel on which filament moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PartLimits {
+    /// Along the path.
+    pub feed_mm_per_s: f32,
+    pub acceleration_mm_per_s2: f32,
+    /// Of the filament.
+    pub filament_feed_mm_per_s: f32,
+    pub filament_acceleration_mm_per_s2: f32,
+    /// By how much its speed may change at once where the part before ends.
+    pub filament_jump_mm_per_s: f32,
+}
+
+impl PartLimits {
+    /// Feed and acceleration of a part of this length, along which this filament moves, units of 10 nm.
+    fn along(&self, length: f32, filament: f32) -> FeedAndAcceleration {
+        let Self { feed_mm_per_s, acceleration_mm_per_s2, .. } = *self;
+        if filament <= 0.0 {
+            return (feed_mm_per_s, acceleration_mm_per_s2);
+        }
+        let path_per_filament = length / filament;
+        (
+            smaller(feed_mm_per_s, self.filament_feed_mm_per_s * path_per_filament),
+            smaller(acceleration_mm_per_s2, self.filament_acceleration_mm_per_s2 * path_per_filament),
+        )
+    }
 }
 
 /// A move planned by itself: its block, without ends of moves inside.
@@ -116,13 +150,19 @@ impl<M: MotionMethods> BlockRules<M> {
 
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
-        self.path_limits = PathLimits::new(&limits, &self.advance);
+        self.path_limits = PathLimits::new(&self.limits, &self.advance);
     }
 
     /// What the extruder's advance takes in the moves to come.
     pub fn set_advance(&mut self, advance: ExtruderAdvance) {
         self.advance = advance;
-        self.path_limits = PathLimits::new(&self.limits, &advance);
+        self.path_limits = PathLimits::new(&self.limits, &self.advance);
+    }
+
+    /// By how much the extruder's speed may change at once where filament moves along a travel, mm/s.
+    pub fn extruder_jump_mm_per_s(&self) -> f32 {
+        let [.., extruder] = self.limits.instantaneous_corner_velocity_mm_per_s;
+        smaller(EXTRUDER_JUMP_MM_PER_S, extruder as f32)
     }
 
     /// Where a move takes the machine; `None` if it displaces nothing.
@@ -176,7 +216,11 @@ impl<M: MotionMethods> BlockRules<M> {
         } else {
             let [x, y, z] = path.vector.map(f32::abs);
             let prints = filament_100pm != 0;
-            (path.length, path_10nm, self.path_limits.along(feed, path.length, [x, y, z, filament], prints))
+            let limits = match &travel.part {
+                None => self.path_limits.along(feed, path.length, [x, y, z, filament], prints),
+                Some(part) => part.along(path.length, filament),
+            };
+            (path.length, path_10nm, limits)
         };
         // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
         let (densest, least_ticks) = match &self.pattern {
@@ -195,7 +239,7 @@ impl<M: MotionMethods> BlockRules<M> {
             CornerAcceleration::of_mm_per_s2(acceleration)
         };
         let has_corner = corner_acceleration.is_some() && before.acceleration.is_some();
-        let corner = if has_corner { self.corner(before, &path, corner_acceleration, line) } else { Speed::ZERO };
+        let corner = if has_corner { self.corner(before, &path, corner_acceleration, travel) } else { Speed::ZERO };
         Planned {
             steps,
             extruder_256ths,
@@ -230,17 +274,33 @@ impl<M: MotionMethods> BlockRules<M> {
     /// Bound of the speed in the corner before a path. The axes' instantaneous corner velocities, if any is set, limit no
     /// corner between the chords of an arc: the commanded path has no corner there.
     #[inline(never)]
-    fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, line: u32) -> Speed {
+    fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, travel: &Travel) -> Speed {
         let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
         let is_line = |path: &Path| path.filament <= MOST_FILAMENT_IN_LINE * path.length;
-        if self.advance.seconds > 0.0 && is_line(&before.path) != is_line(path) {
-            return Speed::ZERO;
-        }
         let speed = acceleration.min(before.acceleration).speed_along(radius);
-        if !self.path_limits.has_corner_velocities() || before.unended_line == Some(line) {
-            return speed;
+        let mut per_velocity = self.path_limits.per_corner_velocity;
+        let [.., per_filament_velocity] = &mut per_velocity;
+        // No part of a travel has an advance, whatever filament moves along it.
+        match (before.is_part, &travel.part) {
+            (false, None) => {
+                if self.advance.seconds > 0.0 && is_line(&before.path) != is_line(path) {
+                    return Speed::ZERO;
+                }
+                if !self.path_limits.has_corner_velocities() || before.unended_line == Some(travel.line) {
+                    return speed;
+                }
+            }
+            (true, Some(part)) => *per_filament_velocity = 1.0 / part.filament_jump_mm_per_s,
+            (is_left, _) => {
+                // Beside a line there is a stop, as for filament alone: a faster nozzle would round the line's end.
+                let beside = if is_left { path } else { &before.path };
+                if beside.filament > 0.0 {
+                    return Speed::ZERO;
+                }
+                *per_filament_velocity = 1.0 / self.extruder_jump_mm_per_s();
+            }
         }
-        speed.min(speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity))
+        speed.min(speed_of_jumps(&before.path, path, per_velocity))
     }
 }
 

@@ -47,7 +47,7 @@ impl PreparedMove {
     fn with(&self, filament_100pm: i64, feed_mm_per_s: f32) -> Travel {
         let Self { filament_100pm: corner_filament_100pm, line, ends_move, .. } = *self;
         let target_10nm = self.target_10nm();
-        Travel { target_10nm, filament_100pm, corner_filament_100pm, feed_mm_per_s, line, ends_move }
+        Travel { target_10nm, filament_100pm, corner_filament_100pm, feed_mm_per_s, line, ends_move, part: None }
     }
 }
 
@@ -96,7 +96,7 @@ impl Request for Prepared<'_> {
         } else {
             return Err(planner.fail(PlanFault::NotContinued));
         }
-        planner.advance_position(&target, &planned);
+        planner.advance_position(&target, &planned, false);
         Ok(Moved::Queued)
     }
 }

@@ -47,7 +47,7 @@ impl Request for Move {
     fn add_to<S: RingMemory, M: MotionMethods>(
         &self,
         planner: &mut Planner<S, M>,
-        make_room: impl FnMut(&mut Planner<S, M>) -> bool,
+        mut make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError> {
         if !planner.use_look_ahead() {
             return Err(MoveError::NoRoom);
@@ -55,8 +55,12 @@ impl Request for Move {
         let Self { filament_100pm, feed_mm_per_s, line, ends_move, .. } = *self;
         let target_10nm = narrow(self.target_10nm).ok_or(MoveError::TooFar)?;
         let corner_filament_100pm = filament_100pm;
-        let travel = Travel { target_10nm, filament_100pm, corner_filament_100pm, feed_mm_per_s, line, ends_move };
+        let travel =
+            Travel { target_10nm, filament_100pm, corner_filament_100pm, feed_mm_per_s, line, ends_move, part: None };
         let Some(target) = planner.rules.target(&travel, &planner.position)? else { return Ok(Moved::Nothing) };
+        if planner.choice.filament_on_the_way && planner.holds_back(&travel, &target, &mut make_room)? {
+            return Ok(Moved::Queued);
+        }
         let planned = planner.rules.plan(&travel, &target, &planner.previous);
         if !planner.flushing && planner.shares_blocks() && planner.open.absorb(&planned) {
             planner.tallies.merged_moves += 1;
@@ -68,7 +72,7 @@ impl Request for Move {
             // Now, not with the next move: a host may wait until the speeds before this block are known to be final.
             planner.close_open_block();
         }
-        planner.advance_position(&target, &planned);
+        planner.advance_position(&target, &planned, false);
         Ok(Moved::Queued)
     }
 

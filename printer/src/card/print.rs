@@ -192,6 +192,7 @@ impl<P: Ports> Printer<'_, P> {
                     | Command::RelativeExtrusion
                     | Command::AdaptiveExtrusion { .. }
                     | Command::ReceiveJob { .. }
+                    | Command::Autotune { .. }
             )
     }
 

@@ -13,12 +13,13 @@
 //! | transistor failed closed | [`Trip::RisesUnpowered`], or [`Trip::TooHot`] | with the power at 0, a quarter of the watch period and 10 degrees |
 //! | the same, of a heater too weak to rise | [`Trip::StaysHotUnpowered`] | 10 minutes above 80 degrees without power |
 //! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
+//! | the same, while an autotune heats | [`Trip::Frozen`] | 5 s |
 
 use core::fmt;
 
 use ferrostep_hal_shim::SensorError;
 
-use crate::profile::HeaterSettings;
+use crate::profile::{HeaterSettings, HeaterWatch};
 
 use super::sample_time::SAMPLE_MS;
 
@@ -41,6 +42,10 @@ const LEAST_HYSTERESIS_CELSIUS: f32 = 4.0;
 /// A change of power, as a share of full power, that no heater takes without the temperature changing by a step of its
 /// reading.
 const POWER_THAT_SHOWS: f32 = 0.05;
+
+/// The longest time that a reading may stay the same while an autotune heats at full power: a nozzle of 5 degrees a second would
+/// become far too hot in the runaway period.
+const TUNED_MS: u32 = 5_000;
 
 /// A fault that a check has found; temperatures in degrees Celsius.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,7 +130,6 @@ enum Phase {
 /// The checks of one heater.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
-    settings: HeaterSettings,
     phase: Phase,
     /// The target of the phase.
     target: f32,
@@ -143,9 +147,8 @@ pub struct Safety {
 
 impl Safety {
     /// A heater that is off.
-    pub const fn new(settings: HeaterSettings) -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
-            settings,
             phase: Phase::Off,
             target: 0.0,
             unpowered: 0,
@@ -157,23 +160,31 @@ impl Safety {
         }
     }
 
-    /// Looks at a sample: the temperature, the target (0 for off) and the power up to now (0 to 1).
+    /// Looks at a sample: the temperature, the target (0 for off), the power up to now (0 to 1), and whether an autotune makes
+    /// it swing. The settings are the same each time.
     ///
     /// # Errors
     /// The heater, or its thermistor, has failed.
-    pub fn check(&mut self, reading: Result<f32, SensorError>, target: f32, power: f32) -> Result<(), Trip> {
+    pub fn check(
+        &mut self,
+        settings: &HeaterSettings,
+        reading: Result<f32, SensorError>,
+        target: f32,
+        power: f32,
+        is_tuned: bool,
+    ) -> Result<(), Trip> {
         let celsius = reading.map_err(Trip::Sensor)?;
-        if celsius >= self.settings.max_celsius {
+        if celsius >= settings.max_celsius {
             return Err(Trip::TooHot(celsius));
         }
-        if celsius.is_nan() || celsius < self.settings.min_celsius {
+        if celsius.is_nan() || celsius < settings.min_celsius {
             return Err(Trip::TooCold(celsius));
         }
         self.follow(celsius, target);
-        self.check_phase(celsius)?;
-        self.check_unpowered(celsius, power)?;
+        self.check_phase(settings, celsius)?;
+        self.check_unpowered(&settings.watch, celsius, power)?;
         self.check_cooling(celsius, power)?;
-        self.check_same(celsius, power)
+        self.check_same(&settings.watch, celsius, power, is_tuned)
     }
 
     /// A new target begins a new phase; [`Self::check_phase`] says in the same sample whether it is reached already. It gives
@@ -196,17 +207,17 @@ impl Safety {
     /// The bound is the profile's hysteresis, but at most a third of the difference between room and target. The loss to a draught
     /// grows with that difference, and a thermistor that has fallen out, which reads the room, must never be near a low
     /// target.
-    fn is_near(&self, celsius: f32) -> bool {
-        let HeaterSettings { watch, residency_window_celsius, .. } = &self.settings;
+    fn is_near(&self, settings: &HeaterSettings, celsius: f32) -> bool {
+        let HeaterSettings { watch, residency_window_celsius, .. } = settings;
         let least = residency_window_celsius.max(LEAST_HYSTERESIS_CELSIUS);
         let share = ((self.target - ROOM_CELSIUS) / 3.0).max(least);
         celsius >= self.target - watch.runaway_celsius.min(share)
     }
 
     /// Heating up must go on; the target, once reached, must be held.
-    fn check_phase(&mut self, celsius: f32) -> Result<(), Trip> {
-        let is_near = self.is_near(celsius);
-        let watch = &self.settings.watch;
+    fn check_phase(&mut self, settings: &HeaterSettings, celsius: f32) -> Result<(), Trip> {
+        let is_near = self.is_near(settings, celsius);
+        let watch = &settings.watch;
         match &mut self.phase {
             Phase::Off => {}
             Phase::Heating(_) if is_near => self.phase = Phase::Holding(0),
@@ -232,8 +243,8 @@ impl Safety {
 
     /// Without power it must not become much hotter. Heat on its way to the thermistor when the power went may arrive
     /// first: it has a quarter of the watch period.
-    fn check_unpowered(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
-        let watch_samples = self.settings.watch.watch_ms / SAMPLE_MS;
+    fn check_unpowered(&mut self, watch: &HeaterWatch, celsius: f32, power: f32) -> Result<(), Trip> {
+        let watch_samples = watch.watch_ms / SAMPLE_MS;
         self.unpowered = if power > 0.0 { 0 } else { self.unpowered.saturating_add(1) };
         let settles = self.unpowered <= watch_samples / 4;
         if settles || celsius <= self.lowest.celsius || self.lowest.samples >= watch_samples {
@@ -259,16 +270,18 @@ impl Safety {
         Ok(())
     }
 
-    /// At the target the reading must change when the power does. On the way there the watch notices a frozen reading.
-    fn check_same(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
+    /// At the target the reading must change when the power does, and always in an autotune. On the way there the watch notices
+    /// a frozen reading.
+    fn check_same(&mut self, watch: &HeaterWatch, celsius: f32, power: f32, is_tuned: bool) -> Result<(), Trip> {
         let (same_celsius, same_power) = self.changed;
         if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {
             self.changed = (celsius, power);
             self.unanswered = 0;
-        } else if self.unanswered > 0 || (power - same_power).abs() >= POWER_THAT_SHOWS {
+        } else if is_tuned || self.unanswered > 0 || (power - same_power).abs() >= POWER_THAT_SHOWS {
             self.unanswered = self.unanswered.saturating_add(1);
         }
-        if self.unanswered >= self.settings.watch.runaway_ms / SAMPLE_MS {
+        let longest_ms = if is_tuned && power > 0.0 { TUNED_MS } else { watch.runaway_ms };
+        if self.unanswered >= longest_ms / SAMPLE_MS {
             return Err(Trip::Frozen(celsius));
         }
         Ok(())

@@ -3,6 +3,7 @@
 mod checks;
 mod failures;
 mod properties;
+mod tuning;
 
 use ferrostep_thermistor::{Thermistor, ThermistorType};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
@@ -23,9 +24,7 @@ fn settings(heater: Heater) -> HeaterSettings {
             max_celsius: 275.0,
             max_target_celsius: 275.0,
             watch: HeaterWatch::NOZZLE,
-            proportional: 0.1,
-            integral: 0.004,
-            derivative: 0.1,
+            gains: PidGains { proportional: 0.1, integral: 0.004, derivative: 0.1, fan: 0.0 },
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
             mass: HeatedMass::NOZZLE,
@@ -35,8 +34,7 @@ fn settings(heater: Heater) -> HeaterSettings {
             max_celsius: 125.0,
             max_target_celsius: 125.0,
             watch: HeaterWatch::BED,
-            proportional: 0.2,
-            derivative: 0.5,
+            gains: PidGains { proportional: 0.2, integral: 0.004, derivative: 0.5, fan: 0.0 },
             mass: HeatedMass::BED,
             ..settings(Heater::Nozzle)
         },

@@ -6,6 +6,7 @@ use core::cell::{Cell, RefCell};
 
 use super::work::MAX_MISSED_UPDATES;
 use super::*;
+use crate::heat::PidGains;
 use crate::profile::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
 };
@@ -31,9 +32,7 @@ pub(crate) fn profile() -> Profile {
         min_celsius: 5.0,
         max_celsius: 275.0,
         max_target_celsius: 275.0,
-        proportional: 0.1,
-        integral: 0.0,
-        derivative: 0.0,
+        gains: PidGains { proportional: 0.1, ..PidGains::default() },
         residency_window_celsius: 1.0,
         residency_ms: 0,
         mass: HeatedMass::NOZZLE,
@@ -78,6 +77,7 @@ pub(crate) fn profile() -> Profile {
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,
         bed: heater,
+        filament_sensor: None,
         pause: crate::profile::PauseSettings {
             place_10nm: [1_000_000, 19_000_000],
             rise_10nm: 2_000_000,

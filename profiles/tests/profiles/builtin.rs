@@ -2,7 +2,8 @@
 
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
 use ferrostep_printer::{
-    AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile, SafeHoming,
+    AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, PidGains, Profile,
+    SafeHoming,
 };
 use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
 use ferrostep_thermistor::{Thermistor, ThermistorType};
@@ -106,9 +107,7 @@ fn cartesian_is_as_designed() {
             min_celsius: 5.0,
             max_celsius: 275.0,
             max_target_celsius: 275.0,
-            proportional: 0.1,
-            integral: 0.004,
-            derivative: 0.1,
+            gains: PidGains { proportional: 0.1, integral: 0.004, derivative: 0.1, fan: 0.0 },
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
             mass: HeatedMass::NOZZLE,
@@ -206,7 +205,9 @@ fn prusa_mini_is_as_designed() {
         [(profile.nozzle, 295.0, 280.0, [7.0, 0.5, 45.0]), (profile.bed, 110.0, 100.0, [120.0, 1.5, 600.0])]
     {
         assert_eq!((heater.max_celsius, heater.max_target_celsius), (max_celsius, max_target_celsius));
-        for (gain, prusa) in [heater.proportional, heater.integral, heater.derivative].into_iter().zip(gains) {
+        for (gain, prusa) in
+            [heater.gains.proportional, heater.gains.integral, heater.gains.derivative].into_iter().zip(gains)
+        {
             assert!((gain * 255.0 - prusa).abs() < 0.002 * prusa, "{gain} for {prusa} / 255");
         }
     }

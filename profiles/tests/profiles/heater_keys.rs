@@ -31,6 +31,7 @@ fn values_within_their_ranges_are_taken() {
         loss_w_per_k: 3.0,
         fan_loss_w_per_k: 0.0,
         dead_time_s: 1.5,
+        sensor_lag_s: 0.0,
     };
     assert_eq!(profile.bed.mass, mass);
     assert_eq!(parse(&with("heater_timeout_s = 0\n", ""), "test.toml").unwrap().heater_timeout_s, 0);

@@ -5,7 +5,7 @@
 //! and a PID at a fixed period. The derivative is that of the measurement, so that a new target gives no kick; the
 //! integral is of the error that the slope leads to, and stands still while the power is at its limit.
 
-use ferrostep_printer::HeaterSettings;
+use ferrostep_printer::{HeaterSettings, PidGains};
 use ferrostep_profiles::{builtin_names, load};
 
 const ROOM_CELSIUS: f64 = 25.0;
@@ -51,12 +51,13 @@ fn simulate(heater: Heater, settings: &HeaterSettings, period_s: f64, start: f64
             let error = target - measured;
             let rate = (measured - previous) / period_s;
             previous = measured;
-            let raw = f64::from(settings.proportional) * error + integral - f64::from(settings.derivative) * rate;
+            let raw =
+                f64::from(settings.gains.proportional) * error + integral - f64::from(settings.gains.derivative) * rate;
             power = raw.clamp(0.0, 1.0);
             if raw == power {
-                let ahead_s = f64::from(settings.derivative / settings.proportional);
-                integral =
-                    (integral + f64::from(settings.integral) * (error - ahead_s * rate) * period_s).clamp(0.0, 1.0);
+                let ahead_s = f64::from(settings.gains.derivative / settings.gains.proportional);
+                integral = (integral + f64::from(settings.gains.integral) * (error - ahead_s * rate) * period_s)
+                    .clamp(0.0, 1.0);
             }
         }
         let lost_watts = heater.watts_per_kelvin * (temperature - ROOM_CELSIUS);
@@ -148,7 +149,8 @@ fn heaters_settle_downwards_too() {
 fn the_simulation_can_tell_bad_gains() {
     let profile = load("cartesian").unwrap();
     let delayed = Heater { sensor_delay_s: 1.5, ..NOZZLE };
-    let eager = HeaterSettings { integral: 0.1, derivative: 0.0, ..profile.nozzle };
+    let eager =
+        HeaterSettings { gains: PidGains { integral: 0.1, derivative: 0.0, ..profile.nozzle.gains }, ..profile.nozzle };
     let outcome = simulate(delayed, &eager, 0.1, ROOM_CELSIUS, 200.0);
     assert!(outcome.overshoot > 2.0 && outcome.reversals > 2, "{outcome:?}");
 }

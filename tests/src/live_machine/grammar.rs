@@ -8,7 +8,7 @@ use ferrostep_gcode::Emergency;
 use crate::board_model::CYCLES_A_MS;
 use crate::host_side::checksum;
 
-const CODES: [&str; 100] = [
+const CODES: [&str; 104] = [
     "G0",
     "G1",
     "G1",
@@ -68,9 +68,13 @@ const CODES: [&str; 100] = [
     "M211",
     "M220",
     "M221",
+    "M301",
     "M302",
+    "M303",
+    "M304",
     "M400",
     "M410",
+    "M412",
     "M569",
     "M790",
     "M795",

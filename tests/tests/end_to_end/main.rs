@@ -27,6 +27,7 @@ mod job_remarks;
 mod manual;
 mod methods;
 mod odd_lines;
+mod on_the_way;
 #[cfg(unix)]
 mod outputs;
 mod overflow;

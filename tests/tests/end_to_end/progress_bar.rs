@@ -53,7 +53,8 @@ fn clock(line: &str, word: &str) -> Option<u32> {
     text.split(':').try_fold(0, |sum, part| Some(sum * 60 + part.parse::<u32>().ok()?))
 }
 
-/// The lines that the bar shows as: percent, seconds printed, seconds left; some of them lie in the middle of the print.
+/// The lines that the bar shows as: percent, seconds printed, seconds left; some of them lie in the middle of the print. The share
+/// only rises, and what is left only falls.
 #[track_caller]
 fn shown(arguments: &[&str]) -> Vec<(u32, u32, u32)> {
     let lines = drawn(arguments);
@@ -62,13 +63,17 @@ fn shown(arguments: &[&str]) -> Vec<(u32, u32, u32)> {
         lines.iter().filter_map(|line| Some((percent(line)?, clock(line, "printed")?, clock(line, "left")?))).collect();
     assert!(shown.iter().any(|(percent, ..)| (5..95).contains(percent)), "{lines:#?}");
     assert!(shown.is_sorted_by_key(|(percent, ..)| *percent), "{lines:#?}");
+    assert!(shown.is_sorted_by(|before, after| before.2 >= after.2), "{lines:#?}");
     shown
 }
 
-/// All of it is read in one portion.
+/// All of it is read in one portion. What is printed and what is left are the time of the whole print.
 #[test]
 fn the_bar_follows_packed_gcode() {
-    shown(&["print", "examples/supports.gcode.gz"]);
+    let whole = ferrostep(["print", "examples/supports.gcode.gz", "--json"]).json()["print_time_s"].as_f64().unwrap();
+    for (_, printed, left) in shown(&["print", "examples/supports.gcode.gz"]) {
+        assert!((f64::from(printed + left) - whole).abs() < 2.0, "{printed} s printed, {left} s left of {whole} s");
+    }
 }
 
 /// The header says the time of all motion; 8 s of homing and 2 min of heat are beside it.

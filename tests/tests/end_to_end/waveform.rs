@@ -160,3 +160,71 @@ fn a_part_of_the_waveform_is_cut_out_of_it() {
     assert_eq!(outcome.status, Some(2), "{outcome:#?}");
     assert!(outcome.stderr.contains("--to 2: the waveform ends before it begins"), "{outcome:#?}");
 }
+
+/// Lines and layers are parts of the waveform, too: a line's has its steps, one after the other they make up the whole.
+#[test]
+fn a_part_of_the_waveform_is_told_by_lines_or_layers() {
+    let directory = directory();
+    let text =
+        "G28\nM302 P1\n;LAYER_CHANGE\nG1 X100 Y40 E2 F6000\nG2 X60 Y60 R30\n;LAYER_CHANGE\nG1 Z.4\nG1 X20 Y90 E1\n";
+    let job = file(&directory, "job.gcode", text);
+    let waveform = |window: &[&str]| {
+        let out = directory.path().join("out.vcd");
+        let mut arguments = vec!["print", job.to_str().unwrap(), "--vcd", out.to_str().unwrap()];
+        arguments.extend(window);
+        let outcome = ferrostep(&arguments);
+        assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+        (std::fs::read_to_string(out).unwrap(), outcome.stderr)
+    };
+    // Beginnings of pulses of all motors.
+    let steps = |text: &str| -> usize {
+        let body = text.split_once("$enddefinitions $end").unwrap().1;
+        let changes = body.split_once("$end\n").map_or(body, |(_, changes)| changes);
+        changes.lines().filter(|line| ["1!", "1\"", "1#", "1$"].contains(line)).count()
+    };
+    let part = |window: &[&str]| steps(&waveform(window).0);
+    let all = part(&[]);
+    let homing = part(&["--to", "line:3"]);
+    let [first, arc, second] = [["line:4", "line:4"], ["line:5", "line:5"], ["line:6", "line:8"]]
+        .map(|[from, to]| part(&["--from", from, "--to", to]));
+    assert!(first > 5000 && arc > 1000 && second > 3000 && homing > 1000, "{homing} {first} {arc} {second}");
+    assert_eq!(homing + first + arc + second, all);
+    let (line, _) = waveform(&["--from", "line:4", "--to", "line:4"]);
+    let signals = read(&line, Some(1000));
+    let moved = |name: &str| signals[&format!("step_{name}")].rising_edges;
+    // 100 mm in X, 80 steps a mm.
+    assert_eq!((moved("x"), moved("z")), (8000, 0), "{signals:#?}");
+    assert!(moved("e") > 0, "{signals:#?}");
+    assert_eq!(part(&["--from", "layer:1", "--to", "layer:1"]), first + arc);
+    assert_eq!(part(&["--from", "layer:2"]), second);
+    assert_eq!(part(&["--from", "layer:2", "--to", "layer:2"]), second);
+    assert_eq!(part(&["--from", "line:5", "--to", "99"]), arc + second);
+    let (empty, said) = waveform(&["--from", "line:700"]);
+    assert_eq!(steps(&empty), 0);
+    assert!(said.contains("no motion lies in the waveform's part"), "{said}");
+
+    std::fs::write(directory.path().join("flat.gcode"), "G28\nG1 X5\n").unwrap();
+    for (file, window, reason) in [
+        ("job.gcode", ["--from=layer:3", "--to=layer:4"], "layer:3: "),
+        (
+            "job.gcode",
+            ["--from=line:5", "--to=line:4"],
+            "--to line:4: the waveform ends before it begins (--from line:5)",
+        ),
+        ("job.gcode", ["--from=layer:2", "--to=layer:1"], "--to layer:1: the waveform ends before it begins"),
+        ("flat.gcode", ["--from=layer:1", "--to=layer:1"], "no comment of "),
+        (
+            "job.gcode",
+            ["--from=row:3", "--to=4"],
+            "expected seconds, 0 or more, as 12.5, a line, as line:120, or a layer",
+        ),
+        ("-", ["--from=layer:1", "--to=4"], "it must be a file: give lines or seconds"),
+    ] {
+        let path = directory.path().join(file);
+        let file = if file == "-" { "-" } else { path.to_str().unwrap() };
+        let out = directory.path().join("refused.vcd");
+        let outcome = ferrostep(["print", file, "--vcd", out.to_str().unwrap(), window[0], window[1]]);
+        assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+        assert!(outcome.stderr.contains(reason) && !out.exists(), "{outcome:#?}");
+    }
+}

@@ -13,7 +13,7 @@ pub struct BoardFacts {
     pub profile: &'static str,
     /// Where its image begins.
     pub image_address: u32,
-    /// The flash ends here.
+    /// The flash for an image ends here; settings are kept in what follows.
     pub flash_end: u32,
     /// File name of the plain bytes.
     pub bytes_file: &'static str,
@@ -51,7 +51,7 @@ pub static BOARDS: [BoardFacts; 3] = [
         name: "bench",
         profile: "cartesian",
         image_address: 0x0800_0000,
-        flash_end: 0x0810_0000,
+        flash_end: 0x080c_0000,
         bytes_file: "ferrostep.bin",
         container: None,
         crystal_mhz: 8,
@@ -71,7 +71,7 @@ pub static BOARDS: [BoardFacts; 3] = [
         name: "prusa-buddy",
         profile: "prusa-mini",
         image_address: 0x0802_0200,
-        flash_end: 0x0810_0000,
+        flash_end: 0x080c_0000,
         bytes_file: "ferrostep.bin",
         container: Some("ferrostep.bbf"),
         crystal_mhz: 12,

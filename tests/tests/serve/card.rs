@@ -113,6 +113,36 @@ fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
 }
 
 #[test]
+fn filament_that_runs_out_pauses_the_print_until_new_one_is_there() {
+    let lines = part();
+    let expected = printed(&lines);
+    let folder = folder_with_part(&lines);
+    let profile = folder.path().with_extension("toml");
+    let text = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    std::fs::write(&profile, format!("{text}\n[filament_sensor]\nmissing_is_low = true\n")).unwrap();
+    let faults = ["--fault", "filament-out@200", "--fault", "filament-back@230"];
+    let machine = ["--speed", "max", "--profile", profile.to_str().unwrap(), "--card", path(&folder)];
+    let printer = Printer::at_pty(&[&machine[..], &faults[..]].concat());
+    let mut host = printer.connect();
+    host.say("M32 !My parts/First layers.gcode#");
+    host.hear_until(|line| line.starts_with("echo:The filament has run out"));
+    host.hear_until(|line| line.starts_with("echo:Change the filament"));
+    assert!(host.say("M412").contains(&"echo:Filament runout ON; filament: missing".to_owned()));
+    // The printer's time passes in a dwell: then new filament is there.
+    host.say("G4 S60");
+    assert!(host.say("M412").contains(&"echo:Filament runout ON; filament: present".to_owned()));
+    host.say("M108");
+    host.hear_until(|line| line == "//action:resumed");
+    let said = host.hear_until(|line| line == "Done printing file");
+    assert!(!said.iter().any(|line| line == "//action:paused"), "{said:?}");
+    let done = printer.end();
+    for key in ["position_mm", "filament_mm"] {
+        assert_eq!(done[key], expected[key], "{key}");
+    }
+    std::fs::remove_file(profile).unwrap();
+}
+
+#[test]
 fn what_is_no_card_is_refused() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let missing = folder.path().join("none.img");
@@ -121,6 +151,7 @@ fn what_is_no_card_is_refused() {
     std::fs::create_dir_all(&deep).unwrap();
     for (arguments, expected) in [
         (vec!["--fault", "card-pull@1"], "--fault card-pull and card-back need a card: add --card IMAGE|FOLDER"),
+        (vec!["--fault", "filament-out@1"], "--fault filament-out and filament-back need a sensor"),
         (vec!["--card", missing.to_str().unwrap()], "name a folder of files, or make an image with: mkfs.fat -C"),
         (vec!["--card", path(&folder)], "folders lie deeper than 8"),
     ] {

@@ -216,6 +216,8 @@ fn what_cannot_be_served_is_refused() {
         (vec!["--tcp", "0", "--fault", "nozzle-gone"], "unknown fault, expected nozzle-HOW"),
         (vec!["--tcp", "0", "--fault", "flip:2"], "write a rate from 0% to 100%"),
         (vec!["--tcp", "0", "--board", "bench", "--profile", "corexy"], "cannot be used with"),
+        (vec!["--web", "127.0.0.1:0", "--board", "bench"], "(`ferrostep serve --web --port tcp:127.0.0.1:5000`)"),
+        (vec!["--web", "127.0.0.1:0", "--board", "bench", "--port", "tcp:localhost:1"], "cannot be used with"),
     ] {
         let output = Command::new(program()).current_dir(repository()).arg("serve").args(&arguments).output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();

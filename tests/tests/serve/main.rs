@@ -12,3 +12,4 @@ mod page;
 mod printcore;
 mod printer;
 mod sending;
+mod settings;

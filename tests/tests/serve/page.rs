@@ -199,8 +199,15 @@ fn a_print_from_the_page_makes_the_steps_of_print_whoever_asks_meanwhile() {
     thread::scope(|scope| {
         for _ in 0..10 {
             scope.spawn(|| {
+                let mut left_s = f64::INFINITY;
                 while !is_over.load(Ordering::Relaxed) {
                     let state = page.state();
+                    // What is left is known from the lines, and only falls.
+                    if state["activity"] == "printing" {
+                        let now_s = state["job"]["remaining_s"].as_f64().unwrap();
+                        assert!(now_s <= left_s, "{now_s} s left after {left_s} s");
+                        left_s = now_s;
+                    }
                     looks.fetch_add(usize::from(state["activity"] == "printing"), Ordering::Relaxed);
                 }
             });
@@ -306,6 +313,29 @@ fn one_host_owns_the_printer_at_a_time() {
     page.wish("/line", b"M999");
     page.look_until(|state| state["activity"] == "idle" && state["owner"] == Value::Null);
     assert!(!host.say("M105").is_empty());
+}
+
+/// A host that asks on and on and reads no answer: the page shows the printer meanwhile, and its emergency stop acts. When the host has
+/// gone the printer prints as ever.
+#[test]
+fn a_host_that_stops_reading_holds_up_neither_page_nor_printer() {
+    let mut printer = Printer::at_pty(&["--web", "127.0.0.1:0", "--speed", "max"]);
+    let page = printer.page();
+    let mut host = printer.connect();
+    host.say("G28");
+    // The answers are a hundred times what the line holds.
+    host.send(&"M115\n".repeat(500));
+    let looks: Vec<Value> = (0..50).map(|_| page.state()).collect();
+    assert!(looks.iter().all(|state| state["owner"] != Value::Null), "{:#}", looks[0]);
+    page.wish("/stop", b"");
+    page.look_until(|state| state["activity"] == "halted");
+    drop(host);
+    page.look_until(|state| state["owner"] == Value::Null);
+    page.wish("/line", b"M999");
+    page.look_until(|state| state["activity"] == "idle");
+    page.wish("/job", &part().join("\n").into_bytes());
+    page.wish("/start", b"");
+    page.look_until(|state| says(state, "printed: "));
 }
 
 /// `serve --web --port`, here in front of another virtual printer's port: the same steps, temperatures and position by the line.

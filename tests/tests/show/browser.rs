@@ -1,10 +1,11 @@
-//! Chromium loads the page, turns it, plays it, and jumps from a finding to its place.
+//! Chromium loads the page, turns it, plays it, and jumps from a finding to its place; and it loads two prints beside each other.
 
 use ferrostep_tests::chromium::chromium;
 use ferrostep_tests::program::repository;
 use ferrostep_tests::python;
 use serde_json::{Value, json};
 
+use crate::comparisons::compare;
 use crate::pages::show;
 use crate::prints::{ARCS, CUBE, GYROID, Print, WINDOW_S};
 
@@ -63,6 +64,7 @@ fn loads(print: Print) {
         assert!((number(&jump["time"]) - number(&jump["wanted_time"])).abs() < 1.0, "{jump}");
     }
     assert_eq!(seen["modes"], 11);
+    assert_eq!(seen["phone_overflow"], json!([0, 0, 0]), "{seen:#}");
     assert!(seen["tip"].as_str().unwrap().contains("line "), "{seen:#}");
 }
 
@@ -79,4 +81,35 @@ fn chromium_shows_the_gyroid() {
 #[test]
 fn chromium_shows_arcs_on_corexy() {
     loads(ARCS);
+}
+
+/// Two prints on one page: each draws its own, and what is done in one leaves the other alone.
+#[test]
+fn chromium_shows_two_prints_beside_each_other() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let (file, page) = (repository().join(CUBE.file), folder.path().join("both.html"));
+    let slower = ["--set", "acceleration_mm_per_s2.print=300", "--json"];
+    let output = compare(folder.path(), &[&[file.to_str().unwrap(), "-o", "both.html"], &slower[..]].concat());
+    assert!(output.status.success(), "{}", crate::pages::errors(&output));
+    let said: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let times = ["a", "b"].map(|side| number(&said[side]["print_time_s"]));
+    assert!(times[1] > 1.1 * times[0], "{said:#}");
+
+    let seen = python::run("compare_page.py", &[chromium().to_str().unwrap(), page.to_str().unwrap()]);
+    assert_eq!(seen["errors"], json!([]), "{seen:#}");
+    assert_eq!(seen["requests"], json!([]), "{seen:#}");
+    let table = seen["table"].as_array().unwrap();
+    assert_eq!(table[0], json!(["print time", "23 min 10 s", "26 min 28 s", "+14.2 %"]));
+    assert!(table.iter().all(|row| row.as_array().unwrap().len() == 4), "{table:#?}");
+    let sides = seen["sides"].as_array().unwrap();
+    assert_eq!(sides.len(), 2);
+    for (side, time_s) in sides.iter().zip(times) {
+        let share = number(&side["picture"]["share"]);
+        assert!((0.04..0.7).contains(&share) && number(&side["picture"]["colours"]) >= 5.0, "{side}");
+        assert!((number(&side["end"]) - time_s).abs() < 1.0, "{side}, expected {time_s} s");
+    }
+    // A finding of the first was clicked; the second still shows its end.
+    let [ours, other] = [0, 1].map(|side| number(&seen["times"][side]));
+    assert!(ours < times[0] - 1.0 && (other - times[1]).abs() < 1.0, "{seen:#}");
+    assert_eq!(seen["phone_overflow"], 0, "{seen:#}");
 }

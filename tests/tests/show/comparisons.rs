@@ -8,7 +8,8 @@ use serde_json::Value;
 
 use crate::pages::{errors, job, names};
 
-fn compare(folder: &Path, arguments: &[&str]) -> Output {
+/// Runs `compare` in a folder, without opening the page.
+pub fn compare(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(program()).current_dir(folder).args(["compare", "--no-open"]).args(arguments).output().unwrap()
 }
 
@@ -88,9 +89,32 @@ fn what_cannot_be_compared_is_refused() {
     refused(&["job.gcode", "--set", "junction_deviation_mm=x"], "\"x\" is no number");
     refused(&["job.gcode", "--set", "junction_deviation_mm=-1", "-o", "page.html"], "junction_deviation_mm");
     refused(&["job.gcode", "job.gcode", "--frequency-x", "0", "-o", "page.html"], "at 0 Hz, expected 1 to 1000 Hz");
+    for (out, reason) in
+        [(".", "this is a folder"), ("missing/page.html", "cannot be written"), ("job.gcode", "this is the job")]
+    {
+        refused(&["job.gcode", "job.gcode", "-o", out], reason);
+    }
+    if Path::new("/dev/full").exists() {
+        refused(&["job.gcode", "job.gcode", "-o", "/dev/full"], "No space left on device");
+    }
     // A job that stops is compared up to there.
     std::fs::write(folder.path().join("mine.toml"), format!("{PART}G1 X10 Q\"\n")).unwrap();
     let output = compare(folder.path(), &["job.gcode", "mine.toml"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("mine.toml: line 12"), "{}", errors(&output));
+}
+
+/// A print without moves has a page beside any other's.
+#[test]
+fn an_empty_print_is_compared() {
+    let folder = job(PART);
+    std::fs::write(folder.path().join("empty.gcode"), "; nothing\n").unwrap();
+    let output = compare(folder.path(), &["empty.gcode", "job.gcode", "-o", "both.html", "--json"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let said: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((number(&said["a"]["print_time_s"]), number(&said["a"]["filament_mm"])), (0.0, 0.0), "{said:#}");
+    assert!(number(&said["b"]["print_time_s"]) > 1.0, "{said:#}");
+    let page = std::fs::read_to_string(folder.path().join("both.html")).unwrap();
+    assert_eq!(page.matches("<iframe ").count(), 2);
+    assert!(!page.contains("NaN") && !page.contains("inf "), "a change from nothing has no sign");
 }

@@ -13,6 +13,7 @@ const TARGET: f32 = 200.0;
 
 /// The checks of a nozzle whose sensor reads what a test says.
 struct Checked {
+    settings: HeaterSettings,
     safety: Safety,
     target: f32,
     power: f32,
@@ -22,7 +23,7 @@ impl Checked {
     fn new() -> Self {
         let settings = settings(Heater::Nozzle);
         assert_eq!(settings.watch, HeaterWatch::NOZZLE);
-        Self { safety: Safety::new(settings), target: 0.0, power: 0.0 }
+        Self { settings, safety: Safety::new(), target: 0.0, power: 0.0 }
     }
 
     /// At its target.
@@ -33,7 +34,7 @@ impl Checked {
     }
 
     fn sample(&mut self, celsius: f32) -> Result<(), Trip> {
-        self.safety.check(Ok(celsius), self.target, self.power)
+        self.safety.check(&self.settings, Ok(celsius), self.target, self.power, false)
     }
 
     /// As many samples, each a little different so that no reading stands still. How many there were before the trip.
@@ -55,7 +56,7 @@ fn the_range_ends_at_its_bounds() {
     let mut checked = Checked::new();
     assert_eq!(checked.sample(max_celsius - 0.01), Ok(()));
     assert_eq!(checked.sample(max_celsius), Err(Trip::TooHot(max_celsius)));
-    let outcome = checked.safety.check(Err(SensorError::Open), 0.0, 0.0);
+    let outcome = checked.safety.check(&checked.settings, Err(SensorError::Open), 0.0, 0.0, false);
     assert_eq!(outcome, Err(Trip::Sensor(SensorError::Open)));
 }
 
@@ -247,7 +248,7 @@ fn the_hysteresis_shrinks_towards_the_room() {
     let samples = 45 * SAMPLES_A_S;
     for (target, hysteresis) in [(100.0, 25.0), (85.0, 20.0), (55.0, 10.0), (40.0, 5.0), (35.0, 4.0), (20.0, 4.0)] {
         for (below, trips) in [(hysteresis - 0.05, false), (hysteresis + 0.05, true)] {
-            let mut checked = Checked { safety: Safety::new(bed), target, power: 0.3 };
+            let mut checked = Checked { settings: bed, safety: Safety::new(), target, power: 0.3 };
             checked.sample(target).unwrap();
             let outcome = checked.samples(samples, target - below);
             assert_eq!(outcome.is_err(), trips, "{below} below {target}: {outcome:?}");

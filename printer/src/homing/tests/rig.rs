@@ -63,8 +63,11 @@ pub struct Rig {
     believed_10nm: Cell<[i64; 3]>,
     enabled: Cell<u8>,
     choice: Cell<MotionChoice>,
+    limits: Cell<Limits>,
     /// Moves wait since the machine last stood still.
     is_moving: Cell<bool>,
+    /// How often motion was stopped from outside.
+    stops: Cell<u32>,
     events: RefCell<Vec<Event>>,
     texts: RefCell<Vec<String>>,
     signals: Signals,
@@ -83,6 +86,7 @@ impl Rig {
         Self {
             profile,
             choice: Cell::new(profile.motion),
+            limits: Cell::new(profile.limits),
             is_moving: Cell::new(false),
             sensors: [const { Cell::new(Sensor::Good) }; 3],
             early_10nm: RefCell::default(),
@@ -90,6 +94,7 @@ impl Rig {
             true_10nm: Cell::new([60 * MM, 50 * MM, 40 * MM]),
             believed_10nm: Cell::new([0; 3]),
             enabled: Cell::new(0),
+            stops: Cell::new(0),
             events: RefCell::default(),
             texts: RefCell::default(),
             signals: Signals::new(),
@@ -128,6 +133,11 @@ impl Rig {
     /// The methods and filters of the motion.
     pub fn choice(&self) -> MotionChoice {
         self.choice.get()
+    }
+
+    /// M410 from outside.
+    pub fn stop_from_outside(&self) {
+        self.stops.set(self.stops.get() + 1);
     }
 
     /// Mask of the motors with current.
@@ -179,7 +189,17 @@ pub fn execute(printer: &mut RigPrinter<'_>, text: &str) -> Result<(), crate::er
 #[derive(Debug)]
 pub struct RigMotion<'a>(&'a Rig);
 
+impl<'a> RigMotion<'a> {
+    pub fn new(rig: &'a Rig) -> Self {
+        Self(rig)
+    }
+}
+
 impl Motion for RigMotion<'_> {
+    fn stops(&self) -> u32 {
+        self.0.stops.get()
+    }
+
     async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
         let Some(request) = request.as_move() else { unreachable!("no prepared jobs here") };
         let way = self.0.way_to(request.target_10nm);
@@ -250,10 +270,12 @@ impl Motion for RigMotion<'_> {
     }
 
     fn limits(&self) -> Limits {
-        self.0.profile.limits
+        self.0.limits.get()
     }
 
-    fn set_limits(&mut self, _: Limits) {}
+    fn set_limits(&mut self, limits: Limits) {
+        self.0.limits.set(limits);
+    }
 
     fn motion_choice(&self) -> MotionChoice {
         self.0.choice.get()

@@ -1,4 +1,4 @@
-//! When each line of a job is executed, by `ferrostep estimate`.
+//! When each line of a job is executed: the time that is left is known from it, and only falls.
 
 use std::io::{self, Read};
 use std::path::Path;
@@ -7,13 +7,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use ferrostep_printer::{Ports, Printer, Profile};
 
-use crate::desk::LOOK_AHEAD_BLOCKS;
 use crate::input::Input;
 use crate::job::{self, JobProgress, Onlooker};
 use crate::session::{JobReplies, Session};
 
 /// Least time between two lines that are noted, s.
 const STEP_S: f64 = 0.5;
+
+/// Most lines that are noted: of a longer job only every second of them is kept, and the time between them doubles.
+const MAX_POINTS: usize = 1 << 16;
 
 /// The printer's time at some lines of a file.
 #[derive(Debug, Default)]
@@ -25,16 +27,16 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Estimates a file for a machine, unless it is `unwanted` before that.
+    /// Estimates a file for a machine that sees so many blocks ahead, unless it is `unwanted` before that.
     ///
     /// # Errors
     /// The printer would stop in it; where and why.
-    pub fn of(path: &Path, profile: Profile, unwanted: &Arc<AtomicBool>) -> Result<Self, String> {
+    pub fn of(path: &Path, profile: Profile, look_ahead: usize, unwanted: &Arc<AtomicBool>) -> Result<Self, String> {
         let input = Input::open(path).map_err(|error| error.to_string())?;
         let mut input = Wanted { input, unwanted };
-        let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
+        let session = Session::estimate(profile, look_ahead, JobReplies::new(|_: &str| {}));
         let mut printer = session.printer();
-        let mut sampler = Sampler { now_s: || session.figures().print_time_s, points: Vec::new() };
+        let mut sampler = Sampler { now_s: || session.figures().print_time_s, points: Vec::new(), step_s: STEP_S };
         let mut progress = JobProgress::default();
         let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut sampler, |_| {}));
         outcome.map_err(|error| error.to_string())?;
@@ -57,14 +59,30 @@ impl Schedule {
 struct Sampler<F> {
     now_s: F,
     points: Vec<(u32, f64)>,
+    step_s: f64,
+}
+
+impl<F> Sampler<F> {
+    fn note(&mut self, line: u32, now_s: f64) {
+        if self.points.last().is_some_and(|(_, last_s)| now_s < last_s + self.step_s) {
+            return;
+        }
+        self.points.push((line, now_s));
+        if self.points.len() >= MAX_POINTS {
+            let mut number = 0_u32;
+            self.points.retain(|_| {
+                number = number.wrapping_add(1);
+                number % 2 == 1
+            });
+            self.step_s *= 2.0;
+        }
+    }
 }
 
 impl<P: Ports, F: Fn() -> f64> Onlooker<P> for Sampler<F> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, _: &str) {
         let now_s = (self.now_s)();
-        if self.points.last().is_none_or(|(_, last_s)| now_s >= last_s + STEP_S) {
-            self.points.push((line, now_s));
-        }
+        self.note(line, now_s);
     }
 
     fn ended(&mut self, _: &Printer<'_, P>) {}
@@ -82,5 +100,24 @@ impl Read for Wanted<'_> {
             return Err(io::Error::other("another file has come"));
         }
         self.input.read(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A print of any length takes the same memory; its first line stays.
+    #[test]
+    fn a_long_job_keeps_every_second_line() {
+        let mut sampler = Sampler { now_s: || 0.0, points: Vec::new(), step_s: STEP_S };
+        for line in 1..=1_000_000_u32 {
+            sampler.note(line, f64::from(line) * 0.5);
+        }
+        assert!((MAX_POINTS / 2 - 1..MAX_POINTS).contains(&sampler.points.len()), "{}", sampler.points.len());
+        assert_eq!(sampler.points.first(), Some(&(1, 0.5)));
+        assert!(sampler.points.is_sorted_by(|a, b| a.0 < b.0 && b.1 >= a.1 + 8.0));
+        let schedule = Schedule { points: sampler.points, total_s: 500_000.0 };
+        assert!((schedule.at_s(777_777) - 388_888.5).abs() <= 16.0, "{}", schedule.at_s(777_777));
     }
 }

@@ -1,0 +1,21 @@
+//! Any bytes in the memory for settings: the machine starts, and its settings are such as commands set.
+#![no_main]
+
+use std::cell::OnceCell;
+
+use ferrostep_printer::Profile;
+use ferrostep_tests::stored_settings::any_memory;
+use libfuzzer_sys::fuzz_target;
+
+thread_local! {
+    static PROFILES: OnceCell<[Profile; 3]> = const { OnceCell::new() };
+}
+
+fn profiles() -> [Profile; 3] {
+    ["cartesian", "corexy", "prusa-mini"].map(|name| ferrostep_profiles::load(name).expect("a built-in profile"))
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((&first, rest)) = bytes.split_first() else { return };
+    PROFILES.with(|loaded| any_memory(&loaded.get_or_init(profiles)[usize::from(first % 3)], rest));
+});

@@ -1,0 +1,272 @@
+//! Filament that moves on the way: what is printed stays the same, and nothing is faster than it may be.
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::stretches::{Stretch, Stretches};
+use ferrostep_planner::time_law::TimeLaw;
+use ferrostep_planner::{
+    AXES, AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, PlannedBlock, Planner,
+    PressureAdvance, ShaperKind, StepsPerMm,
+};
+use proptest::prelude::*;
+
+/// Largest speed and acceleration of the filament.
+const FILAMENT_FEED: f64 = 60.0;
+const FILAMENT_ACCELERATION: f64 = 5_000.0;
+
+/// By how much the filament's speed changes at most where parts meet, mm/s: a fifth of its highest, where that is above 25 mm/s.
+const MOST_JUMP: f64 = 12.5;
+
+const EXTRUDER_STEPS_PER_MM: f64 = 140.0;
+
+fn geometry(kinematics: Kinematics) -> Geometry {
+    let steps = |value: f64| StepsPerMm::from_f64(value).unwrap();
+    Geometry {
+        kinematics,
+        steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(EXTRUDER_STEPS_PER_MM)],
+        minimum_event_interval_ticks: 1,
+        event_cost_ticks: 0,
+        move_cost_ticks: 0,
+    }
+}
+
+fn limits(acceleration: f64, z_acceleration: f64, retract: f64) -> Limits {
+    Limits {
+        max_feed_mm_per_s: [400.0, 400.0, 20.0, FILAMENT_FEED],
+        max_acceleration_mm_per_s2: [20_000.0, 20_000.0, z_acceleration, FILAMENT_ACCELERATION],
+        print_acceleration_mm_per_s2: acceleration,
+        travel_acceleration_mm_per_s2: acceleration,
+        retract_acceleration_mm_per_s2: retract,
+        junction_deviation_mm: 0.05,
+        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; AXES],
+    }
+}
+
+/// A line between two travels: where it goes, mm, with filament, and what comes between.
+#[derive(Clone, Debug)]
+struct Line {
+    to: [f64; 2],
+    travel_to: [f64; 2],
+    lift: f64,
+    retraction: f64,
+    recovery: f64,
+    retraction_feed: f32,
+    travel_feed: f32,
+    /// A move of the filament alone in the middle of the travel, a second travel, and a flush there.
+    between: (bool, bool, bool),
+}
+
+fn line() -> impl Strategy<Value = Line> {
+    let place = || [0.0..150.0f64, 0.0..150.0f64];
+    let near = (-1.0..1.0f64).prop_map(|offset| offset);
+    (
+        (place(), place(), near, any::<bool>()),
+        prop_oneof![Just(0.0), 0.05..1.0f64],
+        (prop_oneof![Just(0.0), 0.02..8.0f64], prop_oneof![Just(0.0), 0.02..8.0f64], any::<bool>()),
+        (5.0f32..80.0, 20.0f32..400.0),
+        (prop::bool::weighted(0.1), prop::bool::weighted(0.2), prop::bool::weighted(0.05)),
+    )
+        .prop_map(|((to, far, offset, is_far), lift, (retraction, other, same), feeds, between)| Line {
+            to,
+            travel_to: if is_far { far } else { [to[0] + offset, to[1] - 0.3 * offset] },
+            lift,
+            retraction,
+            recovery: if same { retraction } else { other },
+            retraction_feed: feeds.0,
+            travel_feed: feeds.1,
+            between,
+        })
+}
+
+/// The moves of these lines; `None`: motion is flushed.
+fn moves(lines: &[Line]) -> Vec<Option<Move>> {
+    let mut moves = Vec::new();
+    let mut place = [0.0, 0.0, 0.2];
+    let mut number = 0;
+    let mut go = |place: [f64; 3], filament: f64, feed_mm_per_s: f32| {
+        number += 1;
+        let target_10nm = place.map(|mm| (mm * 1e5).round() as i64);
+        let filament_100pm = (filament * 1e7).round() as i64;
+        moves.push(Some(Move { target_10nm, filament_100pm, feed_mm_per_s, line: number, ends_move: true }));
+        if number % 50 == 0 {
+            moves.push(None);
+        }
+    };
+    go(place, 0.0, 10.0);
+    for line in lines {
+        let length = ((line.to[0] - place[0]).powi(2) + (line.to[1] - place[1]).powi(2)).sqrt();
+        place = [line.to[0], line.to[1], place[2]];
+        go(place, 0.04 * length, 80.0);
+        go(place, -line.retraction, line.retraction_feed);
+        place[2] += line.lift;
+        go(place, 0.0, line.travel_feed);
+        let (alone, twice, _) = line.between;
+        if twice {
+            place = [place[0] + 3.0, place[1] + 4.0, place[2]];
+            go(place, 0.0, line.travel_feed);
+        }
+        if alone {
+            go(place, 0.3, 20.0);
+        }
+        place = [line.travel_to[0], line.travel_to[1], place[2]];
+        go(place, 0.0, line.travel_feed);
+        place[2] -= line.lift;
+        go(place, 0.0, line.travel_feed);
+        go(place, line.recovery, line.retraction_feed);
+    }
+    moves
+}
+
+#[derive(Clone, Debug)]
+struct Machine {
+    kinematics: Kinematics,
+    limits: Limits,
+    shaper: AxisShaper,
+    advance: f64,
+    look_ahead: usize,
+}
+
+fn machine() -> impl Strategy<Value = Machine> {
+    (
+        prop::sample::select(&[Kinematics::Cartesian, Kinematics::CoreXy]),
+        (300.0..15_000.0f64, 50.0..1_500.0f64, 300.0..5_000.0f64),
+        prop_oneof![Just(ShaperKind::None), Just(ShaperKind::Mzv)],
+        prop_oneof![Just(0.0), 0.01..0.2f64],
+        prop_oneof![Just(3), Just(16), Just(128)],
+    )
+        .prop_map(|(kinematics, (acceleration, z, retract), kind, advance, look_ahead)| Machine {
+            kinematics,
+            limits: limits(acceleration, z, retract),
+            shaper: AxisShaper { kind, frequency_hz: 45.0, damping: 0.1 },
+            advance,
+            look_ahead,
+        })
+}
+
+/// The blocks of moves.
+fn planned(machine: &Machine, filament_on_the_way: bool, moves: &[Option<Move>]) -> Vec<PlannedBlock> {
+    let mut planner: Planner<Vec<Slot>> =
+        Planner::new(geometry(machine.kinematics), machine.limits, vec![Slot::EMPTY; machine.look_ahead]);
+    let pressure_advance = PressureAdvance { seconds: machine.advance, ..PressureAdvance::NONE };
+    let shapers = [machine.shaper; 2];
+    planner
+        .set_motion_choice(&MotionChoice { shapers, pressure_advance, filament_on_the_way, ..MotionChoice::DEFAULT })
+        .unwrap();
+    let mut blocks = Vec::new();
+    for one in moves {
+        let Some(one) = one else {
+            planner.flush();
+            continue;
+        };
+        loop {
+            let room = |planner: &mut Planner<Vec<Slot>>| {
+                let block = planner.next_planned();
+                let made = block.is_some();
+                blocks.extend(block);
+                made
+            };
+            match planner.add_making_room(one, room) {
+                Ok(_) => break,
+                // A marker has left.
+                Err(MoveError::NoRoom) => assert!(planner.has_room()),
+                Err(error) => panic!("{error:?}"),
+            }
+        }
+        let [x, y, z] = planner.position_10nm();
+        assert_eq!([x, y, z], one.target_10nm);
+    }
+    planner.flush();
+    while let Some(block) = planner.next_planned() {
+        blocks.push(block);
+    }
+    assert!(planner.is_idle());
+    blocks
+}
+
+/// Where the motors are, in steps and 1/256 steps of the extruder, at the end of each line.
+fn ends(blocks: &[PlannedBlock]) -> BTreeMap<u32, [i64; 4]> {
+    let mut at = [0; 4];
+    let mut ends = BTreeMap::new();
+    for planned in blocks {
+        for stretch in Stretches::of(&planned.block) {
+            let [x, y, z] = stretch.steps.map(i64::from);
+            for (at, more) in at.iter_mut().zip([x, y, z, i64::from(stretch.extruder_256ths)]) {
+                *at += more;
+            }
+            if stretch.ends_move {
+                ends.insert(stretch.line, at);
+            }
+        }
+    }
+    ends.insert(u32::MAX, at);
+    ends
+}
+
+/// Filament for a mm of path, and by how much counting in 1/256 steps and 10 nm may have changed it.
+struct Ratio {
+    mm_per_mm: f64,
+    rounding: f64,
+}
+
+/// `None` where the filament moves alone.
+fn filament_per_path(stretch: &Stretch) -> Option<Ratio> {
+    if stretch.steps == [0; 3] && stretch.extruder_256ths != 0 {
+        return None;
+    }
+    let length = f64::from(stretch.length_10nm);
+    let unit = 1e5 / (256.0 * EXTRUDER_STEPS_PER_MM * length);
+    let mm_per_mm = f64::from(stretch.extruder_256ths) * unit;
+    Some(Ratio { mm_per_mm, rounding: 2.0 * unit + mm_per_mm.abs() / length })
+}
+
+fn seconds(blocks: &[PlannedBlock]) -> f64 {
+    let ticks =
+        |planned: &PlannedBlock| TimeLaw::<ferrostep_planner::methods::Never>::trapezoid(planned).duration_ticks();
+    blocks.iter().map(ticks).sum::<u64>() as f64 / f64::from(ferrostep_planner::TICKS_PER_SECOND)
+}
+
+proptest! {
+    #[test]
+    fn the_same_is_printed_in_less_time(machine in machine(), lines in prop::collection::vec(line(), 1..12)) {
+        let moves = moves(&lines);
+        let (stops, on_the_way) = (planned(&machine, false, &moves), planned(&machine, true, &moves));
+        let (expected, found) = (ends(&stops), ends(&on_the_way));
+        // Filament that is pushed begins and ends where it does with stops, all motors; in between filament and travel are together.
+        for one in moves.iter().flatten().filter(|one| one.filament_100pm > 0) {
+            prop_assert_eq!(expected[&one.line], found[&one.line], "line {}", one.line);
+        }
+        for one in moves.iter().flatten().filter(|one| one.filament_100pm < 0) {
+            prop_assert!(found.contains_key(&one.line), "line {}", one.line);
+        }
+        prop_assert_eq!(expected.len(), found.len());
+        prop_assert_eq!(expected[&u32::MAX], found[&u32::MAX]);
+        let mut before: Option<Ratio> = None;
+        for planned in &on_the_way {
+            let block = &planned.block;
+            for stretch in Stretches::of(block) {
+                let Some(ratio) = filament_per_path(&stretch) else {
+                    before = None;
+                    continue;
+                };
+                let is_within = |limit: f64, value: f64| value * (ratio.mm_per_mm.abs() - ratio.rounding) <= limit * 1.001;
+                prop_assert!(is_within(FILAMENT_FEED, block.nominal.mm_per_s()), "{planned:?}");
+                prop_assert!(is_within(FILAMENT_ACCELERATION, block.acceleration.mm_per_s2()), "{planned:?}");
+                if let Some(other) = before {
+                    // Inside a block no place is faster than its nominal speed.
+                    let speed = if stretch.before_10nm == 0 { planned.entry } else { block.nominal };
+                    let jump = (ratio.mm_per_mm - other.mm_per_mm).abs() - ratio.rounding - other.rounding;
+                    prop_assert!(jump * speed.mm_per_s() <= MOST_JUMP, "{} before {planned:?}", jump * speed.mm_per_s());
+                }
+                before = Some(ratio);
+            }
+        }
+        // Look-ahead by few blocks sees less of a path in many parts.
+        if machine.look_ahead > 16 {
+            let (with_stops, without) = (seconds(&stops), seconds(&on_the_way));
+            // Where two travels are nearly in line, filament that rides to the end of the first slows the corner between them.
+            prop_assert!(without <= with_stops * 1.005 + 0.005 * lines.len() as f64, "{without} s instead of {with_stops} s");
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! The filament sensor, and the pause when the filament has run out.
+
+use core::cell::RefCell;
+use core::future::Future;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+use std::borrow::ToOwned;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use ferrostep_gcode::Reply;
+use ferrostep_hal_shim::Clock;
+
+use super::*;
+use crate::heat::{HeatFault, HeaterStatus};
+use crate::homing::tests::rig::{Rig, RigMotion};
+use crate::printer::Source;
+
+const SENSOR: FilamentSensor = FilamentSensor { missing_is_low: true, debounce_ms: 500 };
+
+/// A hot nozzle, and what was said.
+struct World {
+    rig: Rig,
+    target_celsius: f32,
+    signals: Signals,
+    texts: RefCell<Vec<String>>,
+}
+
+struct Hot(f32);
+
+impl Heating for Hot {
+    fn set_target(&mut self, _: Heater, _: f32) {}
+    fn status(&self, _: Heater) -> HeaterStatus {
+        HeaterStatus { celsius: self.0, target_celsius: self.0, power: 0.3 }
+    }
+    fn all_off(&mut self) {}
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        Ok(())
+    }
+}
+
+/// Whoever waits, waits for a person.
+#[derive(Clone)]
+struct Waits;
+
+impl Clock for Waits {
+    fn now_ms(&self) -> u64 {
+        0
+    }
+}
+
+impl embedded_hal_async::delay::DelayNs for Waits {
+    async fn delay_ns(&mut self, _: u32) {
+        let mut has_waited = false;
+        core::future::poll_fn(
+            |_| if core::mem::replace(&mut has_waited, true) { Poll::Ready(()) } else { Poll::Pending },
+        )
+        .await;
+    }
+}
+
+impl Replies for World {
+    fn send(&self, reply: Reply<'_>) {
+        self.texts.borrow_mut().extend(reply.to_string().lines().map(ToOwned::to_owned));
+    }
+}
+
+type TestPrinter<'a> = Printer<'a, (RigMotion<'a>, Hot, Waits, World)>;
+
+impl World {
+    fn new(target_celsius: f32, sensor: Option<FilamentSensor>) -> Self {
+        let rig = Rig::new(|profile| profile.filament_sensor = sensor);
+        Self { rig, target_celsius, signals: Signals::new(), texts: RefCell::default() }
+    }
+
+    fn printer(&self) -> TestPrinter<'_> {
+        let heating = Hot(self.target_celsius);
+        Printer::new(&self.rig.profile, RigMotion::new(&self.rig), heating, Waits, self, &self.signals)
+    }
+
+    /// Executes a host's line; `true` if it paused, and went on when a person had said so.
+    fn pauses(&self, printer: &mut TestPrinter<'_>, line: &str, is_numbered: bool) -> bool {
+        self.texts.borrow_mut().clear();
+        let mut has_paused = false;
+        let mut execution = pin!(printer.execute_for_host(1, line, is_numbered));
+        for _ in 0..100 {
+            if execution.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_ready() {
+                return has_paused;
+            }
+            assert!(self.signals.is_paused_for_user(), "{line} waits for something else");
+            has_paused = true;
+            self.signals.answer_prompt(0);
+        }
+        panic!("{line} does not end")
+    }
+
+    fn said(&self, text: &str) -> bool {
+        self.texts.borrow().iter().any(|said| said.contains(text))
+    }
+}
+
+#[test]
+fn a_state_counts_when_it_has_lasted() {
+    let signals = Signals::new();
+    let mut watch = FilamentWatch::new();
+    // It bounces, is out for less than the time, and then for longer; a clock that wraps.
+    let begin_ms = u32::MAX - 700;
+    let mut look = |after_ms: u32, is_missing| {
+        watch.look(begin_ms.wrapping_add(after_ms), is_missing, &SENSOR, &signals);
+        signals.is_filament_missing()
+    };
+    for (after_ms, is_missing, counts) in [
+        (0, false, false),
+        (100, true, false),
+        (200, false, false),
+        (300, true, false),
+        (700, true, false),
+        (799, true, false),
+        (800, true, true),
+        (900, false, true),
+        (1000, true, true),
+        (1100, false, true),
+        (1599, false, true),
+        (1600, false, false),
+    ] {
+        assert_eq!(look(after_ms, is_missing), counts, "after {after_ms} ms");
+    }
+}
+
+#[test]
+fn a_print_pauses_after_the_line_as_m600_does_and_again_until_filament_is_there() {
+    let world = World::new(210.0, Some(SENSOR));
+    let mut printer = world.printer();
+    assert!(!world.pauses(&mut printer, "G1 X10 E1 F600", true));
+    world.signals.set_filament_missing(true);
+    assert!(world.pauses(&mut printer, "G1 X20 E2", true));
+    for text in [
+        "//action:paused",
+        "echo:The filament has run out",
+        "//action:prompt_begin Change the filament",
+        "//action:resumed",
+        "ok",
+    ] {
+        assert!(world.said(text), "{text}: {:?}", world.texts);
+    }
+    assert_eq!(world.rig.believed_mm(), [20.0, 0.0, 0.0], "back where the line ends");
+    assert!(world.pauses(&mut printer, "G1 X30 E3", true), "it is missing still");
+    world.signals.set_filament_missing(false);
+    assert!(!world.pauses(&mut printer, "G1 X40 E4", true));
+}
+
+#[test]
+fn nothing_pauses_an_idle_printer_a_person_or_a_sensor_that_is_off() {
+    for (celsius, before, line, is_numbered, pauses) in [
+        (210.0, "M412 S1", "G1 X20 E2 F600", true, true),
+        (210.0, "M412 S1", "G3 X20 I10 E2 F600", true, true),
+        (210.0, "M412 S0", "G1 X20 E2 F600", true, false),
+        // A person's line, new filament, a travel, a cold nozzle.
+        (210.0, "M412 S1", "G1 X20 E2 F600", false, false),
+        (210.0, "M412 S1", "G1 E20 F600", true, false),
+        (210.0, "M412 S1", "G1 X20 F600", true, false),
+        (210.0, "M412 S1", "M105", true, false),
+        (0.0, "M302 P1", "G1 X20 E2 F600", true, false),
+    ] {
+        let world = World::new(celsius, Some(SENSOR));
+        let mut printer = world.printer();
+        world.pauses(&mut printer, before, true);
+        world.signals.set_filament_missing(true);
+        assert_eq!(world.pauses(&mut printer, line, is_numbered), pauses, "{before}, {line}");
+    }
+}
+
+/// A card's reader waits by itself, and reads on when the print is no longer paused.
+#[test]
+fn a_print_from_a_card_is_paused_after_the_line() {
+    let world = World::new(210.0, Some(SENSOR));
+    let mut printer = world.printer();
+    world.signals.set_filament_missing(true);
+    printer.source = Source::Card;
+    let command = ferrostep_gcode::parse("G1 X20 E2 F600").unwrap();
+    let outcome = {
+        let mut execution = pin!(printer.command_with_signs_of_life(&command));
+        execution.as_mut().poll(&mut Context::from_waker(Waker::noop()))
+    };
+    assert!(matches!(outcome, Poll::Ready(Ok(_))), "{outcome:?}");
+    assert!(printer.is_paused());
+    assert!(world.said("//action:paused") && world.said("The filament has run out"));
+}
+
+#[test]
+fn m412_and_m119_report_the_sensor() {
+    let world = World::new(210.0, Some(SENSOR));
+    let mut printer = world.printer();
+    let asks = |printer: &mut TestPrinter<'_>, line: &str, answer: &str| {
+        world.pauses(printer, line, false);
+        assert!(world.said(answer), "{line}: {:?}", world.texts);
+    };
+    asks(&mut printer, "M412", "echo:Filament runout ON; filament: present");
+    asks(&mut printer, "M119", "filament: TRIGGERED");
+    world.signals.set_filament_missing(true);
+    asks(&mut printer, "M119", "filament: open");
+    asks(&mut printer, "M412 S0", "ok");
+    asks(&mut printer, "M412", "echo:Filament runout OFF; filament: missing");
+    asks(&mut printer, "M115", "Cap:RUNOUT:1");
+    asks(&mut printer, "M412 S2", "S: 2 is out of range");
+
+    let world = World::new(210.0, None);
+    let mut printer = world.printer();
+    for (line, answer) in [("M412", true), ("M412 S1", true), ("M412 S0", false)] {
+        world.pauses(&mut printer, line, false);
+        assert_eq!(world.said("echo:no filament sensor: the profile has no filament_sensor"), answer, "{line}");
+    }
+    world.pauses(&mut printer, "M119", false);
+    assert!(!world.said("filament"));
+    world.signals.set_filament_missing(true);
+    assert!(!world.pauses(&mut printer, "G1 X20 E2 F600", true));
+}

@@ -1,0 +1,381 @@
+//! M500 to M504: settings that survive the power.
+//!
+//! A memory keeps the values that differ from the profile's ([`values::GROUPS`]): where a new image brings a better profile, that one's
+//! values come into force wherever nobody has set others.
+
+mod values;
+
+use core::fmt;
+
+use ferrostep_gcode::{Reply, SettingsCommand};
+use ferrostep_hal_shim::Heater;
+use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind};
+use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
+
+use crate::axis_names::AXIS_NAMES;
+use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
+use crate::printer::Printer;
+
+use values::{GROUPS, Group, Setting, Shown, Values, advance_numbers};
+
+/// What a look at the memory has found.
+struct Stored {
+    values: Values,
+    /// Values in the memory that this machine knows.
+    known: usize,
+    /// Those that are another version's, or another machine's.
+    foreign: usize,
+    /// What has been mended.
+    faults: usize,
+}
+
+impl fmt::Display for Stored {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { known, foreign, faults, .. } = self;
+        write!(out, "{known} values, {faults} faults")?;
+        if *foreign == 0 { Ok(()) } else { write!(out, ", {foreign} that this version does not know") }
+    }
+}
+
+/// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
+fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
+    let mut settings = GROUPS.iter().flat_map(|group| group.settings.iter().map(move |setting| (group, setting)));
+    settings.find(|(_, setting)| id_of(setting.name) == entry.id)
+}
+
+/// What a memory makes of the commands that need one. An image whose board has none does not contain their code.
+pub(crate) trait KeepsSettings<P: Ports> {
+    /// M500, M501 and M504; `None`: the start. Returns what is still to be set of the motion.
+    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice>;
+}
+
+impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
+    fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice> {
+        match command {
+            Some(SettingsCommand::Store) => printer.store_settings(self),
+            Some(SettingsCommand::Validate) => {
+                let stored = printer.read_settings(self, "M504")?;
+                printer.replies.say(format_args!("echo:M504: stored are {stored}"));
+            }
+            _ => return printer.load_settings(self, command.is_none()),
+        }
+        None
+    }
+}
+
+impl<'a, P: Ports> Printer<'a, P> {
+    /// M500 to M502 wait until all motion has ended.
+    pub(crate) const fn needs_standstill(command: SettingsCommand) -> bool {
+        matches!(command, SettingsCommand::Store | SettingsCommand::Load | SettingsCommand::Reset)
+    }
+
+    /// M500 to M502, at standstill.
+    // Not inlined: in the future of the commands that wait it would take much room. And what needs much of the stack, the settings and
+    // the motion's methods, does not nest.
+    #[inline(never)]
+    pub(crate) fn change_settings(&mut self, command: SettingsCommand) {
+        let choice =
+            if command == SettingsCommand::Reset { self.reset_settings() } else { self.keep_settings(command) };
+        self.choose_stored_motion(choice);
+    }
+
+    /// M503 and M504.
+    #[inline(never)]
+    pub(crate) fn show_settings(&mut self, command: SettingsCommand) {
+        match command {
+            SettingsCommand::Report { headings } => self.report_settings(headings),
+            _ => {
+                let _nothing_to_set = self.keep_settings(command);
+            }
+        }
+    }
+
+    /// M502.
+    #[inline(never)]
+    fn reset_settings(&mut self) -> Option<MotionChoice> {
+        let values = self.profile_values();
+        self.replies.send(Reply::Text("echo:Hardcoded Default Settings Loaded"));
+        self.put_in_force(&values)
+    }
+
+    /// M500, M501 and M504, if there is a memory.
+    fn keep_settings(&mut self, command: SettingsCommand) -> Option<MotionChoice> {
+        let Some(memory) = self.settings_memory else {
+            let text = "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile";
+            self.replies.send(Reply::Text(text));
+            return None;
+        };
+        memory.keep(self, Some(command))
+    }
+
+    /// At standstill: sets the filters and the advance of stored settings.
+    fn choose_stored_motion(&mut self, choice: Option<MotionChoice>) {
+        if choice.is_some_and(|choice| self.motion.set_motion_choice(&choice).is_err()) {
+            let text = "echo:settings: input_shaper and pressure_advance cannot be set on this machine";
+            self.replies.send(Reply::Text(text));
+        }
+    }
+
+    /// Settings survive the power there (M500); those that are stored come into force with [`Self::restore_settings`].
+    pub fn set_settings_memory(&mut self, memory: &'a impl SettingsMemory) {
+        self.settings_memory = Some(memory);
+    }
+
+    /// Why M500, M501 or M502 has no effect now, in a print whose plan is made.
+    pub(crate) fn refuse_settings(&self, command: SettingsCommand) -> bool {
+        let prints = self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused();
+        let refused = prints && Self::needs_standstill(command);
+        if refused {
+            self.replies.say(format_args!("echo:M500 to M502 have no effect during a print: send it after the print"));
+        }
+        refused
+    }
+
+    /// Puts the stored settings in force, as the machine is switched on; says nothing where there are none.
+    pub fn restore_settings(&mut self) {
+        if let Some(memory) = self.settings_memory {
+            let choice = memory.keep(self, None);
+            self.choose_stored_motion(choice);
+        }
+    }
+
+    /// The settings in force.
+    fn live_values(&self) -> Values {
+        let drivers = [0, 1, 2, 3].map(|motor| Some(self.drivers?.report(motor)?.settings));
+        let MotionChoice { shapers, pressure_advance, .. } = self.motion.motion_choice();
+        let modal = &self.interpreter.modal;
+        Values {
+            limits: self.motion.limits(),
+            retraction: modal.retraction,
+            probe_offset_10nm: self.has_probe().then_some(modal.probe_offset_10nm),
+            shapers,
+            advance: advance_numbers(&pressure_advance),
+            drivers,
+        }
+    }
+
+    fn profile_values(&self) -> Values {
+        Values::of_profile(self.profile, &self.live_values().drivers)
+    }
+
+    /// M503.
+    fn report_settings(&self, headings: bool) {
+        let mut values = self.live_values();
+        if headings {
+            self.replies.send(Reply::Text("echo:; Linear Units:"));
+        }
+        self.replies.send(Reply::Text("echo:  G21 ; (mm)"));
+        for group in &GROUPS {
+            let mut headings = headings;
+            for axis in 0..group.axes.map_or(1, str::len) {
+                let mut text = Text::new();
+                let _ = text.push_str("echo:  ");
+                // It has room for every command.
+                if group.write_command(&mut values, axis, &mut text) != Ok(true) {
+                    continue;
+                }
+                if core::mem::take(&mut headings) {
+                    self.replies.send(Reply::Text(group.heading));
+                }
+                self.replies.send(Reply::Text(&text));
+            }
+        }
+    }
+
+    /// M500.
+    // Not inlined, as those below: each needs much of the stack, and they never nest.
+    #[inline(never)]
+    fn store_settings(&self, memory: &dyn SettingsMemory) {
+        let heats = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
+        if heats && memory.stalls() {
+            return self.replies.say(format_args!(
+                "echo:M500: nothing is stored while heaters are on, for this chip stands still while it writes: send M104 S0, \
+                 M140 S0 and then M500"
+            ));
+        }
+        let (mut live, mut of_profile) = (self.live_values(), self.profile_values());
+        let mut record = RecordWriter::new(self.profile.name);
+        let (mut count, mut is_whole) = (0_usize, true);
+        for (setting, index) in all_values() {
+            let (Some(live), Some(of_profile)) =
+                ((setting.place)(&mut live, index), (setting.place)(&mut of_profile, index))
+            else {
+                continue;
+            };
+            let value = live.get();
+            let is_same = value == of_profile.get() || value.is_nan() && of_profile.get().is_nan();
+            if !is_same {
+                is_whole &= record.add(Entry { id: id_of(setting.name), index: index as u8, value });
+                count = count.saturating_add(1);
+            }
+        }
+        let bytes = record.bytes();
+        match memory.save(bytes) {
+            Ok(()) if is_whole => self.replies.say(format_args!(
+                "echo:Settings Stored ({} bytes: {count} values that differ from the profile's)",
+                bytes.len()
+            )),
+            Ok(()) => {
+                self.replies.say(format_args!("echo:M500: more values than the memory holds: the last are not stored"))
+            }
+            Err(error) => self.replies.say(format_args!("echo:M500: nothing is stored: {error}")),
+        }
+    }
+
+    /// M501. Of an empty memory `is_start` says nothing.
+    #[inline(never)]
+    fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) -> Option<MotionChoice> {
+        let stored = self.read_settings(memory, "M501")?;
+        if stored.known > 0 || stored.foreign > 0 || !is_start {
+            self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
+        }
+        self.put_in_force(&stored.values)
+    }
+
+    /// The profile's values with the stored ones in their places. What cannot be used is named.
+    #[inline(never)]
+    fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored> {
+        let mut stored = Stored { values: self.profile_values(), known: 0, foreign: 0, faults: 0 };
+        let mut slot = [0; SLOT_BYTES];
+        let record = match memory.load(&mut slot) {
+            Err(error) => {
+                self.replies.say(format_args!("echo:{code}: {error}: the profile's settings are in force"));
+                return None;
+            }
+            Ok(None) => return Some(stored),
+            Ok(Some(bytes)) => match Record::read(bytes, self.profile.name) {
+                Ok(record) => record,
+                Err(error) => {
+                    let rest = "the profile's are in force, M500 replaces them";
+                    self.replies.say(format_args!("echo:{code}: the stored settings are not used, {error}: {rest}"));
+                    return None;
+                }
+            },
+        };
+        for entry in record.entries() {
+            self.take_entry(entry, &mut stored);
+        }
+        self.check(&mut stored);
+        Some(stored)
+    }
+
+    /// Puts a stored value in its place, if there is one and it is within its range.
+    fn take_entry(&self, entry: Entry, stored: &mut Stored) {
+        let index = usize::from(entry.index);
+        let known = setting_of(entry).filter(|(group, setting)| index < group.values_of(setting));
+        let place =
+            known.and_then(|(group, setting)| Some((group, setting, (setting.place)(&mut stored.values, index)?)));
+        let Some((group, setting, mut place)) = place else {
+            stored.foreign = stored.foreign.saturating_add(1);
+            return;
+        };
+        stored.known = stored.known.saturating_add(1);
+        let before = place.get();
+        if !place.set(entry.value, setting.range) {
+            stored.faults = stored.faults.saturating_add(1);
+            let [least, most] = setting.range;
+            self.replies.say(format_args!(
+                "echo:settings: {} is stored as {}, expected {} to {}: the profile's {} is used",
+                group.key(setting, index),
+                Shown(entry.value),
+                Shown(least),
+                Shown(most),
+                Shown(before),
+            ));
+        }
+    }
+
+    /// Sets what belongs together, and does not fit together, to the profile's values.
+    fn check(&self, stored: &mut Stored) {
+        let Stored { values, faults, .. } = stored;
+        let of_profile = self.profile_values();
+        let mut mend = |what: &str, name: char| {
+            self.replies
+                .say(format_args!("echo:settings: {what}{name} as stored is not possible: the profile's is used"));
+            *faults = faults.saturating_add(1);
+        };
+        for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
+            if !is_possible(shaper) {
+                *shaper = other;
+                mend("input_shaper.", AXIS_NAMES[axis].to_ascii_lowercase());
+            }
+        }
+        if values.pressure_advance().check().is_err() {
+            values.advance = of_profile.advance;
+            mend("pressure_advance", ' ');
+        }
+        for (motor, (driver, other)) in values.drivers.iter_mut().zip(of_profile.drivers).enumerate() {
+            if let (Some(settings), Some(drivers)) = (&*driver, self.drivers)
+                && drivers.check(motor, settings).is_err()
+            {
+                *driver = other;
+                mend("drivers.", AXIS_NAMES[motor].to_ascii_lowercase());
+            }
+        }
+        let offsets = values.probe_offset_10nm.as_mut().zip(of_profile.probe_offset_10nm);
+        if let Some((offset_10nm, other_10nm)) = offsets {
+            for (axis, (length_10nm, other_10nm)) in offset_10nm.iter_mut().zip(other_10nm).enumerate() {
+                let [least, most] = self.probe_range_10nm(axis);
+                // What the profile says is not judged.
+                if !(least..=most).contains(length_10nm) && *length_10nm != other_10nm {
+                    *length_10nm = other_10nm;
+                    mend("homing.probe_offset_mm.", AXIS_NAMES[axis].to_ascii_lowercase());
+                }
+            }
+        }
+    }
+
+    /// At standstill: puts settings in force, all of them checked, but for filters and advance: it returns them if they change.
+    // Its parts need much of the stack, one after the other.
+    #[inline(always)]
+    fn put_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
+        self.put_drivers_in_force(values);
+        self.put_motion_in_force(values)
+    }
+
+    #[inline(never)]
+    fn put_drivers_in_force(&mut self, values: &Values) {
+        let Some(bank) = self.drivers else { return };
+        for (motor, settings) in values.drivers.iter().enumerate() {
+            let before = bank.report(motor).map(|report| report.settings);
+            if let Some(settings) = settings.filter(|settings| Some(*settings) != before)
+                && bank.set(motor, settings).is_err()
+            {
+                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", AXIS_NAMES[motor]));
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn put_motion_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
+        self.motion.set_limits(values.limits);
+        self.interpreter.modal.retraction = values.retraction;
+        if let Some(offset_10nm) = values.probe_offset_10nm {
+            self.interpreter.modal.probe_offset_10nm = offset_10nm;
+        }
+        let choice = self.motion.motion_choice();
+        let wanted = MotionChoice { shapers: values.shapers, pressure_advance: values.pressure_advance(), ..choice };
+        (wanted != choice).then_some(wanted)
+    }
+}
+
+/// The keys of a profile that M500 stores, with `*` for the axis, and the command of each.
+pub fn stored_keys() -> impl Iterator<Item = (&'static str, &'static str)> {
+    GROUPS.iter().flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
+}
+
+/// Each value of each setting.
+fn all_values() -> impl Iterator<Item = (&'static Setting, usize)> {
+    GROUPS.iter().flat_map(|group| {
+        group.settings.iter().flat_map(|setting| (0..group.values_of(setting)).map(move |index| (setting, index)))
+    })
+}
+
+/// Whether the filter can be made; one that is off is there for its numbers.
+fn is_possible(shaper: &AxisShaper) -> bool {
+    shaper.kind == ShaperKind::None || shaper.kernel().is_ok()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

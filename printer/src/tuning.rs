@@ -1,0 +1,167 @@
+//! M301, M303 and M304: the gains of heaters, and how they are found.
+
+use ferrostep_gcode::{Decimal, GainWords, Real, Reply};
+use ferrostep_hal_shim::Heater;
+
+use crate::error::CommandError;
+use crate::heat::{PidGains, RelayProgress, gains_by_relay};
+use crate::ports::{Heating, Motion, Ports, Replies};
+use crate::printer::Printer;
+use crate::settings::in_range;
+
+/// Marlin's full power, in whose units G-code has the gains.
+const FULL_POWER: f64 = 255.0;
+
+/// Targets and cycles where M303 has none: Marlin's.
+const NOZZLE_CELSIUS: f64 = 150.0;
+const BED_CELSIUS: f64 = 70.0;
+const CYCLES: u8 = 5;
+const MIN_CYCLES: u8 = 3;
+
+/// The lowest target, degrees Celsius: a heater must also cool below it in minutes.
+const MIN_CELSIUS: f64 = 40.0;
+/// How far the target stays below the maximum, degrees: the relay heats a little beyond it.
+const NOZZLE_MARGIN_CELSIUS: f32 = 15.0;
+const BED_MARGIN_CELSIUS: f32 = 10.0;
+
+/// A gain of a line, if it has one.
+fn set(gain: &mut f32, word: char, value: Option<Decimal>, [low, high]: [f64; 2]) -> Result<(), CommandError> {
+    if let Some(value) = value {
+        *gain = (in_range(word, value.to_f64(), low * FULL_POWER, high * FULL_POWER)? / FULL_POWER) as f32;
+    }
+    Ok(())
+}
+
+/// A gain in Marlin's units.
+fn marlins(gain: f32) -> Real {
+    Real::short(f64::from(gain) * FULL_POWER, 4)
+}
+
+/// Reports a cycle of the relay. By itself, as the compiler keeps every value of a future's function in memory.
+#[inline(never)]
+fn tell_cycle(replies: &impl Replies, ended: u8, of: u8, ends: [f32; 2]) {
+    let [lowest, highest] = ends.map(|celsius| Real::fixed(celsius, 2));
+    replies.say(format_args!(" cycle: {ended}/{of} min: {lowest} max: {highest}"));
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// M301, M304.
+    pub(crate) fn heater_gains(&mut self, heater: Heater, words: &GainWords) -> Result<(), CommandError> {
+        self.needs(self.equipment.heaters, "heaters")?;
+        if *words == GainWords::default() {
+            self.report_gains(heater, &self.heating.gains(heater));
+            return Ok(());
+        }
+        let mut gains = self.heating.gains(heater);
+        set(&mut gains.proportional, 'P', words.proportional, PidGains::PROPORTIONAL)?;
+        set(&mut gains.integral, 'I', words.integral, PidGains::INTEGRAL)?;
+        set(&mut gains.derivative, 'D', words.derivative, PidGains::DERIVATIVE)?;
+        set(&mut gains.fan, 'F', words.fan, PidGains::FAN)?;
+        self.heating.set_gains(heater, gains);
+        Ok(())
+    }
+
+    /// The line that sets these gains.
+    #[inline(never)]
+    fn report_gains(&self, heater: Heater, gains: &PidGains) {
+        let [p, i, d, f] = [gains.proportional, gains.integral, gains.derivative, gains.fan].map(marlins);
+        match heater {
+            Heater::Nozzle => self.replies.say(format_args!("echo:M301 P{p} I{i} D{d} F{f}")),
+            Heater::Bed => self.replies.say(format_args!("echo:M304 P{p} I{i} D{d}")),
+        }
+    }
+
+    /// M303: finds the gains by a relay, and leaves the heater off.
+    pub(crate) async fn autotune(
+        &mut self,
+        heater: Heater,
+        target: Option<Decimal>,
+        cycles: Option<u8>,
+        uses: bool,
+    ) -> Result<(), CommandError> {
+        self.may_autotune()?;
+        let (celsius, has_fan) = self.autotune_target(heater, target)?;
+        self.signals.take_end_wait();
+        self.motion.finish().await?;
+        self.replies.send(Reply::Text("PID Autotune start"));
+        self.heating.begin_relay(heater, celsius, cycles.unwrap_or(CYCLES).max(MIN_CYCLES), has_fan);
+        let (mut waits, stops) = (self.waits(), self.motion.stops());
+        let (heating, motion, replies) = (&self.heating, &self.motion, self.replies);
+        let outcome = waits
+            .for_relay(
+                heater,
+                heating,
+                || motion.stops() != stops,
+                |ended, of, ends| tell_cycle(replies, ended, of, ends),
+            )
+            .await;
+        self.end_autotune(heater, celsius, uses, outcome)
+    }
+
+    /// The heater goes off, whatever has ended the autotune.
+    #[inline(never)]
+    fn end_autotune(
+        &mut self,
+        heater: Heater,
+        celsius: f32,
+        uses: bool,
+        outcome: Result<(), CommandError>,
+    ) -> Result<(), CommandError> {
+        let progress = self.heating.relay(heater);
+        self.heating.set_target(heater, 0.0);
+        outcome?;
+        match progress {
+            Some(RelayProgress::Found(findings)) => self.tuned(heater, &gains_by_relay(&findings, celsius), uses),
+            _ => self.replies.send(Reply::Text("PID Autotune ended by M108, the gains stay")),
+        }
+        Ok(())
+    }
+
+    /// Refuses an autotune without heaters, and in a print.
+    fn may_autotune(&self) -> Result<(), CommandError> {
+        self.needs(self.equipment.heaters, "heaters")?;
+        if self.is_paused() || self.heating.status(Heater::Nozzle).target_celsius > 0.0 {
+            return Err(CommandError::TunesNoPrint);
+        }
+        Ok(())
+    }
+
+    /// The target of an autotune, degrees Celsius, and whether a fan cools the heater.
+    #[inline(never)]
+    fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
+        let (usual, margin, has_fan) = match heater {
+            Heater::Nozzle => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
+            Heater::Bed => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
+        };
+        let settings = self.heater_settings(heater);
+        let highest = settings.max_target_celsius.min(settings.max_celsius - margin);
+        let celsius = in_range('S', target.map_or(usual, Decimal::to_f64), MIN_CELSIUS, highest.into())?;
+        Ok((celsius as f32, has_fan))
+    }
+
+    /// Reports gains that have been found, as Marlin does and as the profile has them.
+    #[inline(never)]
+    fn tuned(&mut self, heater: Heater, gains: &PidGains, uses: bool) {
+        let (name, marlins_name) = match heater {
+            Heater::Nozzle => ("nozzle", ""),
+            Heater::Bed => ("bed", "bed"),
+        };
+        self.replies.send(Reply::Text("PID Autotune finished!"));
+        for (letter, gain) in [('p', gains.proportional), ('i', gains.integral), ('d', gains.derivative)] {
+            self.replies.say(format_args!("#define DEFAULT_{marlins_name}K{letter} {}", marlins(gain)));
+        }
+        self.report_gains(heater, gains);
+        let [p, i, d, f] =
+            [gains.proportional, gains.integral, gains.derivative, gains.fan].map(|gain| Real::short(gain, 6));
+        self.replies.say(format_args!("echo:{name}: proportional = {p}, integral = {i}, derivative = {d}"));
+        if heater == Heater::Nozzle {
+            self.replies.say(format_args!("echo:{name}: fan_gain = {f}"));
+        }
+        if uses {
+            self.heating.set_gains(heater, *gains);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,308 @@
+//! M301, M303 and M304 at a machine whose heaters are models.
+#![allow(clippy::unwrap_used)]
+
+use core::cell::{Cell, RefCell};
+use core::future::Future;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+use std::borrow::ToOwned;
+use std::string::{String, ToString};
+use std::vec::Vec;
+use std::{format, vec};
+
+use ferrostep_gcode::Reply;
+use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
+
+use crate::heat::{HeatControl, HeatFault, HeaterStatus, PidGains, RelayProgress, SAMPLE_MS};
+use crate::homing::tests::rig::{Rig, RigMotion};
+use crate::ports::{Heating, Replies};
+use crate::printer::{Printer, Source};
+use crate::signals::Signals;
+
+/// Heaters, their control and the time.
+struct World {
+    heat: RefCell<(HeatControl, VirtualHeaters)>,
+    now_ms: Cell<u64>,
+    signals: Signals,
+    texts: RefCell<Vec<String>>,
+    rig: Rig,
+}
+
+impl World {
+    fn new() -> Self {
+        let rig = Rig::new(|profile| {
+            profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
+        });
+        let mut heaters = rig.profile.virtual_heaters();
+        let control = HeatControl::new(rig.profile.nozzle, rig.profile.bed, &mut heaters);
+        let heat = RefCell::new((control, heaters));
+        Self { heat, now_ms: Cell::new(0), signals: Signals::new(), texts: RefCell::default(), rig }
+    }
+
+    fn printer(&self) -> TestPrinter<'_> {
+        Printer::new(&self.rig.profile, RigMotion::new(&self.rig), Warm(self), Time(self), self, &self.signals)
+    }
+
+    /// What was said since the last call.
+    fn said(&self) -> Vec<String> {
+        self.texts.take()
+    }
+
+    fn target(&self, heater: Heater) -> f32 {
+        self.heat.borrow().0.status(heater).target_celsius
+    }
+}
+
+type TestPrinter<'a> = Printer<'a, (RigMotion<'a>, Warm<'a>, Time<'a>, World)>;
+
+struct Warm<'a>(&'a World);
+
+impl Heating for Warm<'_> {
+    fn set_target(&mut self, heater: Heater, celsius: f32) {
+        self.0.heat.borrow_mut().0.set_target(heater, celsius);
+    }
+    fn status(&self, heater: Heater) -> HeaterStatus {
+        self.0.heat.borrow().0.status(heater)
+    }
+    fn all_off(&mut self) {
+        self.0.heat.borrow_mut().0.all_off();
+    }
+    fn gains(&self, heater: Heater) -> PidGains {
+        self.0.heat.borrow().0.gains(heater)
+    }
+    fn set_gains(&mut self, heater: Heater, gains: PidGains) {
+        self.0.heat.borrow_mut().0.set_gains(heater, gains);
+    }
+    fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
+        self.0.heat.borrow_mut().0.begin_relay(heater, celsius, cycles, has_fan);
+    }
+    fn relay(&self, heater: Heater) -> Option<RelayProgress> {
+        self.0.heat.borrow().0.relay(heater)
+    }
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        self.0.heat.borrow_mut().0.restart()
+    }
+}
+
+/// Time passes when somebody waits: once for each call, so that a test can act in between.
+#[derive(Clone)]
+struct Time<'a>(&'a World);
+
+impl Clock for Time<'_> {
+    fn now_ms(&self) -> u64 {
+        self.0.now_ms.get()
+    }
+}
+
+impl embedded_hal_async::delay::DelayNs for Time<'_> {
+    async fn delay_ns(&mut self, ns: u32) {
+        let samples = ns / 1_000_000 / SAMPLE_MS;
+        for _ in 0..samples {
+            let (control, heaters) = &mut *self.0.heat.borrow_mut();
+            heaters.advance(SAMPLE_MS as f32 * 1e-3);
+            if control.update(heaters).is_err() {
+                self.0.signals.halt();
+            }
+        }
+        self.0.now_ms.set(self.0.now_ms.get() + u64::from(samples * SAMPLE_MS));
+        let mut has_waited = false;
+        core::future::poll_fn(
+            |_| if core::mem::replace(&mut has_waited, true) { Poll::Ready(()) } else { Poll::Pending },
+        )
+        .await;
+    }
+}
+
+impl Replies for World {
+    fn send(&self, reply: Reply<'_>) {
+        self.texts.borrow_mut().extend(reply.to_string().lines().map(ToOwned::to_owned));
+    }
+}
+
+/// Executes a line of a host; `act` is called with the seconds so far while it waits.
+fn execute(world: &World, printer: &mut TestPrinter<'_>, line: &str, act: impl Fn(u64)) -> bool {
+    let begun_ms = world.now_ms.get();
+    let mut execution = pin!(printer.execute_for_host(1, line, false));
+    loop {
+        match execution.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(outcome) => return outcome.is_ok(),
+            Poll::Pending => act((world.now_ms.get() - begun_ms) / 1000),
+        }
+        assert!(world.now_ms.get() - begun_ms < 3_600_000, "{line} does not end");
+    }
+}
+
+fn say(world: &World, line: &str) -> Vec<String> {
+    let mut printer = world.printer();
+    execute(world, &mut printer, line, |_| {});
+    world.said()
+}
+
+#[test]
+fn gains_are_set_in_marlins_units_and_reported() {
+    let world = World::new();
+    assert_eq!(say(&world, "M301"), ["echo:M301 P25.5 I0 D0 F0", "ok"]);
+    assert_eq!(say(&world, "M301 P22.2 I1.08 D114 F0.1"), ["ok"]);
+    assert_eq!(say(&world, "M301"), ["echo:M301 P22.2 I1.08 D114 F0.1", "ok"]);
+    assert_eq!(say(&world, "M301 D0"), ["ok"]);
+    assert_eq!(say(&world, "M301"), ["echo:M301 P22.2 I1.08 D0 F0.1", "ok"]);
+    assert_eq!(say(&world, "M304 P120 I1.5 D600"), ["ok"]);
+    assert_eq!(say(&world, "M304"), ["echo:M304 P120 I1.5 D600", "ok"]);
+    let gains = world.heat.borrow().0.gains(Heater::Nozzle);
+    assert!((gains.proportional - 22.2 / 255.0).abs() < 1e-6);
+}
+
+#[test]
+fn absurd_gains_are_refused_by_name_and_nothing_changes() {
+    let world = World::new();
+    let before = say(&world, "M301");
+    for (line, why) in [
+        ("M301 P0", "P: 0 is out of range, expected 0.0255 to 2550"),
+        ("M301 I5 P-3", "P: -3 is out of range, expected 0.0255 to 2550"),
+        ("M301 P20 I1 D99999", "D: 99999 is out of range, expected 0 to 25500"),
+        ("M301 P20 I-0.1", "I: -0.1 is out of range, expected 0 to 2550"),
+        ("M301 P20 F9", "F: 9 is out of range, expected 0 to 2.55"),
+        ("M301 Pnan", "P: \"nan\" is not a number"),
+    ] {
+        let said = say(&world, line);
+        assert!(said[0].contains(why), "{line}: {said:?}");
+        assert_eq!(say(&world, "M301"), before, "{line}");
+    }
+}
+
+#[test]
+fn an_autotune_reports_its_cycles_and_the_gains_and_sets_them_only_with_u() {
+    for (line, uses) in [("M303 E0 S200 C3", false), ("M303 E0 S200 C3 U", true)] {
+        let world = World::new();
+        let before = world.heat.borrow().0.gains(Heater::Nozzle);
+        let said = say(&world, line);
+        assert_eq!(said[0], "PID Autotune start");
+        let cycles = said.iter().filter(|text| text.starts_with(" cycle: ")).count();
+        assert_eq!(cycles, 7, "{said:?}");
+        // The swing of the cycle that has ended, not of the one that has begun.
+        for text in said.iter().filter(|text| text.starts_with(" cycle: ")).skip(1) {
+            let figures: Vec<f32> = text.split(' ').filter_map(|word| word.parse().ok()).collect();
+            let [lowest, highest] = figures[..] else { panic!("{text}") };
+            assert!(lowest < 199.0 && highest > 201.0, "{text}");
+        }
+        assert!(said.iter().any(|text| text == "echo:busy: processing"), "{said:?}");
+        assert_eq!(said.iter().filter(|text| text.starts_with("ok")).count(), 1);
+        let at = said.iter().position(|text| text == "PID Autotune finished!").unwrap();
+        let [p, i, d, m301, keys, fan, ok] = &said[at + 1..] else { panic!("{said:?}") };
+        let number = |text: &str| text.rsplit(' ').next().unwrap().parse::<f32>().unwrap();
+        assert_eq!(
+            *m301,
+            format!("echo:M301 P{} I{} D{} F{}", number(p), number(i), number(d), m301.rsplit('F').next().unwrap())
+        );
+        assert!(p.starts_with("#define DEFAULT_Kp ") && d.starts_with("#define DEFAULT_Kd "));
+        assert!(keys.starts_with("echo:nozzle: proportional = 0."), "{keys}");
+        assert!(fan.starts_with("echo:nozzle: fan_gain = 0.0"), "{fan}");
+        assert_eq!(ok, "ok");
+        let after = world.heat.borrow().0.gains(Heater::Nozzle);
+        assert_eq!(after != before, uses);
+        assert!(!uses || (after.proportional * 255.0 - number(p)).abs() < 1e-3);
+        assert_eq!((world.target(Heater::Nozzle), world.target(Heater::Bed)), (0.0, 0.0), "the heater is off");
+        // The line that it has said sets the same.
+        let line = m301.strip_prefix("echo:").unwrap();
+        assert_eq!(say(&world, line), ["ok"]);
+        assert_eq!(say(&world, "M301"), vec![m301.clone(), "ok".to_owned()]);
+    }
+}
+
+#[test]
+fn the_bed_is_tuned_without_a_fan() {
+    let world = World::new();
+    world.heat.borrow_mut().0.set_part_fan_power(10);
+    let said = say(&world, "M303 E-1 S60 C3");
+    assert!(said.iter().any(|text| text.starts_with("#define DEFAULT_bedKp ")), "{said:?}");
+    assert!(said.iter().any(|text| text.starts_with("echo:M304 P")), "{said:?}");
+    assert!(!said.iter().any(|text| text.contains("fan_gain")), "{said:?}");
+    assert_eq!(said.iter().filter(|text| text.starts_with(" cycle: ")).count(), 3);
+}
+
+#[test]
+fn m108_a_stop_a_halt_and_a_timeout_end_it_and_the_gains_stay() {
+    type Act = fn(&World);
+    let ends: [(&str, Act, &str); 4] = [
+        ("M108", |world| world.signals.end_wait(), "PID Autotune ended by M108, the gains stay"),
+        ("M410", |world| world.rig.stop_from_outside(), "motion was stopped"),
+        (
+            "M112",
+            |world| {
+                world.heat.borrow_mut().0.all_off();
+                world.signals.halt();
+            },
+            "the printer is halted",
+        ),
+        ("M86", |world| world.heat.borrow_mut().0.all_off(), "the heaters were switched off during the wait"),
+    ];
+    for (name, end, said_so) in ends {
+        for at_s in [5, 90] {
+            let world = World::new();
+            let before = world.heat.borrow().0.gains(Heater::Nozzle);
+            let mut printer = world.printer();
+            let has_ended = Cell::new(false);
+            execute(&world, &mut printer, "M303 S200 U", |second| {
+                if second >= at_s && !has_ended.replace(true) {
+                    assert_eq!(world.target(Heater::Nozzle), 200.0);
+                    end(&world);
+                }
+            });
+            let said = world.said();
+            assert!(said.iter().any(|text| text.contains(said_so)), "{name}: {said:?}");
+            assert_eq!(world.target(Heater::Nozzle), 0.0, "{name}");
+            assert_eq!(world.heat.borrow().0.relay(Heater::Nozzle), None, "{name}");
+            assert_eq!(world.heat.borrow().0.gains(Heater::Nozzle), before, "{name}");
+            assert!(world.now_ms.get() < (at_s + 2) * 1000, "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_fault_ends_it() {
+    let world = World::new();
+    let mut printer = world.printer();
+    let is_ok = execute(&world, &mut printer, "M303 S200", |second| {
+        if second >= 90 {
+            world.heat.borrow_mut().1.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
+        }
+    });
+    assert!(!is_ok && world.signals.is_halted());
+    assert_eq!(world.heat.borrow().0.fault().map(|fault| fault.heater), Some(Heater::Nozzle));
+}
+
+#[test]
+fn a_target_out_of_range_and_a_print_refuse_it() {
+    for (before, line, why) in [
+        ("M105", "M303 S270", "S: 270 is out of range, expected 40 to 260"),
+        ("M105", "M303 S20", "S: 20 is out of range, expected 40 to 260"),
+        ("M105", "M303 E-1 S270", "S: 270 is out of range, expected 40 to 265"),
+        ("M104 S100", "M303 S200", "M303 is for an idle printer"),
+        ("M104 S100", "M303 E-1 S60", "M303 is for an idle printer"),
+    ] {
+        let world = World::new();
+        say(&world, before);
+        let target = world.target(Heater::Nozzle);
+        let said = say(&world, line);
+        assert!(said[0].contains(why), "{line}: {said:?}");
+        assert_eq!(world.target(Heater::Nozzle), target, "{line}");
+        assert_eq!(world.heat.borrow().0.relay(Heater::Nozzle), None);
+    }
+    let world = World::new();
+    let mut printer = world.printer();
+    printer.source = Source::Card;
+    let paused = {
+        let mut pausing = pin!(printer.pause(crate::paused::PauseReason::Pause));
+        loop {
+            if let Poll::Ready(outcome) = pausing.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
+                break outcome;
+            }
+        }
+    };
+    paused.unwrap();
+    world.said();
+    execute(&world, &mut printer, "M303 S200", |_| {});
+    let said = world.said();
+    assert!(said[0].contains("M303 is for an idle printer"), "{said:?}");
+}

@@ -1,0 +1,13 @@
+//! Settings that survive the power.
+//!
+//! A [`Record`] holds values by the names of their settings; a [`Store`] keeps the newest record in sectors of a NOR flash. A power cut at
+//! any word leaves the record before it or the new one.
+#![cfg_attr(not(test), no_std)]
+
+mod memory_flash;
+mod record;
+mod store;
+
+pub use memory_flash::{Cut, MemoryFlash, PowerIsOff};
+pub use record::{Entry, MAX_BYTES, MAX_VALUES, Record, RecordError, RecordWriter, id_of};
+pub use store::{SLOT_BYTES, Slot, Store, StoreError};
