@@ -14,6 +14,7 @@ use ferrostep_hal_shim::Clock;
 use super::*;
 use crate::heat::{HeatFault, HeaterStatus};
 use crate::homing::tests::rig::{Rig, RigMotion};
+use crate::machine::tests::wait_once;
 use crate::printer::Source;
 
 const SENSOR: FilamentSensor = FilamentSensor { missing_is_low: true, debounce_ms: 500 };
@@ -51,11 +52,7 @@ impl Clock for Waits {
 
 impl embedded_hal_async::delay::DelayNs for Waits {
     async fn delay_ns(&mut self, _: u32) {
-        let mut has_waited = false;
-        core::future::poll_fn(
-            |_| if core::mem::replace(&mut has_waited, true) { Poll::Ready(()) } else { Poll::Pending },
-        )
-        .await;
+        wait_once().await;
     }
 }
 

@@ -16,6 +16,7 @@ use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
 use crate::heat::{HeatControl, HeatFault, HeaterStatus, PidGains, RelayProgress, SAMPLE_MS};
 use crate::homing::tests::rig::{Rig, RigMotion};
+use crate::machine::tests::wait_once;
 use crate::ports::{Heating, Replies};
 use crate::printer::{Printer, Source};
 use crate::signals::Signals;
@@ -106,11 +107,7 @@ impl embedded_hal_async::delay::DelayNs for Time<'_> {
             }
         }
         self.0.now_ms.set(self.0.now_ms.get() + u64::from(samples * SAMPLE_MS));
-        let mut has_waited = false;
-        core::future::poll_fn(
-            |_| if core::mem::replace(&mut has_waited, true) { Poll::Ready(()) } else { Poll::Pending },
-        )
-        .await;
+        wait_once().await;
     }
 }
 
