@@ -151,11 +151,12 @@ impl<'a, P: Ports> Printer<'a, P> {
             shapers,
             advance: advance_numbers(&pressure_advance),
             drivers,
+            gains: self.equipment.heaters.then(|| Heater::ALL.map(|heater| self.heating.gains(heater))),
         }
     }
 
     fn profile_values(&self) -> Values {
-        Values::of_profile(self.profile, &self.live_values().drivers)
+        Values::of_profile(self.profile, &self.live_values().drivers, self.equipment.heaters)
     }
 
     /// M503.
@@ -330,6 +331,9 @@ impl<'a, P: Ports> Printer<'a, P> {
     #[inline(always)]
     fn put_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
         self.put_drivers_in_force(values);
+        for (heater, gains) in Heater::ALL.into_iter().zip(values.gains.into_iter().flatten()) {
+            self.heating.set_gains(heater, gains);
+        }
         self.put_motion_in_force(values)
     }
 

@@ -10,7 +10,7 @@ use crate::printer::Printer;
 use crate::settings::in_range;
 
 /// Marlin's full power, in whose units G-code has the gains.
-const FULL_POWER: f64 = 255.0;
+pub(crate) const FULL_POWER: f64 = 255.0;
 
 /// Targets and cycles where M303 has none: Marlin's.
 const NOZZLE_CELSIUS: f64 = 150.0;

@@ -103,7 +103,7 @@ mod tests {
         #[test]
         fn any_bytes_give_settings_that_commands_can_set(
             name in prop::sample::select(vec!["cartesian", "corexy", "prusa-mini"]),
-            values in prop::collection::vec((0..30_u8, 0..5_u8, value()), 0..40),
+            values in prop::collection::vec((0..35_u8, 0..5_u8, value()), 0..40),
             bytes in prop::collection::vec(any::<u8>(), 0..200),
             is_record: bool,
         ) {

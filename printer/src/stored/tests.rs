@@ -121,7 +121,7 @@ fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
 }
 
 /// Commands that change every setting to a value that the profile does not have.
-const CHANGES: [&str; 15] = [
+const CHANGES: [&str; 17] = [
     "M203 X111 Y112.5 Z13.25 E14.123456",
     "M201 X1111 Y1112 Z113 E1114",
     "M204 P1234 R2345 T3456",
@@ -137,6 +137,8 @@ const CHANGES: [&str; 15] = [
     "M569 S0 X Z",
     "M569 S1 Y",
     "M569 S0 E",
+    "M301 P30.5 I1.25 D76.543 F0.375",
+    "M304 P51 I2.5 D255",
 ];
 
 fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values {
@@ -188,6 +190,8 @@ fn reported_lines_work_when_sent_back() {
             "M569 Y S1",
             "M569 Z S0",
             "M569 E S0",
+            "M301 P30.50 I1.25 D76.543 F0.375",
+            "M304 P51.00 I2.50 D255.00",
         ]
     );
     execute(&mut printer, "M502").unwrap();
@@ -209,7 +213,7 @@ fn a_machine_without_probe_and_drivers_reports_what_it_has() {
     let mut printer = rig.printer();
     let lines = says(&rig, &mut printer, "M503 S0");
     let codes: Vec<&str> = lines.iter().filter_map(|line| line["echo:  ".len()..].split(' ').next()).collect();
-    assert_eq!(codes, ["G21", "M203", "M201", "M204", "M205", "M207", "M208", "M593", "M593", "M572"]);
+    assert_eq!(codes, ["G21", "M203", "M201", "M204", "M205", "M207", "M208", "M593", "M593", "M572", "M301", "M304"]);
     let before = printer.live_values();
     for line in &lines {
         execute(&mut printer, &line["echo:  ".len()..]).unwrap();
@@ -224,15 +228,15 @@ fn settings_survive_the_power() {
     let mut before = printer(&rig_before, &bank, Some(&memory));
     let values = changed(&rig_before, &mut before);
     let said = says(&rig_before, &mut before, "M500");
-    assert_eq!(said, ["echo:Settings Stored (476 bytes: 43 values that differ from the profile's)"]);
+    assert_eq!(said, ["echo:Settings Stored (553 bytes: 50 values that differ from the profile's)"]);
     // Switched off and on.
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
     assert_eq!(after.live_values(), after.profile_values());
     after.restore_settings();
-    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (43 values, 0 faults)"]);
+    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (50 values, 0 faults)"]);
     assert_eq!(after.live_values(), values);
-    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 43 values, 0 faults"]);
+    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 50 values, 0 faults"]);
     // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
@@ -285,6 +289,8 @@ fn a_value_out_of_range_costs_itself_alone() {
         ("drivers.*.current_ma", 1, 500.5),
         ("drivers.*.current_ma", 2, 500.0),
         ("drivers.*.stealth_chop", 3, 2.0),
+        ("nozzle.proportional", 0, f64::NAN),
+        ("bed.integral", 0, 0.5),
     ];
     let (rig, bank) = rig();
     let memory = Memory::with(rig.profile.name, &stored);
@@ -300,7 +306,7 @@ fn a_value_out_of_range_costs_itself_alone() {
         "echo:settings: input_shaper.x as stored is not possible: the profile's is used",
         "echo:settings: homing.probe_offset_mm.x as stored is not possible: the profile's is used",
         "echo:settings: drivers.x as stored is not possible: the profile's is used",
-        "echo:stored settings retrieved (15 values, 9 faults, 2 that this version does not know)",
+        "echo:stored settings retrieved (17 values, 10 faults, 2 that this version does not know)",
     ] {
         assert!(said.iter().any(|said| said == line), "{line}: {said:#?}");
     }
@@ -310,15 +316,17 @@ fn a_value_out_of_range_costs_itself_alone() {
         "input_shaper.y.kind",
         "drivers.y.current_ma",
         "drivers.e.stealth_chop",
+        "nozzle.proportional is stored as NaN",
     ] {
         assert!(said.iter().any(|said| said.contains(named)), "{named}: {said:#?}");
     }
-    assert_eq!(said.len(), 10, "{said:#?}");
+    assert_eq!(said.len(), 11, "{said:#?}");
     let mut expected = profile;
     expected.limits.max_feed_mm_per_s[1] = 99.0;
     expected.advance[0] = Some(0.04);
     expected.probe_offset_10nm = Some([-29 * MM, -3 * MM, -150_000]);
     expected.drivers[2] = Some(DriverSettings { current_ma: 500, ..DRIVER });
+    expected.gains.as_mut().unwrap()[1].integral = 0.5;
     assert_eq!(printer.live_values(), expected);
 }
 
@@ -376,6 +384,9 @@ fn names_are_distinct_and_stay() {
         "acceleration_mm_per_s2.print",
         "acceleration_mm_per_s2.retract",
         "acceleration_mm_per_s2.travel",
+        "bed.derivative",
+        "bed.integral",
+        "bed.proportional",
         "drivers.*.current_ma",
         "drivers.*.stall_threshold",
         "drivers.*.stealth_chop",
@@ -393,6 +404,10 @@ fn names_are_distinct_and_stay() {
         "junction_deviation_mm",
         "max_acceleration_mm_per_s2.*",
         "max_feed_mm_per_s.*",
+        "nozzle.derivative",
+        "nozzle.fan_gain",
+        "nozzle.integral",
+        "nozzle.proportional",
         "pressure_advance.above.filament_mm_per_s",
         "pressure_advance.above.seconds",
         "pressure_advance.seconds",

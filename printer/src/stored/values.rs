@@ -3,11 +3,14 @@
 use core::fmt::{self, Display, Formatter, Write};
 
 use ferrostep_gcode::Real;
+use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, EvenSpacing, Limits, PressureAdvance, SecondSlope, ShaperKind};
 use ferrostep_tmc2209::DriverSettings;
 
+use crate::heat::PidGains;
 use crate::profile::{FirmwareRetraction, HomeSensor, Profile, SafeHoming};
 use crate::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
+use crate::tuning::FULL_POWER;
 
 /// Units of 10 nm in a millimetre.
 const MM: f64 = 100_000.0;
@@ -24,11 +27,13 @@ pub(crate) struct Values {
     pub advance: [Option<f64>; 4],
     /// Of those that can be set.
     pub drivers: [Option<DriverSettings>; 4],
+    /// Of the nozzle's and the bed's heater, where the machine has heaters.
+    pub gains: Option<[PidGains; 2]>,
 }
 
 impl Values {
-    /// Those of a profile, for a machine on which these drivers can be set.
-    pub fn of_profile(profile: &Profile, drivers: &[Option<DriverSettings>; 4]) -> Self {
+    /// Those of a profile, for a machine on which these drivers can be set, and which may have heaters.
+    pub fn of_profile(profile: &Profile, drivers: &[Option<DriverSettings>; 4], has_heaters: bool) -> Self {
         let mut of_profile = profile.drivers;
         for (driver, live) in of_profile.iter_mut().zip(drivers) {
             *driver = (*driver).and(*live).and(*driver);
@@ -41,7 +46,12 @@ impl Values {
             shapers: profile.motion.shapers,
             advance: advance_numbers(&profile.motion.pressure_advance),
             drivers: of_profile,
+            gains: has_heaters.then_some([profile.nozzle.gains, profile.bed.gains]),
         }
+    }
+
+    fn gains_of(&mut self, heater: Heater) -> Option<&mut PidGains> {
+        self.gains.as_mut()?.get_mut(heater.index())
     }
 
     /// The advance that the four numbers mean.
@@ -62,6 +72,7 @@ pub(crate) fn advance_numbers(advance: &PressureAdvance) -> [Option<f64>; 4] {
 /// Where a value lives.
 pub(crate) enum Place<'a> {
     Number(&'a mut f64),
+    Single(&'a mut f32),
     /// NaN stands for `None`.
     Optional(&'a mut Option<f64>),
     /// Units of 10 nm, or 10 nm a second; the value is mm.
@@ -109,6 +120,7 @@ impl Place<'_> {
     pub fn get(&self) -> f64 {
         match self {
             Self::Number(value) => **value,
+            Self::Single(value) => f64::from(**value),
             Self::Optional(value) => value.unwrap_or(f64::NAN),
             Self::Length(length) => **length as f64 / MM,
             Self::Whole(whole) => f64::from(**whole),
@@ -132,6 +144,7 @@ impl Place<'_> {
         let is_whole = f64::from(whole) == value;
         match self {
             Self::Number(place) => **place = value,
+            Self::Single(place) => **place = value as f32,
             Self::Optional(place) => **place = Some(value),
             Self::Length(place) => **place = libm::round(value * MM) as i64,
             Self::Whole(place) if is_whole => **place = whole as u16,
@@ -190,7 +203,7 @@ const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::
 
 /// Every setting that M500 stores. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
 /// of machines contain them.
-pub(crate) static GROUPS: [Group; 12] = [
+pub(crate) static GROUPS: [Group; 14] = [
     Group {
         code: "M203",
         heading: "echo:; Max feedrates (units/s):",
@@ -348,7 +361,52 @@ pub(crate) static GROUPS: [Group; 12] = [
             values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Switch(&mut driver.stealth_chop))
         })],
     },
+    Group {
+        code: "M301",
+        heading: "echo:; Hotend PID:",
+        axes: None,
+        settings: &[
+            gain("nozzle.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
+                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.proportional))
+            }),
+            gain("nozzle.integral", "I", PidGains::INTEGRAL, |values, _| {
+                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.integral))
+            }),
+            gain("nozzle.derivative", "D", PidGains::DERIVATIVE, |values, _| {
+                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.derivative))
+            }),
+            gain("nozzle.fan_gain", "F", PidGains::FAN, |values, _| {
+                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.fan))
+            }),
+        ],
+    },
+    Group {
+        code: "M304",
+        heading: "echo:; Bed PID:",
+        axes: None,
+        settings: &[
+            gain("bed.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
+                values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.proportional))
+            }),
+            gain("bed.integral", "I", PidGains::INTEGRAL, |values, _| {
+                values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.integral))
+            }),
+            gain("bed.derivative", "D", PidGains::DERIVATIVE, |values, _| {
+                values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.derivative))
+            }),
+        ],
+    },
 ];
+
+/// A gain of a heater: the profile's powers are 0 to 1.
+const fn gain(
+    name: &'static str,
+    letter: &'static str,
+    range: [f64; 2],
+    place: fn(&mut Values, usize) -> Option<Place<'_>>,
+) -> Setting {
+    Setting { scale: FULL_POWER, ..setting(name, letter, range, place) }
+}
 
 impl Group {
     /// How many values each of its settings has at most.
@@ -422,8 +480,16 @@ fn write_word(out: &mut impl Write, letter: char, place: &Place<'_>, scale: f64)
         Place::Kind(kind) => write!(out, " {letter}\"{kind}\""),
         Place::Whole(_) | Place::Byte(_) | Place::Switch(_) => write!(out, " {letter}{}", place.get() as u32),
         Place::Optional(None) => Ok(()),
+        Place::Single(value) => write!(out, " {letter}{}", Shown(shortest(**value, scale))),
         Place::Number(_) | Place::Optional(_) | Place::Length(_) => {
             write!(out, " {letter}{}", Shown(place.get() * scale))
         }
     }
+}
+
+/// The value in a command's unit, with no more of at most six decimals than are read back as this value: 51, not 51.000001.
+fn shortest(value: f32, scale: f64) -> f64 {
+    let exact = f64::from(value) * scale;
+    let rounded = [100.0, 1e3, 1e4, 1e5].map(|decimals| libm::round(exact * decimals) / decimals);
+    rounded.into_iter().find(|rounded| (rounded / scale) as f32 == value).unwrap_or(exact)
 }

@@ -9,8 +9,7 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
-use crate::heat::HeatFault;
-use crate::heat::HeaterStatus;
+use crate::heat::{HeatFault, HeaterStatus, PidGains};
 use crate::machine::tests::profile;
 use crate::motion_fault::{HomingOutcome, MotionError};
 use crate::ports::{Heating, Motion, MotorDrivers, Replies};
@@ -102,7 +101,7 @@ impl Rig {
     }
 
     pub fn printer(&self) -> RigPrinter<'_> {
-        Printer::new(&self.profile, RigMotion(self), Cold, NoTime, self, &self.signals)
+        Printer::new(&self.profile, RigMotion(self), Cold::of(&self.profile), NoTime, self, &self.signals)
     }
 
     /// What has been asked of the motors since the last call.
@@ -317,9 +316,23 @@ impl Replies for Rig {
 
 /// Heaters at room temperature.
 #[derive(Debug)]
-pub struct Cold;
+pub struct Cold {
+    gains: [PidGains; 2],
+}
+
+impl Cold {
+    fn of(profile: &Profile) -> Self {
+        Self { gains: [profile.nozzle.gains, profile.bed.gains] }
+    }
+}
 
 impl Heating for Cold {
+    fn gains(&self, heater: Heater) -> PidGains {
+        self.gains[heater.index()]
+    }
+    fn set_gains(&mut self, heater: Heater, gains: PidGains) {
+        self.gains[heater.index()] = gains;
+    }
     fn set_target(&mut self, _: Heater, _: f32) {}
     fn status(&self, _: Heater) -> HeaterStatus {
         HeaterStatus { celsius: 22.0, ..HeaterStatus::default() }
