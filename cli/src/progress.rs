@@ -74,7 +74,7 @@ impl Progress {
         }
     }
 
-    /// Estimates the time of a file's print meanwhile: only from that is it known what is left. Without a terminal nobody would see it.
+    /// Estimates the time of a file's print meanwhile: only from that is it known what is left. Without a terminal it would not be seen.
     pub fn estimate(&self, file: &Path, profile: Profile, look_ahead: usize) {
         if !self.bar.is_hidden() {
             self.schedule.begin(file, profile, look_ahead);

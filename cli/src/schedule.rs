@@ -27,7 +27,7 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// Estimates a file for a machine that sees so many blocks ahead, unless it is `unwanted` before that.
+    /// Estimates a file for a machine with this look-ahead in blocks; stops when it becomes `unwanted`.
     ///
     /// # Errors
     /// The printer would stop in it; where and why.

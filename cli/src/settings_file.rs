@@ -21,7 +21,7 @@ pub struct SettingsFile {
 }
 
 impl SettingsFile {
-    /// Reads the file, or begins an empty memory where there is none yet.
+    /// Reads the file; begins an empty memory if it does not exist yet.
     ///
     /// # Errors
     /// The file cannot be read, is something else, or could not be written later.

@@ -32,7 +32,7 @@ const CRUISE_FACTOR: f32 = 1.25;
 /// The most stages of the ramp down.
 const MOST_FALL_STAGES: u32 = 6;
 
-/// No stage of a cruise or of a ramp down is shorter, s: the parts of a travel are pieces of the plan, of which filters see only so many.
+/// No stage of a cruise or of a ramp down is shorter, s: the parts of a travel are pieces of the plan, and filters see a limited number of them.
 const LEAST_STAGE_S: f32 = 0.003;
 
 /// A filament move by itself: from rest to rest.

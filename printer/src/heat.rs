@@ -229,7 +229,7 @@ impl HeatControl {
         self.channels[heater.index()].settings.gains = gains;
     }
 
-    /// Tunes a heater at a target by a relay that counts so many cycles, and as many with the part-cooling fan at full power if
+    /// Tunes a heater at a target by a relay that counts `cycles`, and as many again with the part-cooling fan at full power if
     /// `has_fan`. All checks go on; after its last cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         self.set_target(heater, celsius);

@@ -191,7 +191,7 @@ pub trait MotorDrivers: core::fmt::Debug {
 
 /// A memory that keeps settings without power ([`ferrostep_settings::Store`]). Machines may do without.
 pub trait SettingsMemory: core::fmt::Debug {
-    /// The newest record; `None` where there is none.
+    /// The newest record; `None` if the memory is empty.
     ///
     /// # Errors
     /// The memory does not work.

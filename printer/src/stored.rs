@@ -1,7 +1,7 @@
 //! M500 to M504: settings that survive the power.
 //!
 //! A memory keeps the values that differ from the profile's ([`values::GROUPS`]): where a new image brings a better profile, that one's
-//! values come into force wherever nobody has set others.
+//! values come into force wherever no others were set.
 
 mod values;
 
@@ -131,7 +131,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         refused
     }
 
-    /// Puts the stored settings in force, as the machine is switched on; says nothing where there are none.
+    /// Puts the stored settings in force, as the machine is switched on; says nothing if none are stored.
     pub fn restore_settings(&mut self) {
         if let Some(memory) = self.settings_memory {
             let choice = memory.keep(self, None);

@@ -2,7 +2,7 @@
 //!
 //! A sector is divided into slots, each for one record with a number and a checksum. The newest record is the one with the largest
 //! number among those whose checksum is right, whatever the other bytes are. A new record goes into the next empty slot of the newest
-//! one's sector; where there is none, the next sector is erased for it, which never holds the newest record. So a power cut at any word,
+//! one's sector; if it has no room, the next sector is erased for it, which never holds the newest record. So a power cut at any word,
 //! or during an erasure, whatever it leaves, takes nothing away; and all sectors wear alike.
 //!
 //! | bytes | content of a slot |
@@ -85,7 +85,7 @@ impl<F: NorFlash> Store<F> {
         if has_sectors && fits { Ok(Self { flash }) } else { Err(StoreError::Sectors) }
     }
 
-    /// The newest record; `None` if there is none. Writes nothing.
+    /// The newest record; `None` if the memory is empty. Writes nothing.
     ///
     /// # Errors
     /// The flash does not work.

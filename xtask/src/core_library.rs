@@ -83,9 +83,9 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
         folders.push((home.join("registry/src"), "/registry".to_owned()));
     }
     folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust"), format!("/rustc/{commit}")));
-    // Last, for the last that fits counts, and this one lies within the root unless it is told otherwise.
+    // Last, for the last that fits counts, and this one lies within the root unless cargo has another setting.
     folders.push((system::target_directory(), "/target".to_owned()));
-    // The compiler is told paths as they are written, and asks the system for the folder that it runs in.
+    // The compiler gets paths as they are written, and asks the system for the folder that it runs in.
     let resolved = folders.iter().filter_map(|(folder, name)| {
         let resolved = folder.canonicalize().ok().filter(|resolved| resolved != folder)?;
         Some((resolved, name.clone()))

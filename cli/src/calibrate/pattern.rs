@@ -98,7 +98,7 @@ pub struct Bead {
 }
 
 impl Bead {
-    /// A bead of so many nozzle diameters.
+    /// A bead whose height and width are given in nozzle diameters.
     pub fn of_nozzle(nozzle_mm: f64, height: f64, width: f64) -> Self {
         Self { height_mm: height * nozzle_mm, width_mm: width * nozzle_mm }
     }

@@ -26,7 +26,7 @@ impl Window {
     /// All of the motion.
     pub const ALL: Self = Self { from: Bound::Seconds(0.0), to: None };
 
-    /// Whether it ends before it begins, as far as both are told in the same way.
+    /// Whether it ends before it begins, as far as both are given in the same way.
     pub fn is_reversed(&self) -> bool {
         match (self.from, self.to) {
             (Bound::Seconds(from_s), Some(Bound::Seconds(to_s))) => to_s <= from_s,

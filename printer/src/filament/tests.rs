@@ -13,8 +13,7 @@ use ferrostep_hal_shim::Clock;
 
 use super::*;
 use crate::heat::{HeatFault, HeaterStatus};
-use crate::homing::tests::rig::{Rig, RigMotion};
-use crate::machine::tests::wait_once;
+use crate::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::printer::Source;
 
 const SENSOR: FilamentSensor = FilamentSensor { missing_is_low: true, debounce_ms: 500 };
@@ -40,7 +39,7 @@ impl Heating for Hot {
     }
 }
 
-/// Whoever waits, waits for a person.
+/// All waits are for a person.
 #[derive(Clone)]
 struct Waits;
 

@@ -54,7 +54,7 @@ pub struct RelayFindings {
 /// How far a relay has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RelayProgress {
-    /// It goes on; so many cycles have ended, and the lowest and highest temperature of the last one.
+    /// It goes on: how many cycles have ended, and the lowest and highest temperature of the last one.
     Cycles {
         /// Cycles that have ended.
         ended: u8,
@@ -95,7 +95,7 @@ pub struct Relay {
 }
 
 impl Relay {
-    /// A relay that counts so many cycles, and as many with the part-cooling fan if the heater has one.
+    /// A relay that counts this number of cycles, and as many again with the part-cooling fan if the heater has one.
     pub const fn new(counted: u8, has_fan: bool) -> Self {
         Self {
             still: Cycles { on: 0, all: 0 },

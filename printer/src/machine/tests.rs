@@ -492,12 +492,3 @@ fn motors_that_rest_are_switched_off() {
         assert_eq!(machine.feeder.queue.enabled, ALL_MOTORS);
     });
 }
-
-/// Lets whatever else waits go on, once.
-pub(crate) async fn wait_once() {
-    let mut has_waited = false;
-    core::future::poll_fn(|_| {
-        if core::mem::replace(&mut has_waited, true) { core::task::Poll::Ready(()) } else { core::task::Poll::Pending }
-    })
-    .await;
-}

@@ -249,7 +249,7 @@ fn settings_survive_the_power() {
     assert_eq!(after.live_values(), after.profile_values());
 }
 
-/// A better profile's values come into force where nobody has set others.
+/// A better profile's values come into force where no others were set.
 #[test]
 fn an_update_brings_its_profile_and_keeps_what_was_set() {
     let (rig_before, bank) = rig();

@@ -15,8 +15,7 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
 use crate::heat::{HeatControl, HeatFault, HeaterStatus, PidGains, RelayProgress, SAMPLE_MS};
-use crate::homing::tests::rig::{Rig, RigMotion};
-use crate::machine::tests::wait_once;
+use crate::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::ports::{Heating, Replies};
 use crate::printer::{Printer, Source};
 use crate::signals::Signals;
@@ -86,7 +85,7 @@ impl Heating for Warm<'_> {
     }
 }
 
-/// Time passes when somebody waits: once for each call, so that a test can act in between.
+/// Time passes while a command waits: once for each call, so that a test can act in between.
 #[derive(Clone)]
 struct Time<'a>(&'a World);
 

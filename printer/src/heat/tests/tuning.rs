@@ -111,7 +111,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The distance from the target at each sample of so many seconds.
+    /// The distance from the target at each sample; samples are this many seconds apart.
     fn follow(&mut self, target: f32, seconds: u32) -> Vec<f32> {
         (0..seconds * SAMPLES_A_S)
             .map(|_| {

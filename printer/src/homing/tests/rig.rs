@@ -388,3 +388,10 @@ impl MotorDrivers for Drivers {
         0
     }
 }
+
+/// Lets whatever else waits go on, once.
+pub async fn wait_once() {
+    let mut has_waited = false;
+    core::future::poll_fn(|_| if core::mem::replace(&mut has_waited, true) { Poll::Ready(()) } else { Poll::Pending })
+        .await;
+}
