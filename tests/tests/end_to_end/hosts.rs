@@ -1,6 +1,7 @@
 //! The conversation with a host over a serial line.
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep::record::Observer;
 use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::LineReader;
 use ferrostep_printer::{Host, Profile};
@@ -20,16 +21,16 @@ pub fn machine(profile: &Profile) -> Machine {
 }
 
 /// The host's end of the line, and the printer at the other end.
-pub struct Conversation<'a> {
-    machine: &'a Machine,
-    printer: DeskPrinter<'a, (), Collector>,
+pub struct Conversation<'a, O: Observer = ()> {
+    machine: &'a PrintSession<O, Collector>,
+    printer: DeskPrinter<'a, O, Collector>,
     host: Host,
     reader: LineReader,
 }
 
-impl<'a> Conversation<'a> {
+impl<'a, O: Observer> Conversation<'a, O> {
     /// No line has been sent.
-    pub fn new(machine: &'a Machine) -> Self {
+    pub fn new(machine: &'a PrintSession<O, Collector>) -> Self {
         Self { machine, printer: machine.printer(), host: Host::new(), reader: LineReader::new() }
     }
 
@@ -44,7 +45,7 @@ impl<'a> Conversation<'a> {
     }
 
     /// The same; `between` is called whenever time has passed.
-    pub fn say_while(&mut self, mut bytes: &[u8], mut between: impl FnMut(&Machine)) -> Vec<String> {
+    pub fn say_while(&mut self, mut bytes: &[u8], mut between: impl FnMut(&PrintSession<O, Collector>)) -> Vec<String> {
         while !bytes.is_empty() {
             let (used, line) = self.reader.feed(bytes);
             bytes = &bytes[used..];

@@ -23,6 +23,7 @@ mod hosts;
 mod idle_heaters;
 mod imports;
 mod inputs;
+mod interruptions;
 mod job_remarks;
 mod manual;
 mod methods;
