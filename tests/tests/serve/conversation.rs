@@ -71,8 +71,9 @@ fn the_next_host_finds_the_printer_as_it_was_left() {
         [(Printer::at_tcp(&["--speed", "max"]), false), (Printer::at_pty(&["--speed", "max"]), true)]
     {
         let mut first = printer.connect();
-        // A terminal keeps the lines from before it is opened.
-        assert_eq!(first.say("G28").contains(&"start".to_owned()), is_terminal);
+        // A terminal keeps the lines from before it is opened; over TCP a host hears them that is there in time.
+        let said = first.say("G28");
+        assert!(said.contains(&"start".to_owned()) || !is_terminal, "{said:?}");
         first.say("M140 S60");
         first.say("G1 X55 F6000");
         // Half a line is not the beginning of the next host's. A terminal that is opened again at once cannot know.
