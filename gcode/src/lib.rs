@@ -26,7 +26,7 @@ mod reply_text;
 pub use card_command::CardCommand;
 pub use command::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, GainWords, RetractionWords, SettingsCommand,
-    ShaperWords, Units, WaitTarget,
+    ShaperWords, TowerCourse, TowerWords, Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};

@@ -36,6 +36,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::FilamentSensor(None)
         | Command::SoftLimits(None)
         | Command::FeedPercent(None)
+        | Command::Tower(None)
         | Command::FlowPercent(None)
         | Command::MotionChoice { interpolation: None, acceleration: None }
         | Command::Card(

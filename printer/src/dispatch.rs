@@ -162,6 +162,7 @@ impl<P: Ports> Printer<'_, P> {
             // A host begins a job with it.
             Command::SetLineNumber(Some(_)) => {
                 self.said = Remarks::NONE;
+                self.end_begun_tower();
                 self.forget_rested_heaters();
             }
             Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
@@ -191,6 +192,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::RetractSettings(ref words) => self.set_retraction(words, false)?,
             Command::RecoverSettings(ref words) => self.set_retraction(words, true)?,
             Command::ProbeOffset(ref words) => self.probe_offset(words)?,
+            Command::Tower(ref words) => self.set_tower(words.as_ref())?,
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
             Command::FeedPercent(value) => self.feed_percent(value)?,
             Command::FlowPercent(value) => self.flow_percent(value)?,

@@ -12,6 +12,7 @@ use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
 use crate::shaper_refusal::{self, ShaperRefusal};
+use crate::tower::TowerRefusal;
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
@@ -155,6 +156,8 @@ pub enum CommandError {
     Shaping(ChoiceError),
     /// The advance that was asked for is out of range.
     Advance(AdvanceRefusal),
+    /// There is no such tower (TUNING_TOWER).
+    Tower(TowerRefusal),
     /// The job is for another nozzle (M862.1).
     OtherNozzle {
         /// The job's diameter, mm.
@@ -195,6 +198,11 @@ pub enum CommandError {
 }
 
 impl CommandError {
+    /// Whether it has stopped the machine, not only the line.
+    pub(crate) const fn stops(&self) -> bool {
+        matches!(self, Self::Stopped | Self::Halted | Self::NeedsReset(_) | Self::MotionFault(_))
+    }
+
     /// A prepared job goes on at one position, the machine stands at another; units of 10 nm.
     pub(crate) fn other_place(job_10nm: [i64; 3], machine_10nm: [i64; 3]) -> Self {
         // What a hostile job says may be beyond any range.
@@ -357,6 +365,7 @@ impl fmt::Display for CommandError {
             }
             Self::Shaper(refusal) => write!(out, "{refusal}"),
             Self::Advance(refusal) => write!(out, "{refusal}"),
+            Self::Tower(refusal) => write!(out, "{refusal}"),
             Self::Shaping(error) => out.write_str(shaper_refusal::choice_text(*error)),
             Self::OtherNozzle { job_mm, machine_mm } => {
                 let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));

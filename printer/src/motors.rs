@@ -14,6 +14,9 @@ impl<P: Ports> Printer<'_, P> {
         self.needs(self.equipment.end_stops, "end stops")?;
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
         Homing { motion, interpreter, drivers: self.drivers, line: self.line }.home(axes).await?;
+        if axes.z || !(axes.x || axes.y) {
+            self.end_begun_tower();
+        }
         self.replies.send(Reply::Position(self.position()));
         Ok(())
     }

@@ -7,18 +7,17 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, Remarks, Reply, parse_with_remarks};
 use ferrostep_hal_shim::Clock;
 
-use crate::axis_names::AXIS_NAMES;
 use crate::card::Card;
-use crate::command_kind::{WhileHalted, moves, while_halted};
+use crate::command_kind::{WhileHalted, while_halted};
 use crate::error::{CommandError, Failure};
-use crate::filament::CHANGE_FILAMENT;
 use crate::interpreter::MoveInterpreter;
-use crate::modal::{Modal, Tally};
+use crate::modal::Tally;
 use crate::paused::Paused;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
 use crate::profile::Profile;
 use crate::signals::Signals;
 use crate::stored::KeepsSettings;
+use crate::tower::Tower;
 use crate::waits::Waits;
 
 /// Masks of all motors.
@@ -61,15 +60,6 @@ pub enum Source {
     Card,
 }
 
-/// An axis' name, where it has one.
-struct Letter(Option<char>);
-
-impl core::fmt::Display for Letter {
-    fn fmt(&self, out: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        self.0.map_or(Ok(()), |letter| core::fmt::Write::write_char(out, letter))
-    }
-}
-
 /// Executes commands on the machine's parts, and answers each line.
 ///
 /// The commands are in modules by their subject (`moves`, `temperatures`, `settings`, ...); only `dispatch` knows which command
@@ -109,6 +99,8 @@ pub struct Printer<'a, P: Ports> {
     told_halted: bool,
     /// A print pauses when its filament has run out (M412).
     pub(crate) pauses_at_runout: bool,
+    /// What changes with the height (TUNING_TOWER).
+    pub(crate) tower: Option<Tower>,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -143,6 +135,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             targets_celsius: [0.0; 2],
             told_halted: false,
             pauses_at_runout: profile.filament_sensor.is_some(),
+            tower: None,
         }
     }
 }
@@ -362,51 +355,6 @@ impl<'a, P: Ports> Printer<'a, P> {
         result
     }
 
-    /// If its reader did not wait, the next move of a print resumes it.
-    async fn go_on_and_dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
-        let is_of_print = match self.source {
-            Source::Host { is_numbered } => is_numbered && !self.prints_from_card(),
-            Source::File | Source::Card => true,
-        };
-        if moves(command) {
-            self.tell_lost_home();
-        }
-        if is_of_print && moves(command) {
-            if self.is_paused() {
-                self.resume().await?;
-            }
-            if self.have_heaters_rested() {
-                self.replies
-                    .send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));
-                self.heat_again(self.targets_celsius).await?;
-            }
-        }
-        let mut command = command;
-        loop {
-            let outcome = self.dispatch(command).await;
-            if !is_of_print || outcome.is_err() || !self.has_run_out(command) {
-                return outcome;
-            }
-            command = &CHANGE_FILAMENT;
-        }
-    }
-
-    /// Reports once that the target of a move is uncertain: motors without current may have been turned.
-    fn tell_lost_home(&mut self) {
-        let Modal { homed, lost, .. } = &mut self.interpreter.modal;
-        let untold = [0, 1, 2].map(|axis| core::mem::take(&mut lost[axis]) && !homed[axis]);
-        if untold == [false; 3] {
-            return;
-        }
-        let name = |axis: usize| if untold[axis] { AXIS_NAMES.get(axis).copied() } else { None };
-        let [x, y, z] = [0, 1, 2].map(|axis| Letter(name(axis)));
-        let line = self.line;
-        self.replies.say(format_args!(
-            "echo:line {line}: {x}{y}{z} lost its home when the motors were off: its position is not certain and has no soft \
-             limits, home it (G28)"
-        ));
-    }
-
     /// After a failed command: if motion was stopped, the G-code's position becomes that of the motors. If a motor does not stand
     /// where its block ends, no position is certain.
     pub(crate) fn follow_after(&mut self, error: CommandError) {
@@ -452,6 +400,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             return Ok(());
         }
         self.targets_celsius = [0.0; 2];
+        self.end_tower("the machine was halted");
         self.stop_motion();
         // First the flag, then the heaters: these report a fault in between themselves.
         self.signals.restart();

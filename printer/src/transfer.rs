@@ -385,6 +385,7 @@ impl<P: Ports> Printer<'_, P> {
         if header.encoding != Encoding::Compact {
             return Err(Stop::Read(ReadError { fault: Fault::Wide, offset: 10, frame: None }));
         }
+        self.end_tower("a prepared job has its own values");
         self.take_advance_of_profile().await.map_err(|error| Stop::of(Failure::Command(error), 0, 0, 0))
     }
 

@@ -73,7 +73,7 @@ impl Passed {
                     | Command::FeedPercent(_)
                     | Command::FlowPercent(_),
                 ) => {}
-                // These have no lasting effect: motion, waits, reports, queries, M500 to M502 in a job. M851 matters when Z is homed, as it is not here.
+                // These have no lasting effect: motion, waits, reports, queries, M500 to M502 in a job. No job contains a tower. M851 matters when Z is homed, as it is not here.
                 Ok(
                     Command::Linear { .. }
                     | Command::Arc { .. }
@@ -84,6 +84,7 @@ impl Passed {
                     | Command::ProbeOffset(_)
                     | Command::Settings(_)
                     | Command::ShiftZ { .. }
+                    | Command::Tower(_)
                     | Command::EnableMotors(_)
                     | Command::DisableMotors(_)
                     | Command::Finish

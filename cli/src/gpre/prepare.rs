@@ -169,11 +169,16 @@ impl<W: Write> Writer<'_, W> {
 
 impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
-        if let Ok(Command::ShiftZ { words, .. }) = parse(text)
-            && words.z.is_some()
-        {
-            let why =
-                "M290 shifts a print by hand and cannot be prepared: put the height into the job (M851, or its G-code)";
+        let why = match parse(text) {
+            Ok(Command::ShiftZ { words, .. }) if words.z.is_some() => Some(
+                "M290 shifts a print by hand and cannot be prepared: put the height into the job (M851, or its G-code)",
+            ),
+            Ok(Command::Tower(Some(_))) => {
+                Some("TUNING_TOWER changes values while a print is made and cannot be prepared: print the G-code")
+            }
+            _ => None,
+        };
+        if let Some(why) = why {
             self.failed.get_or_insert(PrepareError::Command(line, why));
         }
         self.reader.with_script(|script| script.begins(line, text));

@@ -7,6 +7,8 @@ use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
 use crate::{AdvanceWords, AxisWords, Command, Decimal, NotExecuted, ParseError, ShaperWords, WaitTarget};
 
+mod tower;
+
 /// A heater or thermometer by Klipper's name.
 enum Heater {
     Nozzle,
@@ -14,6 +16,7 @@ enum Heater {
 }
 
 /// The words after a name: `KEY=VALUE`.
+#[derive(Clone, Copy)]
 struct NamedWords<'a> {
     /// The command, and how its words are written, for errors.
     command: &'static str,
@@ -21,16 +24,50 @@ struct NamedWords<'a> {
     text: &'a [u8],
 }
 
+/// The words of a text, divided by blanks; those between a pair of `"` or `'` belong to one word.
+struct Divided<'a>(&'a [u8]);
+
+impl<'a> Iterator for Divided<'a> {
+    type Item = &'a [u8];
+
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let is_blank = |byte: &u8| matches!(byte, b' ' | b'\t');
+        let start = self.0.iter().position(|byte| !is_blank(byte))?;
+        let text = self.0.get(start..)?;
+        let mut quote = None;
+        let end = text.iter().position(|byte| {
+            match quote {
+                Some(open) if open == *byte => quote = None,
+                None if matches!(byte, b'"' | b'\'') => quote = Some(*byte),
+                None => return is_blank(byte),
+                Some(_) => {}
+            }
+            false
+        });
+        let (word, rest) = text.split_at_checked(end.unwrap_or(text.len()))?;
+        self.0 = rest;
+        Some(word)
+    }
+}
+
+/// A value without the quotes around it.
+fn unquoted(value: &[u8]) -> &[u8] {
+    match value {
+        [b'"', inner @ .., b'"'] | [b'\'', inner @ .., b'\''] => inner,
+        _ => value,
+    }
+}
+
 impl<'a> NamedWords<'a> {
     /// The value of a word; of several the last counts.
     #[inline(never)]
     fn value(&self, key: &str) -> Option<&'a [u8]> {
         let mut value = None;
-        for word in self.text.split(|byte| matches!(byte, b' ' | b'\t')) {
+        for word in Divided(self.text) {
             if let Some((found, [b'=', rest @ ..])) = word.split_at_checked(key.len())
                 && is_one_of(key.as_bytes(), found)
             {
-                value = Some(rest);
+                value = Some(unquoted(rest));
             }
         }
         value
@@ -38,7 +75,7 @@ impl<'a> NamedWords<'a> {
 
     /// The keys, empty where a word has none.
     fn keys(&self) -> impl Iterator<Item = &'a [u8]> {
-        let words = self.text.split(|byte| matches!(byte, b' ' | b'\t')).filter(|word| !word.is_empty());
+        let words = Divided(self.text);
         words.map(|word| word.iter().position(|byte| *byte == b'=').and_then(|end| word.get(..end)).unwrap_or_default())
     }
 
@@ -96,7 +133,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 9] = [
+const EXECUTED: [(&str, &str); 10] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
@@ -108,6 +145,7 @@ const EXECUTED: [(&str, &str); 9] = [
     ),
     ("SET_PRESSURE_ADVANCE", "ADVANCE or SMOOTH_TIME with a number"),
     ("TURN_OFF_HEATERS", ""),
+    ("TUNING_TOWER", tower::FORM),
     ("PAUSE", ""),
     ("RESUME", ""),
 ];
@@ -139,7 +177,8 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         4 => input_shaper(&words)?,
         5 => pressure_advance(&words, remarks)?,
         6 => Command::HeatersOff,
-        7 => Command::Pause(AxisWords::default()),
+        7 => Command::Tower(tower::parse(&words)?),
+        8 => Command::Pause(AxisWords::default()),
         _ => Command::ResumePrint,
     })
 }

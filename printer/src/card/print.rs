@@ -6,7 +6,7 @@ use ferrostep_card::{CardFailure, Request, Taken};
 use ferrostep_gcode::{Command, Line, LineError, Reply};
 
 use super::state::Job;
-use crate::error::{CommandError, Failure};
+use crate::error::Failure;
 use crate::host::Host;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
@@ -91,6 +91,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.replies.send(Reply::Text("//action:cancel"));
             }
         }
+        self.end_begun_tower();
         self.cancel();
         let _ = self.ask_card(Request::Close).await;
         self.set_card_job(Job::None);
@@ -198,16 +199,6 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Whether a failure has stopped the machine, not only the line.
     pub(super) fn has_stopped(failure: &Failure) -> bool {
-        let Failure::Command(error) = failure else { return false };
-        let stops = |error: &CommandError| {
-            matches!(
-                error,
-                CommandError::Stopped
-                    | CommandError::Halted
-                    | CommandError::NeedsReset(_)
-                    | CommandError::MotionFault(_)
-            )
-        };
-        stops(error)
+        matches!(failure, Failure::Command(error) if error.stops())
     }
 }

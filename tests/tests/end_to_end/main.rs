@@ -57,5 +57,6 @@ mod slicer_printers;
 mod slicer_profiles;
 mod stall;
 mod sweeps;
+mod towers;
 mod waits;
 mod waveform;

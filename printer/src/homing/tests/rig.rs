@@ -134,6 +134,11 @@ impl Rig {
         self.choice.get()
     }
 
+    /// The limits of the moves to come.
+    pub fn limits(&self) -> Limits {
+        self.limits.get()
+    }
+
     /// M410 from outside.
     pub fn stop_from_outside(&self) {
         self.stops.set(self.stops.get() + 1);
