@@ -88,6 +88,35 @@ impl<'r> Section<'r> {
         (!is_missing || self.is_describing()).then_some(inner)
     }
 
+    /// Tables whose names the writer of the text chooses, in the table `key`, which may be left out; in the order of their lines. In the
+    /// schema they are one with this name. Each name is kept for ever, as keys are.
+    pub fn named_sections(
+        &self,
+        key: &'static str,
+        name_in_schema: &'static str,
+        absent: &'static str,
+        about: &'static str,
+        about_each: &'static str,
+    ) -> Vec<(&'static str, Self)> {
+        let outer = self.open(key, about, absent).0;
+        if self.is_describing() {
+            return vec![(name_in_schema, outer.open(name_in_schema, about_each, "").0)];
+        }
+        let mut names: Vec<_> =
+            outer.table.into_iter().flatten().map(|(key, _)| (key.span().start, key.get_ref())).collect();
+        names.sort_unstable();
+        let keep = |name: &str| -> &'static str { Box::leak(name.to_owned().into_boxed_str()) };
+        let sections = names.into_iter().map(|(_, name)| keep(name));
+        sections.map(|name| (name, outer.open(name, about_each, "").0)).collect()
+    }
+
+    /// Refuses a part of a text of several lines by the line of the file that it stands on.
+    pub fn refuse_line(&self, key: &str, line: usize, text: &str, expected: impl fmt::Display) {
+        let (value, expected) = (format!("{text:?}"), expected.to_string());
+        let problem = Problem::OutOfRange { key: self.path(key), value, expected };
+        self.reader.fault(Rank::Contradiction, Some(line), problem);
+    }
+
     /// Whether there is no text at all.
     pub(crate) fn is_describing(&self) -> bool {
         self.reader.root.is_none()

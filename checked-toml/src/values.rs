@@ -206,6 +206,26 @@ impl<'r> Section<'r> {
         Field::new(self, key, String::new(), value, show).described(expected.to_owned(), expected.to_owned(), "")
     }
 
+    /// A text of several lines, each with the number of the file's line that it stands on. `expected` says in words what they are.
+    pub fn lines(&self, key: &'static str, expected: &str) -> Field<'r, Vec<(usize, String)>> {
+        self.declare(key);
+        let value = self.value(key).and_then(|value| {
+            let Some(text) = value.get_ref().as_str() else { return self.wrong_type(&self.path(key), value, expected) };
+            let written = self.reader.text.get(value.span()).unwrap_or_default();
+            // TOML drops a newline right after the opening quotes.
+            let begins_below = ["\"\"\"", "'''"].iter().any(|quotes| {
+                written.strip_prefix(quotes).is_some_and(|rest| rest.starts_with('\n') || rest.starts_with("\r\n"))
+            });
+            let first = line_of(self.reader.text, value.span().start) + usize::from(begins_below);
+            Some((first..).zip(text.lines().map(str::to_owned)).collect())
+        });
+        Field::new(self, key, Vec::new(), value, |_| String::new()).described(
+            expected.to_owned(),
+            expected.to_owned(),
+            "",
+        )
+    }
+
     fn number_in(&self, path: &str, value: &Spanned<DeValue<'_>>, range: Range) -> Option<f64> {
         self.show(path, value);
         let Some(number) = number(value.get_ref()) else {

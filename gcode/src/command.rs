@@ -131,6 +131,32 @@ pub enum SettingsCommand {
     Validate,
 }
 
+/// What M220 does: first B, then R, then S. Without a word it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FeedWords {
+    /// S: percent.
+    pub percent: Option<Decimal>,
+    /// B: the present percentage is kept.
+    pub keeps: bool,
+    /// R: the kept percentage comes back.
+    pub restores: bool,
+}
+
+/// What M75 to M78 do with the clock of the print and with what it has counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PrintClockCommand {
+    /// M75: it starts, or goes on.
+    Start,
+    /// M76: it pauses.
+    Pause,
+    /// M77: the print is complete.
+    Stop,
+    /// M78: reports all prints together.
+    Report,
+    /// M78 S78: counts anew.
+    Clear,
+}
+
 /// What M301 or M304 sets of a heater's gains, in Marlin's units: power is 0 to 255. Without any of them it asks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GainWords {
@@ -377,8 +403,8 @@ pub enum Command<'a> {
     RecoverSettings(RetractionWords),
     /// M211 S: soft limits on or off; without S a query.
     SoftLimits(Option<bool>),
-    /// M220 S: feed rate in percent; without S a query.
-    FeedPercent(Option<Decimal>),
+    /// M220: feed rate in percent.
+    FeedPercent(FeedWords),
     /// M221 S: flow in percent; without S a query.
     FlowPercent(Option<Decimal>),
     /// M301: gains of the nozzle's heater.
@@ -416,6 +442,10 @@ pub enum Command<'a> {
     Settings(SettingsCommand),
     /// M851: from the nozzle to the probe; without words a query.
     ProbeOffset(AxisWords),
+    /// M75 to M78.
+    PrintClock(PrintClockCommand),
+    /// M206: what the coordinates of home are beyond the profile's; without words a query.
+    HomeOffset(AxisWords),
     /// M400.
     Finish,
     /// M410.

@@ -25,8 +25,8 @@ mod reply_text;
 
 pub use card_command::CardCommand;
 pub use command::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, GainWords, RetractionWords, SettingsCommand,
-    ShaperWords, TowerCourse, TowerWords, Units, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, FeedWords, GainWords, PrintClockCommand,
+    RetractionWords, SettingsCommand, ShaperWords, TowerCourse, TowerWords, Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};

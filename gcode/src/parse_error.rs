@@ -108,6 +108,15 @@ pub enum ParseError {
         /// The words, such as `P or S`.
         words: &'static str,
     },
+    /// A word that a macro of the profile does not know.
+    UnknownParameter {
+        /// The macro.
+        command: &'static str,
+        /// The word.
+        word: ShortText,
+        /// Those that it knows, each with its default, such as `BED=60`.
+        known: &'static str,
+    },
     /// A command that cannot be skipped: the rest of the job would print elsewhere, or with more or less filament.
     NotSupported {
         /// The command, such as `G5`.
@@ -143,6 +152,12 @@ impl fmt::Display for ParseError {
             }
             ParseError::WordsExpected { command, words } => {
                 write!(formatter, "{command}: expected {words}")
+            }
+            ParseError::UnknownParameter { command, word, known: "" } => {
+                write!(formatter, "{command}: unknown word \"{word}\", the macro has none")
+            }
+            ParseError::UnknownParameter { command, word, known } => {
+                write!(formatter, "{command}: unknown word \"{word}\", expected some of {known}")
             }
             ParseError::NotSupported { command, why } => write!(formatter, "{command}: not supported, {why}"),
         }

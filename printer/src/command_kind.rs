@@ -1,6 +1,9 @@
 //! Kinds of commands, before they are executed.
 
-use ferrostep_gcode::{AdvanceWords, CardCommand, Command, GainWords, SettingsCommand, ShaperWords};
+use ferrostep_gcode::{
+    AdvanceWords, AxisWords, CardCommand, Command, FeedWords, GainWords, PrintClockCommand, SettingsCommand,
+    ShaperWords,
+};
 
 /// How a command is treated while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,8 +38,8 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Settings(SettingsCommand::Report { .. } | SettingsCommand::Validate)
         | Command::FilamentSensor(None)
         | Command::SoftLimits(None)
-        | Command::FeedPercent(None)
         | Command::Tower(None)
+        | Command::PrintClock(PrintClockCommand::Report)
         | Command::FlowPercent(None)
         | Command::MotionChoice { interpolation: None, acceleration: None }
         | Command::Card(
@@ -51,6 +54,8 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Accepted
         | Command::Unknown(_)
         | Command::Restart => WhileHalted::Works,
+        Command::FeedPercent(words) if *words == FeedWords::default() => WhileHalted::Works,
+        Command::HomeOffset(words) if *words == AxisWords::default() => WhileHalted::Works,
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
         Command::PressureAdvance(words) if *words == AdvanceWords::default() => WhileHalted::Works,
         Command::NozzleGains(words) | Command::BedGains(words) if *words == GainWords::default() => WhileHalted::Works,

@@ -1,8 +1,8 @@
 //! Which command goes where.
 
 use ferrostep_gcode::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, SettingsCommand,
-    ShaperWords, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, PrintClockCommand, Remarks, Reply,
+    SettingsCommand, ShaperWords, WaitTarget,
 };
 use ferrostep_hal_shim::Heater;
 
@@ -60,8 +60,17 @@ enum Waiting<'a> {
         keeps_offset: bool,
     },
     Card(&'a CardCommand<'a>),
-    /// Until motion has ended; then M500 to M502.
-    Finish(Option<SettingsCommand>),
+    /// Until motion has ended.
+    Finish(Then),
+}
+
+/// What comes at a standstill.
+enum Then {
+    Nothing,
+    /// M500 to M502.
+    Settings(SettingsCommand),
+    /// M77, M78 S78.
+    PrintClock(PrintClockCommand),
 }
 
 /// What became of a command that was looked at.
@@ -96,7 +105,10 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Dwell { milliseconds } => self.dwell(milliseconds).await?,
             Waiting::Retraction { retract } => self.firmware_retract(retract).await?,
             Waiting::Home(axes) => self.home(axes).await?,
-            Waiting::DisableMotors { mask } => self.disable_motors(mask).await?,
+            Waiting::DisableMotors { mask } => {
+                self.disable_motors(mask).await?;
+                self.keep_statistics();
+            }
             Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
             Waiting::Autotune { heater, target, cycles, uses } => self.autotune(heater, target, cycles, uses).await?,
             Waiting::Fan { power } => self.motion.set_fan_power(power).await?,
@@ -109,11 +121,16 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::PressureAdvance(words) => self.advance(words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
             Waiting::Card(command) => self.card_command(*command).await?,
-            // One wait for both, which takes less room than two.
+            // One wait for all, which takes less room than several.
             Waiting::Finish(then) => {
                 self.motion.finish().await?;
-                if let Some(command) = then {
-                    self.change_settings(command);
+                match then {
+                    Then::Nothing => {}
+                    Then::Settings(command) => self.change_settings(command),
+                    Then::PrintClock(command) => {
+                        self.print_clock(command);
+                        self.keep_statistics();
+                    }
                 }
             }
         }
@@ -194,7 +211,12 @@ impl<P: Ports> Printer<'_, P> {
             Command::ProbeOffset(ref words) => self.probe_offset(words)?,
             Command::Tower(ref words) => self.set_tower(words.as_ref())?,
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
-            Command::FeedPercent(value) => self.feed_percent(value)?,
+            Command::FeedPercent(words) => self.feed_percent(words)?,
+            Command::HomeOffset(ref words) => self.home_offset(words)?,
+            Command::PrintClock(command @ (PrintClockCommand::Stop | PrintClockCommand::Clear)) => {
+                return waiting(Waiting::Finish(Then::PrintClock(command)));
+            }
+            Command::PrintClock(command) => self.print_clock(command),
             Command::FlowPercent(value) => self.flow_percent(value)?,
             // ANCHOR: m302
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
@@ -240,11 +262,11 @@ impl<P: Ports> Printer<'_, P> {
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
             Command::Settings(command) if self.refuse_settings(command) => {}
             Command::Settings(command) if Self::needs_standstill(command) => {
-                return waiting(Waiting::Finish(Some(command)));
+                return waiting(Waiting::Finish(Then::Settings(command)));
             }
             Command::Settings(command) => self.show_settings(command),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
-            Command::Finish => return waiting(Waiting::Finish(None)),
+            Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
             // The drivers' part is all that there is to the first four. Without a display or a second fan the others change
             // nothing here.
             Command::ReportDrivers

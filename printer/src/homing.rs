@@ -128,7 +128,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.motion.set_position(position);
         self.interpreter.modal.machine_10nm[axis] = position[axis];
         outcome?;
-        self.interpreter.modal.offset_10nm[axis] = 0;
+        self.interpreter.modal.offset_10nm[axis] = self.interpreter.modal.home_offset_10nm[axis];
         self.interpreter.modal.homed[axis] = true;
         if homing.sensor == HomeSensor::Stall && self.interpreter.profile.kinematics.shares_motors(axis) {
             // Motors that still push against the frame would seem to stall as soon as they move another axis.

@@ -67,10 +67,14 @@ pub(crate) struct Modal {
     pub feed_10nm_per_min: i64,
     pub feed_percent: u16,
     pub flow_percent: u16,
+    /// What M220 B has kept.
+    pub kept_feed_percent: u16,
     /// Machine position after all commands so far, the lift of a firmware retraction left out.
     pub machine_10nm: [i64; 3],
-    /// Logical minus machine coordinates (G92).
+    /// Logical minus machine coordinates (G92, and M206).
     pub offset_10nm: [i64; 3],
+    /// M206: the offset after homing.
+    pub home_offset_10nm: [i64; 3],
     /// Logical extruder position.
     pub extruder_10nm: i64,
     /// Filament that moves of a prepared job have pushed and that [`Self::extruder_10nm`] does not contain yet, units of 0.1 nm
@@ -106,8 +110,10 @@ impl Modal {
             feed_10nm_per_min: DEFAULT_FEED_10NM_PER_MIN,
             feed_percent: 100,
             flow_percent: 100,
+            kept_feed_percent: 100,
             machine_10nm: [0; 3],
             offset_10nm: [0; 3],
+            home_offset_10nm: [0; 3],
             extruder_10nm: 0,
             extruder_rest_100pm: 0,
             homed: [false; 3],
@@ -129,6 +135,16 @@ impl Modal {
     pub fn set_relative(&mut self, relative: bool) {
         self.relative = relative;
         self.relative_extruder = relative;
+    }
+
+    /// M206: another offset of home takes the place of the one before.
+    pub fn set_home_offset(&mut self, home_offset_10nm: [i64; 3]) {
+        let parts = self.home_offset_10nm.into_iter().zip(home_offset_10nm);
+        for (offset_10nm, (before_10nm, after_10nm)) in self.offset_10nm.iter_mut().zip(parts) {
+            // All are within a few metres.
+            *offset_10nm = offset_10nm.wrapping_add(after_10nm).wrapping_sub(before_10nm);
+        }
+        self.home_offset_10nm = home_offset_10nm;
     }
 
     /// Takes over the position and the way of reading words of a paused print that goes on; changes to the machine stay.

@@ -74,6 +74,7 @@ impl<P: Ports> Printer<'_, P> {
             self.motion.set_motors_enabled(1 << 3, false);
         }
         self.paused = Some(paused);
+        self.pause_print_clock();
         // An answer from before is not meant for this pause.
         self.signals.take_end_wait();
         self.signals.take_prompt_answer();
@@ -113,6 +114,7 @@ impl<P: Ports> Printer<'_, P> {
         self.push_back(&paused).await?;
         self.interpreter.modal.go_on_as(&paused.modal);
         self.paused = None;
+        self.resume_print_clock();
         self.tell_host("//action:resumed");
         Ok(())
     }
@@ -120,6 +122,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Forgets a paused print: the nozzle stays where it is, and the filament drawn back.
     pub fn cancel(&mut self) {
         if self.paused.take().is_some() {
+            self.stop_print_clock(false);
             self.tell_host("//action:prompt_end");
         }
     }
@@ -129,9 +132,10 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn pause_command(&mut self, reason: PauseReason, words: PauseWords) -> Result<(), CommandError> {
         self.pause_at(reason, words).await?;
         match self.source {
-            Source::Card => return Ok(()),
+            // Within a macro there is no reader that could wait.
+            Source::Card if !self.is_in_macro => return Ok(()),
             Source::File => {}
-            Source::Host { .. } => {
+            Source::Host { .. } | Source::Card => {
                 self.signals.set_paused_for_user(true);
                 let waited = self.waits().for_person(words.longest_ms).await;
                 self.signals.set_paused_for_user(false);

@@ -4,7 +4,7 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{Command, Remarks, Reply, parse_with_remarks};
+use ferrostep_gcode::{Command, Remarks, Reply};
 use ferrostep_hal_shim::Clock;
 
 use crate::card::Card;
@@ -14,6 +14,7 @@ use crate::interpreter::MoveInterpreter;
 use crate::modal::Tally;
 use crate::paused::Paused;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
+use crate::print_clock::PrintClock;
 use crate::profile::Profile;
 use crate::signals::Signals;
 use crate::stored::KeepsSettings;
@@ -22,9 +23,6 @@ use crate::waits::Waits;
 
 /// Masks of all motors.
 const ALL_MOTORS: u8 = 0b1111;
-
-/// How long the answer to the first refused line after a halt waits, ms, so that the halt is reported first.
-const TELL_HALT_MS: u32 = 2;
 
 /// The answer to an executed command.
 // R4.
@@ -96,11 +94,14 @@ pub struct Printer<'a, P: Ports> {
     /// Targets that commands have set, degrees Celsius. A heater that is off against them was switched off by its timeout.
     pub(crate) targets_celsius: [f32; 2],
     /// Whether the hosts know that their prints end because the machine is halted.
-    told_halted: bool,
+    pub(crate) told_halted: bool,
     /// A print pauses when its filament has run out (M412).
     pub(crate) pauses_at_runout: bool,
     /// What changes with the height (TUNING_TOWER).
     pub(crate) tower: Option<Tower>,
+    pub(crate) print_clock: PrintClock,
+    /// The command at hand is a line of a macro.
+    pub(crate) is_in_macro: bool,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -136,6 +137,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             told_halted: false,
             pauses_at_runout: profile.filament_sensor.is_some(),
             tower: None,
+            print_clock: PrintClock::new(),
+            is_in_macro: false,
         }
     }
 }
@@ -235,74 +238,6 @@ impl<'a, P: Ports> Printer<'a, P> {
         outcome
     }
 
-    async fn answer(&mut self, line: u32, text: &str) -> Result<(), Failure> {
-        let mut remarks = Remarks::NONE;
-        let parsed = parse_with_remarks(text, &mut remarks);
-        if let Ok(command) = &parsed {
-            self.add_remarks(command, &mut remarks);
-            if !remarks.is_empty() {
-                self.remark(line, text, &remarks);
-            }
-        }
-        let failure = match &parsed {
-            Ok(command) if self.disturbs_print(command) => Failure::Command(CommandError::CardPrints),
-            Ok(command) => match self.command_with_signs_of_life(command).await {
-                Ok(answer) => {
-                    if answer == Answer::Ok {
-                        self.replies.send(Reply::Ok);
-                    }
-                    return Ok(());
-                }
-                Err(error) => Failure::Command(error),
-            },
-            Err(error) => Failure::Parse(*error),
-        };
-        let is_halted = matches!(failure, Failure::Command(CommandError::Halted | CommandError::NeedsReset(_)));
-        if is_halted && !self.told_halted {
-            // A task below this one reports the halt and the heater's fault; they must come first.
-            self.clock.delay_ms(TELL_HALT_MS).await;
-        }
-        self.replies.refuse(line, &failure);
-        if let (Failure::Command(error), Source::Host { is_numbered }) = (&failure, self.source) {
-            self.end_print_of_host(error, matches!(parsed, Ok(Command::EmergencyStop | Command::Restart)), is_numbered);
-        }
-        self.replies.send(Reply::Ok);
-        Err(failure)
-    }
-
-    /// Ends or pauses the print of a host whose line was refused, in words that hosts know. Otherwise they would stream the rest
-    /// into a machine that does nothing.
-    #[cold]
-    fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
-        match error {
-            CommandError::Halted | CommandError::NeedsReset(_) => {
-                // The answer to M112 has told it already, and M999 is no line of a print.
-                if !is_stop {
-                    self.replies.send(Reply::Killed);
-                    // Printrun's word.
-                    self.replies.send(Reply::Text("!! the printer is halted, M999 restarts it"));
-                }
-                if !core::mem::replace(&mut self.told_halted, true) {
-                    self.replies.send(Reply::Text("//action:cancel"));
-                }
-            }
-            CommandError::ColdExtrusion { .. } if is_numbered => {
-                self.replies
-                    .send(Reply::Text("//action:notification Too cold to extrude: heat the nozzle, then resume"));
-                // Printrun reads the second form only.
-                self.replies.send(Reply::Text("//action:pause\n// action:pause"));
-            }
-            _ => {}
-        }
-    }
-
-    /// Reports what is ignored or changed in a line, each thing once a job.
-    #[cold]
-    pub(crate) fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
-        let new = self.said.merge(remarks);
-        self.replies.remark(line, text, remarks, &new);
-    }
-
     /// Executes a command and, while it takes long, says `busy` as often as M113 asks: after too long a silence hosts give the
     /// printer up. A wait for heat reports temperatures instead.
     pub(crate) async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
@@ -337,6 +272,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         if self.signals.is_halted() && *command != Command::Restart {
             self.cancel();
+            self.stop_print_clock(false);
             // Ask what has happened now: the planner task may not have followed the stop yet.
             self.stop_motion();
             match while_halted(command) {
@@ -401,6 +337,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         self.targets_celsius = [0.0; 2];
         self.end_tower("the machine was halted");
+        self.stop_print_clock(false);
         self.stop_motion();
         // First the flag, then the heaters: these report a fault in between themselves.
         self.signals.restart();

@@ -254,6 +254,8 @@ pub struct Profile {
     /// Hash of the profile's keys on which a plan depends, or which it must not exceed. Machines with the same hash may execute
     /// each other's prepared jobs.
     pub plan_hash: u64,
+    /// Names that stand for lines of G-code, in the form that the module `macros` reads.
+    pub macros: &'static str,
     /// How the motors drive the axes.
     pub kinematics: Kinematics,
     /// Upper end of X, Y and Z in machine coordinates, units of 10 nm.

@@ -1,6 +1,6 @@
 //! M201 to M221: the settings of the machine that a job may change.
 
-use ferrostep_gcode::{AxisWords, Decimal, Reply, RetractionWords};
+use ferrostep_gcode::{AxisWords, Decimal, FeedWords, Reply, RetractionWords};
 
 use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
@@ -164,10 +164,18 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// M220.
-    pub(crate) fn feed_percent(&mut self, value: Option<Decimal>) -> Result<(), CommandError> {
-        match value {
-            Some(value) => self.interpreter.modal.feed_percent = percent(value)?,
-            None => self.replies.send(Reply::FeedPercent(self.interpreter.modal.feed_percent)),
+    pub(crate) fn feed_percent(&mut self, words: FeedWords) -> Result<(), CommandError> {
+        let percent = words.percent.map(percent).transpose()?;
+        let modal = &mut self.interpreter.modal;
+        if words.keeps {
+            modal.kept_feed_percent = modal.feed_percent;
+        }
+        if words.restores {
+            modal.feed_percent = modal.kept_feed_percent;
+        }
+        modal.feed_percent = percent.unwrap_or(modal.feed_percent);
+        if words == FeedWords::default() {
+            self.replies.send(Reply::FeedPercent(modal.feed_percent));
         }
         Ok(())
     }

@@ -14,6 +14,7 @@ use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 
 use crate::axis_names::AXIS_NAMES;
 use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
+use crate::print_clock::Statistics;
 use crate::printer::Printer;
 
 use values::{GROUPS, Group, Setting, Shown, Values, advance_numbers};
@@ -27,6 +28,8 @@ struct Stored {
     foreign: usize,
     /// What has been mended.
     faults: usize,
+    /// What the machine has done in its life.
+    statistics: Statistics,
 }
 
 impl fmt::Display for Stored {
@@ -34,6 +37,27 @@ impl fmt::Display for Stored {
         let Self { known, foreign, faults, .. } = self;
         write!(out, "{known} values, {faults} faults")?;
         if *foreign == 0 { Ok(()) } else { write!(out, ", {foreign} that this version does not know") }
+    }
+}
+
+/// The name of [`Statistics`] in a memory, whose settings have the names of a profile's keys.
+const STATISTICS: u16 = id_of("statistics");
+
+/// Adds the numbers that are not 0. `false`: the record is full.
+fn add_statistics(statistics: &mut Statistics, record: &mut RecordWriter) -> bool {
+    let mut numbers = (0_u8..).zip(statistics.numbers_mut()).filter(|(_, number)| **number > 0);
+    numbers.all(|(index, number)| record.add(Entry { id: STATISTICS, index, value: f64::from(*number) }))
+}
+
+/// Copies the stored settings. `false`: there is a record that cannot be read, or it does not fit.
+#[inline(never)]
+fn copy_settings(memory: &dyn SettingsMemory, profile: &str, to: &mut RecordWriter) -> bool {
+    let mut slot = [0; SLOT_BYTES];
+    match memory.load(&mut slot) {
+        Ok(None) => true,
+        Ok(Some(bytes)) => Record::read(bytes, profile)
+            .is_ok_and(|record| record.entries().filter(|entry| entry.id != STATISTICS).all(|entry| to.add(entry))),
+        Err(_) => false,
     }
 }
 
@@ -47,6 +71,9 @@ fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
 pub(crate) trait KeepsSettings<P: Ports> {
     /// M500, M501 and M504; `None`: the start. Returns what is still to be set of the motion.
     fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice>;
+
+    /// Stores what the machine has done in its life, and leaves the stored settings.
+    fn keep_statistics(&self, printer: &mut Printer<'_, P>);
 }
 
 impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
@@ -60,6 +87,10 @@ impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
             _ => return printer.load_settings(self, command.is_none()),
         }
         None
+    }
+
+    fn keep_statistics(&self, printer: &mut Printer<'_, P>) {
+        printer.store_statistics(self);
     }
 }
 
@@ -139,6 +170,17 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
+    /// At standstill: stores what the machine has done in its life, unless a print goes on, or heaters are on where the memory needs
+    /// them off. Then a later standstill does.
+    // In a future the compiler would keep every value in memory.
+    #[inline(never)]
+    pub(crate) fn keep_statistics(&mut self) {
+        let prints = self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused();
+        if let (Some(memory), true, false) = (self.settings_memory, self.print_clock.is_unsaved, prints) {
+            memory.keep_statistics(self);
+        }
+    }
+
     /// The settings in force.
     fn live_values(&self) -> Values {
         let drivers = [0, 1, 2, 3].map(|motor| Some(self.drivers?.report(motor)?.settings));
@@ -147,6 +189,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Values {
             limits: self.motion.limits(),
             retraction: modal.retraction,
+            home_offset_10nm: modal.home_offset_10nm,
             probe_offset_10nm: self.has_probe().then_some(modal.probe_offset_10nm),
             shapers,
             advance: advance_numbers(&pressure_advance),
@@ -186,9 +229,8 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// M500.
     // Not inlined, as those below: each needs much of the stack, and they never nest.
     #[inline(never)]
-    fn store_settings(&self, memory: &dyn SettingsMemory) {
-        let heats = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
-        if heats && memory.stalls() {
+    fn store_settings(&mut self, memory: &dyn SettingsMemory) {
+        if self.may_not_stall(memory) {
             return self.replies.say(format_args!(
                 "echo:M500: nothing is stored while heaters are on, for this chip stands still while it writes: send M104 S0, \
                  M140 S0 and then M500"
@@ -210,8 +252,12 @@ impl<'a, P: Ports> Printer<'a, P> {
                 count = count.saturating_add(1);
             }
         }
+        self.see_heat();
+        is_whole &= add_statistics(&mut self.print_clock.statistics, &mut record);
         let bytes = record.bytes();
-        match memory.save(bytes) {
+        let saved = memory.save(bytes);
+        self.print_clock.is_unsaved &= !is_whole || saved.is_err();
+        match saved {
             Ok(()) if is_whole => self.replies.say(format_args!(
                 "echo:Settings Stored ({} bytes: {count} values that differ from the profile's)",
                 bytes.len()
@@ -223,10 +269,37 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
+    /// Whether heaters are on, and the processor would stand still while the memory is written.
+    fn may_not_stall(&self, memory: &dyn SettingsMemory) -> bool {
+        memory.stalls() && Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0)
+    }
+
+    /// Writes the stored record anew, with other statistics. One that cannot be read stays as it is until M500.
+    #[inline(never)]
+    fn store_statistics(&mut self, memory: &dyn SettingsMemory) {
+        if self.may_not_stall(memory) {
+            return;
+        }
+        let mut record = RecordWriter::new(self.profile.name);
+        if !copy_settings(memory, self.profile.name, &mut record) {
+            return;
+        }
+        self.see_heat();
+        if add_statistics(&mut self.print_clock.statistics, &mut record) {
+            self.print_clock.is_unsaved = false;
+            if let Err(error) = memory.save(record.bytes()) {
+                self.replies.say(format_args!("echo:M78: the statistics are not stored: {error}"));
+            }
+        }
+    }
+
     /// M501. Of an empty memory `is_start` says nothing.
     #[inline(never)]
     fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) -> Option<MotionChoice> {
         let stored = self.read_settings(memory, "M501")?;
+        if is_start {
+            self.print_clock.statistics = stored.statistics;
+        }
         if stored.known > 0 || stored.foreign > 0 || !is_start {
             self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
         }
@@ -236,7 +309,13 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// The profile's values with the stored ones in their places. What cannot be used is named.
     #[inline(never)]
     fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored> {
-        let mut stored = Stored { values: self.profile_values(), known: 0, foreign: 0, faults: 0 };
+        let mut stored = Stored {
+            values: self.profile_values(),
+            known: 0,
+            foreign: 0,
+            faults: 0,
+            statistics: Statistics::default(),
+        };
         let mut slot = [0; SLOT_BYTES];
         let record = match memory.load(&mut slot) {
             Err(error) => {
@@ -263,6 +342,13 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// Puts a stored value in its place, if there is one and it is within its range.
     fn take_entry(&self, entry: Entry, stored: &mut Stored) {
         let index = usize::from(entry.index);
+        if entry.id == STATISTICS {
+            // A number that is none of ours counts as the nearest that could be.
+            if let Some(number) = stored.statistics.numbers_mut().into_iter().nth(index) {
+                *number = entry.value as u32;
+            }
+            return;
+        }
         let known = setting_of(entry).filter(|(group, setting)| index < group.values_of(setting));
         let place =
             known.and_then(|(group, setting)| Some((group, setting, (setting.place)(&mut stored.values, index)?)));
@@ -354,6 +440,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     fn put_motion_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
         self.motion.set_limits(values.limits);
         self.interpreter.modal.retraction = values.retraction;
+        self.interpreter.modal.set_home_offset(values.home_offset_10nm);
         if let Some(offset_10nm) = values.probe_offset_10nm {
             self.interpreter.modal.probe_offset_10nm = offset_10nm;
         }

@@ -26,8 +26,10 @@ impl<'a, P: Ports> Printer<'a, P> {
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
         }
         self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
+        self.see_heat();
         self.heating.set_target(heater, target);
         self.targets_celsius[heater.index()] = target;
+        self.target_is_set();
         Ok(())
     }
 
@@ -76,6 +78,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             }
             WaitTarget::Current => false,
         };
+        self.print_heats();
         // An M108 from before this command is not meant for it; one during the end of the motion before it is.
         self.signals.take_end_wait();
         self.motion.finish().await?;

@@ -164,4 +164,4 @@ impl<P: Ports> Printer<'_, P> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -17,7 +17,7 @@ const MAX_SHIFT_AT_ONCE_10NM: i64 = MM;
 const MAX_SHIFT_10NM: i64 = 2 * MM;
 
 /// A length within its range, both in units of 10 nm.
-fn within(word: char, length_10nm: i64, minimum_10nm: i64, maximum_10nm: i64) -> Result<i64, CommandError> {
+pub(crate) fn within(word: char, length_10nm: i64, minimum_10nm: i64, maximum_10nm: i64) -> Result<i64, CommandError> {
     if (minimum_10nm..=maximum_10nm).contains(&length_10nm) {
         return Ok(length_10nm);
     }
@@ -26,7 +26,7 @@ fn within(word: char, length_10nm: i64, minimum_10nm: i64, maximum_10nm: i64) ->
 }
 
 /// A length as replies show it, mm.
-fn mm(length_10nm: i64) -> Real {
+pub(crate) fn mm(length_10nm: i64) -> Real {
     Real::fixed(length_10nm as f64 / MM as f64, 2)
 }
 

@@ -12,6 +12,7 @@ mod extrusion;
 mod heaters;
 mod homing;
 mod machine;
+mod macros;
 mod motion;
 mod pause;
 pub mod response;
@@ -69,8 +70,8 @@ pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
 
 /// Parses and checks a profile; `origin` (a path or a name) stands in front of the line number in errors.
 ///
-/// The name in a [`Profile`] is `'static`, so each successful call leaks it (at most 100 bytes): a program reads the
-/// profile of its machine once.
+/// The texts in a [`Profile`] are `'static`, so each call leaks them (its names, at most 100 bytes, and its macros, at most 4096): a
+/// program reads the profile of its machine once.
 ///
 /// # Errors
 ///
@@ -78,8 +79,8 @@ pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
 /// values that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
     let Checked { value: (profile, texts, _), hash } = read(text, origin)?;
-    let [name, model_names] = texts.map(|text| &*Box::leak(text.into_boxed_str()));
-    Ok(Profile { name, model_names, plan_hash: hash, ..profile })
+    let [name, model_names, macros] = texts.map(|text| &*Box::leak(text.into_boxed_str()));
+    Ok(Profile { name, model_names, macros, plan_hash: hash, ..profile })
 }
 
 /// What a profile's text says of errors, and of the frame that makes them. The accelerations that follow are in the [`Profile`].
@@ -91,7 +92,7 @@ pub fn error_budget(text: &str, origin: &str) -> Result<ErrorBudget, ProfileErro
     Ok(budget)
 }
 
-fn read(text: &str, origin: &str) -> Result<Checked<(Profile, [String; 2], ErrorBudget)>, ProfileError> {
+fn read(text: &str, origin: &str) -> Result<Checked<(Profile, [String; 3], ErrorBudget)>, ProfileError> {
     let reader = Reader::new(text, origin)?;
     let machine = machine::profile(&reader.root());
     reader.finish(machine)

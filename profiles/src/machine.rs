@@ -7,7 +7,7 @@ use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
-use crate::{extrusion, heaters, homing, motion, pause};
+use crate::{extrusion, heaters, homing, macros, motion, pause};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -33,11 +33,11 @@ const MAX_NAME: usize = 32;
 /// Longest list of names, bytes.
 const MAX_MODEL_NAMES: usize = 64;
 
-/// The machine; its name and its models' are apart, for a [`Profile`] has them for ever, and what only the desk needs.
+/// The machine; its name, its models' and its macros are apart, for a [`Profile`] has them for ever, and what only the desk needs.
 ///
 /// A prepared job is bound to every key but those that are read `apart`: what changes neither the plan nor what it may ask of
 /// the machine.
-pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2], ErrorBudget) {
+pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget) {
     let apart = keys.apart();
     let name = name(&apart);
     let model_names = model_names(&apart);
@@ -99,6 +99,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2], ErrorBudget)
     let profile = Profile {
         name: "",
         model_names: "",
+        macros: "",
         nozzle_diameter_mm: nozzle_diameter_mm.map(|diameter_mm| diameter_mm as f32),
         max_volumetric_flow_mm3_per_s: max_flow.map(|flow| flow as f32),
         plan_hash: 0,
@@ -124,7 +125,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2], ErrorBudget)
         extrusion: extrusion::extrusion(&apart),
         drivers: drivers.map(|driver| driver.map(|driver| driver.settings)),
     };
-    (profile, [name, model_names], budget_of_error)
+    (profile, [name, model_names, macros::macros(&apart)], budget_of_error)
 }
 
 /// What slicers call the machine.

@@ -51,6 +51,10 @@ impl Passed {
                     | Command::InputShaper { .. }
                     | Command::PressureAdvance(_)
                     | Command::AdaptiveExtrusion { .. }
+                    // What B has kept is in no frame; what S has set is set again by the frame.
+                    | Command::FeedPercent(_)
+                    | Command::HomeOffset(_)
+                    | Command::PrintClock(_)
                     | Command::AutoReportTemperatures { .. }
                     | Command::KeepAlive(Some(_))
                     | Command::IdleTimeout { .. }
@@ -70,7 +74,6 @@ impl Passed {
                     | Command::VelocityLimit { .. }
                     | Command::HeatersOff
                     | Command::Junction { .. }
-                    | Command::FeedPercent(_)
                     | Command::FlowPercent(_),
                 ) => {}
                 // These have no lasting effect: motion, waits, reports, queries, M500 to M502 in a job. No job contains a tower. M851 matters when Z is homed, as it is not here.

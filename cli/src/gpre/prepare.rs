@@ -168,8 +168,11 @@ impl<W: Write> Writer<'_, W> {
 }
 
 impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
-    fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
+    fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str) {
         let why = match parse(text) {
+            _ if printer.is_macro(text) => {
+                Some("a macro of the profile cannot be prepared: write its lines into the file")
+            }
             Ok(Command::ShiftZ { words, .. }) if words.z.is_some() => Some(
                 "M290 shifts a print by hand and cannot be prepared: put the height into the job (M851, or its G-code)",
             ),

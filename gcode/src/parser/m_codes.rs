@@ -4,7 +4,8 @@ use super::code::Code;
 use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
 use crate::{
-    AxisWords, Command, Decimal, DriverWords, GainWords, ParseError, RetractionWords, SettingsCommand, WaitTarget,
+    AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, ParseError, PrintClockCommand, RetractionWords,
+    SettingsCommand, WaitTarget,
 };
 
 /// Maximum interval of M113 and M155, seconds.
@@ -65,6 +66,16 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 None => Command::DisableMotors(words.axis_flags()),
             })
         }
+        // A title may follow.
+        75 => Ok(Command::PrintClock(PrintClockCommand::Start)),
+        76 => code.without_words(Command::PrintClock(PrintClockCommand::Pause), remarks),
+        77 => code.without_words(Command::PrintClock(PrintClockCommand::Stop), remarks),
+        78 => {
+            // The number keeps a slip of the finger from clearing what years have counted.
+            let clears = code.words(remarks)?.whole(b'S') == Some(78);
+            let command = if clears { PrintClockCommand::Clear } else { PrintClockCommand::Report };
+            Ok(Command::PrintClock(command))
+        }
         82 => code.without_words(Command::AbsoluteExtrusion, remarks),
         83 => code.without_words(Command::RelativeExtrusion, remarks),
         // Where Marlin kills an idle machine, heaters go off here. S0, which slicers write to be left alone, leaves them watched.
@@ -73,6 +84,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             seconds => Ok(Command::HeaterTimeout(seconds)),
         },
         86 => Ok(Command::HeaterTimeout(code.words(remarks)?.whole_up_to(b'S', u16::MAX)?)),
+        87 => code.without_words(Command::HeaterTimeout(Some(0)), remarks),
         104 | 109 | 140 | 190 => temperature(code, remarks),
         106 | 107 => fan(code, remarks),
         105 => Ok(Command::ReportTemperatures),
@@ -118,6 +130,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             b"STB".iter().for_each(|&letter| words.needless_zero(letter));
             Ok(Command::Junction { deviation: words.above_zero(b'J'), corner_velocity: words.axis_limits() })
         }
+        206 => {
+            let mut words = code.places(remarks)?;
+            let [x, y, z] = b"XYZ".map(|axis| words.value(axis));
+            Ok(Command::HomeOffset(AxisWords { x, y, z, e: None }))
+        }
         207 => {
             let mut words = code.words(remarks)?;
             Ok(Command::RetractSettings(RetractionWords {
@@ -138,7 +155,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         220 => {
             let mut words = code.words(remarks)?;
             let percent = words.above_zero(b'S');
-            Ok(Command::FeedPercent(words.at_most(b'S', percent, MAX_PERCENT)?))
+            let percent = words.at_most(b'S', percent, MAX_PERCENT)?;
+            Ok(Command::FeedPercent(FeedWords { percent, keeps: words.flag(b'B'), restores: words.flag(b'R') }))
         }
         221 => {
             let mut words = code.words(remarks)?;

@@ -5,8 +5,8 @@ use proptest::prelude::*;
 
 use crate::SettingsCommand;
 use crate::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, GainWords, LineReader, RetractionWords,
-    ShaperWords, Units, WaitTarget, parse,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, LineReader,
+    PrintClockCommand, RetractionWords, ShaperWords, Units, WaitTarget, parse,
 };
 
 /// A command's words: letter and number.
@@ -167,7 +167,19 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::FilamentSensor(on) => (412, given([('S', switch(on))])),
         Command::PromptAnswer(button) => (876, vec![('S', Some(whole(button.into())))]),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
-        Command::FeedPercent(percent) => (220, given([('S', percent)])),
+        Command::FeedPercent(FeedWords { percent, keeps, restores }) => {
+            let mut words = given([('S', percent)]);
+            words.extend(
+                [('B', keeps), ('R', restores)].into_iter().filter_map(|(word, on)| on.then_some((word, None))),
+            );
+            (220, words)
+        }
+        Command::PrintClock(PrintClockCommand::Start) => (75, vec![]),
+        Command::PrintClock(PrintClockCommand::Pause) => (76, vec![]),
+        Command::PrintClock(PrintClockCommand::Stop) => (77, vec![]),
+        Command::PrintClock(PrintClockCommand::Report) => (78, vec![]),
+        Command::PrintClock(PrintClockCommand::Clear) => (78, given([('S', Some(whole(78)))])),
+        Command::HomeOffset(words) => (206, axes(words)),
         Command::FlowPercent(percent) => (221, given([('S', percent)])),
         Command::NozzleGains(words) => (301, gains(words)),
         Command::BedGains(words) => (304, gains(words)),
@@ -398,7 +410,17 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
         any_axes().prop_map(|words| Command::ProbeOffset(AxisWords { e: None, ..words })),
         any::<bool>().prop_map(|headings| Command::Settings(SettingsCommand::Report { headings })),
         of(any::<bool>()).prop_map(Command::SoftLimits),
-        of(percent()).prop_map(Command::FeedPercent),
+        (of(percent()), any::<bool>(), any::<bool>())
+            .prop_map(|(percent, keeps, restores)| Command::FeedPercent(FeedWords { percent, keeps, restores })),
+        prop_oneof![
+            Just(PrintClockCommand::Start),
+            Just(PrintClockCommand::Pause),
+            Just(PrintClockCommand::Stop),
+            Just(PrintClockCommand::Report),
+            Just(PrintClockCommand::Clear),
+        ]
+        .prop_map(Command::PrintClock),
+        any_axes().prop_map(|words| Command::HomeOffset(AxisWords { e: None, ..words })),
         of(percent()).prop_map(Command::FlowPercent),
         (of(not_negative()), of(any::<bool>())).prop_map(|(minimum, allow)| Command::ColdExtrusion { minimum, allow }),
     ]

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::{
-    ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, GainWords, Remarks, RetractionWords, Units, WaitTarget,
+    ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, FeedWords, GainWords, PrintClockCommand, Remarks,
+    RetractionWords, Units, WaitTarget,
 };
 
 pub(super) fn number(text: &str) -> Decimal {
@@ -228,11 +229,14 @@ fn motors_and_limits() {
     reads_with("M851 Z-1.1 E5", Command::ProbeOffset(z("-1.1")), "E has no effect");
     reads("M211 S0", Command::SoftLimits(Some(false)));
     reads("M211", Command::SoftLimits(None));
-    reads("M220 S80", Command::FeedPercent(some("80")));
-    reads("M220 S999", Command::FeedPercent(some("999")));
-    reads("M220", Command::FeedPercent(None));
+    let feed = |percent| Command::FeedPercent(FeedWords { percent, ..FeedWords::default() });
+    reads("M220 S80", feed(some("80")));
+    reads("M220 S999", feed(some("999")));
+    reads("M220", feed(None));
+    reads("M220 B S50", Command::FeedPercent(FeedWords { percent: some("50"), keeps: true, restores: false }));
+    reads("M220 R", Command::FeedPercent(FeedWords { percent: None, keeps: false, restores: true }));
     reads("M221 S95 T0", Command::FlowPercent(some("95")));
-    reads_with("M220 S0", Command::FeedPercent(None), "S is not above 0 and is ignored");
+    reads_with("M220 S0", feed(None), "S is not above 0 and is ignored");
     assert_eq!(refused("M220 S1000"), "S: 1000 is out of range, expected 0 to 999");
     assert_eq!(refused("M221 S0"), "S: 0 is out of range, expected more than 0");
     assert_eq!(refused("M221 S999.5"), "S: 999.5 is out of range, expected 0 to 999");
@@ -257,6 +261,14 @@ fn host_commands() {
         ("M86 S1800", Command::HeaterTimeout(Some(1800))),
         ("M86 S0", Command::HeaterTimeout(Some(0))),
         ("M86", Command::HeaterTimeout(None)),
+        ("M87", Command::HeaterTimeout(Some(0))),
+        ("M75 Benchy 2", Command::PrintClock(PrintClockCommand::Start)),
+        ("M76", Command::PrintClock(PrintClockCommand::Pause)),
+        ("M77", Command::PrintClock(PrintClockCommand::Stop)),
+        ("M78", Command::PrintClock(PrintClockCommand::Report)),
+        ("M78 S78", Command::PrintClock(PrintClockCommand::Clear)),
+        ("M78 S7", Command::PrintClock(PrintClockCommand::Report)),
+        ("M206 X1.5 Z-0.1", Command::HomeOffset(AxisWords { x: some("1.5"), z: some("-0.1"), ..AxisWords::default() })),
         ("M114 D", Command::ReportPosition),
         ("M115", Command::ReportFirmware),
         ("M119", Command::ReportEndStops),

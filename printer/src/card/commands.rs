@@ -2,7 +2,6 @@
 
 use ferrostep_card::{Answer, CardFailure, ListFrom, ListOptions, LongPath, OpenedFile, Request};
 use ferrostep_gcode::{CardCommand, Command, Reply};
-use ferrostep_hal_shim::Clock;
 use ferrostep_hal_shim::card::CardError;
 
 use super::state::{Job, Selected, Writing, is_a};
@@ -183,7 +182,6 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.send(Reply::Text("//action:resumed"));
         } else {
             self.card.aborted = false;
-            (self.card.printed_ms, self.card.since_ms) = (0, None);
         }
         self.set_card_job(Job::Printing);
         Ok(())
@@ -280,18 +278,6 @@ impl<P: Ports> Printer<'_, P> {
             Err(failure) => self.refuse_file("Deletion failed", path, failure),
         }
         Ok(())
-    }
-
-    fn report_print_time(&self) {
-        let since = self.card.since_ms.map_or(0, |since_ms| self.clock.now_ms().saturating_sub(since_ms));
-        let seconds = (self.card.printed_ms + since) / 1000;
-        let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
-        let rest = seconds % 60;
-        match (hours, minutes) {
-            (0, 0) => self.replies.say(format_args!("echo:Print time: {rest}s")),
-            (0, _) => self.replies.say(format_args!("echo:Print time: {minutes}m {rest}s")),
-            _ => self.replies.say(format_args!("echo:Print time: {hours}h {minutes}m {rest}s")),
-        }
     }
 
     async fn report_long_path(&mut self, path: &str) {

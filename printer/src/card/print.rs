@@ -83,8 +83,10 @@ impl<P: Ports> Printer<'_, P> {
         };
         hosts.tell_all();
         let rested = self.command_with_signs_of_life(&Command::Finish).await;
+        let is_complete = end == End::Complete && rested.is_ok();
+        self.stop_print_clock(is_complete);
         match end {
-            End::Complete if rested.is_ok() => self.replies.send(Reply::Text("Done printing file")),
+            End::Complete if is_complete => self.replies.send(Reply::Text("Done printing file")),
             End::Aborted => self.end_aborted_print().await,
             End::Complete | End::Stopped | End::Elsewhere => {
                 self.replies.say(format_args!("echo:card: the print has ended at byte {}", self.card.position));
@@ -97,6 +99,7 @@ impl<P: Ports> Printer<'_, P> {
         self.set_card_job(Job::None);
         self.card.selected = None;
         self.note_card_progress();
+        self.keep_statistics();
     }
 
     /// Answers hosts, and waits while the print is paused.

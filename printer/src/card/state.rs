@@ -61,9 +61,6 @@ pub(crate) struct Card<'a> {
     pub(super) writing: Writing,
     /// A host has just begun to write.
     pub(super) begun_writing: bool,
-    /// When the print began or was resumed, ms; and how long it had printed before, ms.
-    pub(super) since_ms: Option<u64>,
-    pub(super) printed_ms: u64,
 }
 
 impl<'a> Card<'a> {
@@ -78,8 +75,6 @@ impl<'a> Card<'a> {
             position: 0,
             writing: Writing::Not,
             begun_writing: false,
-            since_ms: None,
-            printed_ms: 0,
         }
     }
 
@@ -99,13 +94,5 @@ impl<'a> Card<'a> {
             }
         });
         Some(port)
-    }
-
-    pub(super) fn set_job(&mut self, job: Job, now_ms: u64) {
-        if let Some(since_ms) = self.since_ms.take() {
-            self.printed_ms += now_ms.saturating_sub(since_ms);
-        }
-        self.since_ms = (job == Job::Printing).then_some(now_ms);
-        self.job = job;
     }
 }

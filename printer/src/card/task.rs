@@ -4,7 +4,6 @@ use core::future::Future;
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_card::{Answer, CardFailure, CardPort, Request};
-use ferrostep_hal_shim::Clock;
 use ferrostep_hal_shim::card::CardError;
 
 use super::state::Job;
@@ -37,7 +36,13 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     pub(super) fn set_card_job(&mut self, job: Job) {
-        self.card.set_job(job, self.clock.now_ms());
+        match job {
+            Job::Printing => self.start_print_clock(),
+            Job::Paused => self.pause_print_clock(),
+            // Its end has stopped the clock.
+            Job::None => {}
+        }
+        self.card.job = job;
         self.note_card_progress();
     }
 

@@ -51,6 +51,7 @@ pub(crate) fn profile() -> Profile {
     Profile {
         name: "test",
         model_names: "",
+        macros: "",
         nozzle_diameter_mm: None,
         max_volumetric_flow_mm3_per_s: None,
         plan_hash: 0,

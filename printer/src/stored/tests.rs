@@ -8,6 +8,7 @@ use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus,
 use super::values::{GROUPS, Values};
 use crate::homing::tests::rig::{MM, Rig, RigPrinter, execute};
 use crate::ports::{MotorDrivers, SettingsMemory};
+use crate::print_clock::Statistics;
 use crate::profile::{HomeSensor, Profile, SafeHoming};
 
 const SECTOR: usize = 2048;
@@ -121,7 +122,7 @@ fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
 }
 
 /// Commands that change every setting to a value that the profile does not have.
-const CHANGES: [&str; 17] = [
+const CHANGES: [&str; 18] = [
     "M203 X111 Y112.5 Z13.25 E14.123456",
     "M201 X1111 Y1112 Z113 E1114",
     "M204 P1234 R2345 T3456",
@@ -132,6 +133,7 @@ const CHANGES: [&str; 17] = [
     "M593 Y P\"mzv(5,1.999)\" F37 D0.123456",
     "M572 S0.0456 W0.03 L0.02 T4.5",
     "M851 X-30 Y5.25 Z-1.2345",
+    "M206 X1.5 Y-2 Z0.025",
     "M906 X401 Y402 Z403 E404",
     "M914 X41 Y42 Z43 E44",
     "M569 S0 X Z",
@@ -184,6 +186,7 @@ fn reported_lines_work_when_sent_back() {
             "M593 Y P\"mzv(5,1.999)\" F37.00 D0.123456",
             "M572 S0.0456 W0.03 L0.02 T4.50",
             "M851 X-30.00 Y5.25 Z-1.2345",
+            "M206 X1.50 Y-2.00 Z0.025",
             "M906 X401 Y402 Z403 E404",
             "M914 X41 Y42 Z43 E44",
             "M569 X S0",
@@ -213,7 +216,10 @@ fn a_machine_without_probe_and_drivers_reports_what_it_has() {
     let mut printer = rig.printer();
     let lines = says(&rig, &mut printer, "M503 S0");
     let codes: Vec<&str> = lines.iter().filter_map(|line| line["echo:  ".len()..].split(' ').next()).collect();
-    assert_eq!(codes, ["G21", "M203", "M201", "M204", "M205", "M207", "M208", "M593", "M593", "M572", "M301", "M304"]);
+    assert_eq!(
+        codes,
+        ["G21", "M203", "M201", "M204", "M205", "M207", "M208", "M593", "M593", "M572", "M206", "M301", "M304"]
+    );
     let before = printer.live_values();
     for line in &lines {
         execute(&mut printer, &line["echo:  ".len()..]).unwrap();
@@ -228,15 +234,15 @@ fn settings_survive_the_power() {
     let mut before = printer(&rig_before, &bank, Some(&memory));
     let values = changed(&rig_before, &mut before);
     let said = says(&rig_before, &mut before, "M500");
-    assert_eq!(said, ["echo:Settings Stored (553 bytes: 50 values that differ from the profile's)"]);
+    assert_eq!(said, ["echo:Settings Stored (586 bytes: 53 values that differ from the profile's)"]);
     // Switched off and on.
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
     assert_eq!(after.live_values(), after.profile_values());
     after.restore_settings();
-    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (50 values, 0 faults)"]);
+    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (53 values, 0 faults)"]);
     assert_eq!(after.live_values(), values);
-    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 50 values, 0 faults"]);
+    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 53 values, 0 faults"]);
     // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
@@ -247,6 +253,32 @@ fn settings_survive_the_power() {
     execute(&mut after, "M203 X5").unwrap();
     execute(&mut after, "M501").unwrap();
     assert_eq!(after.live_values(), after.profile_values());
+}
+
+/// What the machine has done is stored when a print is complete, and the settings stay as M500 has stored them.
+#[test]
+fn statistics_survive_the_power_without_m500() {
+    let (rig_before, bank) = rig();
+    let memory = Memory::new();
+    let mut before = printer(&rig_before, &bank, Some(&memory));
+    for line in ["M203 X77", "M500", "M203 X88", "M75", "M77", "M75"] {
+        execute(&mut before, line).unwrap();
+    }
+    let (rig_after, bank) = rig();
+    let mut after = printer(&rig_after, &bank, Some(&memory));
+    after.restore_settings();
+    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (1 values, 0 faults)"]);
+    assert_eq!(after.live_values().limits.max_feed_mm_per_s[0], 77.0);
+    let said = says(&rig_after, &mut after, "M78");
+    assert!(said[0].starts_with("Stats: Prints: 1, Finished: 1, Failed: 0\n"), "{said:?}");
+    // Loading settings again does not take a print back.
+    for line in ["M75", "M77", "M501", "M502", "M500"] {
+        execute(&mut after, line).unwrap();
+    }
+    assert!(says(&rig_after, &mut after, "M78")[0].starts_with("Stats: Prints: 2, Finished: 2, Failed: 0\n"));
+    let mut again = printer(&rig_after, &bank, Some(&memory));
+    again.restore_settings();
+    assert!(says(&rig_after, &mut again, "M78")[0].starts_with("Stats: Prints: 2, Finished: 2, Failed: 0\n"));
 }
 
 /// A better profile's values come into force where no others were set.
@@ -395,6 +427,7 @@ fn names_are_distinct_and_stay() {
         "firmware_retraction.lift_mm",
         "firmware_retraction.recover_mm_per_s",
         "firmware_retraction.retract_mm_per_s",
+        "homing.home_offset_mm.*",
         "homing.probe_offset_mm.*",
         "homing.probe_offset_mm.z",
         "input_shaper.*.damping",
@@ -415,9 +448,11 @@ fn names_are_distinct_and_stay() {
     ];
     names.sort_unstable();
     assert_eq!(names, known, "a new setting is added here; one that stood here is a setting that printers have stored");
+    names.push("statistics");
     let mut ids: Vec<u16> = names.iter().map(|name| id_of(name)).collect();
     ids.sort_unstable();
     ids.dedup();
     assert_eq!(ids.len(), names.len(), "two names have the same id: change the new one");
-    assert!(super::all_values().count() <= ferrostep_settings::MAX_VALUES);
+    let statistics = Statistics::default().numbers_mut().len();
+    assert!(super::all_values().count() + statistics <= ferrostep_settings::MAX_VALUES);
 }

@@ -8,6 +8,7 @@ use ferrostep_planner::{AxisShaper, EvenSpacing, Limits, PressureAdvance, Second
 use ferrostep_tmc2209::DriverSettings;
 
 use crate::heat::PidGains;
+use crate::home_offset::LARGEST_MM;
 use crate::profile::{FirmwareRetraction, HomeSensor, Profile, SafeHoming};
 use crate::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
 use crate::tuning::FULL_POWER;
@@ -20,6 +21,8 @@ const MM: f64 = 100_000.0;
 pub(crate) struct Values {
     pub limits: Limits,
     pub retraction: FirmwareRetraction,
+    /// M206.
+    pub home_offset_10nm: [i64; 3],
     /// Of a machine with a probe.
     pub probe_offset_10nm: Option<[i64; 3]>,
     pub shapers: [AxisShaper; 2],
@@ -42,6 +45,7 @@ impl Values {
         Self {
             limits: profile.limits,
             retraction: profile.retraction,
+            home_offset_10nm: [0; 3],
             probe_offset_10nm: has_probe.then_some(profile.safe_homing.probe_offset_10nm),
             shapers: profile.motion.shapers,
             advance: advance_numbers(&profile.motion.pressure_advance),
@@ -203,7 +207,7 @@ const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::
 
 /// Every setting that M500 stores. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
 /// of machines contain them.
-pub(crate) static GROUPS: [Group; 14] = [
+pub(crate) static GROUPS: [Group; 15] = [
     Group {
         code: "M203",
         heading: "echo:; Max feedrates (units/s):",
@@ -336,6 +340,14 @@ pub(crate) static GROUPS: [Group; 14] = [
                 values.probe_offset_10nm.as_mut()?.get_mut(2).map(Place::Length)
             }),
         ],
+    },
+    Group {
+        code: "M206",
+        heading: "echo:; Home offset:",
+        axes: None,
+        settings: &[setting("homing.home_offset_mm.*", "XYZ", [-LARGEST_MM, LARGEST_MM], |values, axis| {
+            values.home_offset_10nm.get_mut(axis).map(Place::Length)
+        })],
     },
     Group {
         code: "M906",

@@ -21,7 +21,7 @@ use crate::printer::{Printer, Source};
 use crate::signals::Signals;
 
 /// Heaters, their control and the time.
-struct World {
+pub(crate) struct World {
     heat: RefCell<(HeatControl, VirtualHeaters)>,
     now_ms: Cell<u64>,
     signals: Signals,
@@ -30,7 +30,7 @@ struct World {
 }
 
 impl World {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let rig = Rig::new(|profile| {
             profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
         });
@@ -40,13 +40,26 @@ impl World {
         Self { heat, now_ms: Cell::new(0), signals: Signals::new(), texts: RefCell::default(), rig }
     }
 
-    fn printer(&self) -> TestPrinter<'_> {
+    pub(crate) fn printer(&self) -> TestPrinter<'_> {
         Printer::new(&self.rig.profile, RigMotion::new(&self.rig), Warm(self), Time(self), self, &self.signals)
     }
 
+    pub(crate) fn change(&mut self, change: impl FnOnce(&mut crate::profile::Profile)) {
+        change(&mut self.rig.profile);
+    }
+
+    pub(crate) fn signals(&self) -> &Signals {
+        &self.signals
+    }
+
     /// What was said since the last call.
-    fn said(&self) -> Vec<String> {
+    pub(crate) fn said(&self) -> Vec<String> {
         self.texts.take()
+    }
+
+    /// The time since the start, ms.
+    pub(crate) fn now_ms(&self) -> u64 {
+        self.now_ms.get()
     }
 
     fn target(&self, heater: Heater) -> f32 {
@@ -54,9 +67,9 @@ impl World {
     }
 }
 
-type TestPrinter<'a> = Printer<'a, (RigMotion<'a>, Warm<'a>, Time<'a>, World)>;
+pub(crate) type TestPrinter<'a> = Printer<'a, (RigMotion<'a>, Warm<'a>, Time<'a>, World)>;
 
-struct Warm<'a>(&'a World);
+pub(crate) struct Warm<'a>(&'a World);
 
 impl Heating for Warm<'_> {
     fn set_target(&mut self, heater: Heater, celsius: f32) {
@@ -87,7 +100,7 @@ impl Heating for Warm<'_> {
 
 /// Time passes while a command waits: once for each call, so that a test can act in between.
 #[derive(Clone)]
-struct Time<'a>(&'a World);
+pub(crate) struct Time<'a>(&'a World);
 
 impl Clock for Time<'_> {
     fn now_ms(&self) -> u64 {
@@ -117,7 +130,7 @@ impl Replies for World {
 }
 
 /// Executes a line of a host; `act` is called with the seconds so far while it waits.
-fn execute(world: &World, printer: &mut TestPrinter<'_>, line: &str, act: impl Fn(u64)) -> bool {
+pub(crate) fn execute(world: &World, printer: &mut TestPrinter<'_>, line: &str, act: impl Fn(u64)) -> bool {
     let begun_ms = world.now_ms.get();
     let mut execution = pin!(printer.execute_for_host(1, line, false));
     loop {

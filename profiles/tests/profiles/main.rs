@@ -7,6 +7,7 @@ mod error_budget;
 mod heater_keys;
 mod heaters;
 mod input_shaper;
+mod macros;
 mod mini_heat;
 mod motor_drivers;
 mod nozzle_refusals;

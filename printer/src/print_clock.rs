@@ -1,0 +1,257 @@
+//! M31 and M75 to M78: how long a print takes, and what all prints together took.
+
+use core::fmt;
+
+use ferrostep_gcode::{PrintClockCommand, Reply};
+use ferrostep_hal_shim::{Clock, Heater};
+
+use crate::card::Job;
+use crate::ports::{Heating, Ports, Replies};
+use crate::printer::Printer;
+
+/// Units of 0.1 nm in 10 mm, the smallest length that M78 shows.
+const CENTIMETRE_100PM: i64 = 100_000_000;
+
+/// A time as hosts know it: `1d 2h 3m 4s`, without the parts before the first that is not 0.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Duration(pub u32);
+
+impl fmt::Display for Duration {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(seconds) = *self;
+        let parts =
+            [(seconds / 86_400, 'd'), (seconds / 3600 % 24, 'h'), (seconds / 60 % 60, 'm'), (seconds % 60, 's')];
+        let first = parts.iter().position(|(count, _)| *count > 0).unwrap_or(3);
+        for (index, (count, unit)) in parts.iter().enumerate().skip(first) {
+            let blank = if index > first { " " } else { "" };
+            write!(out, "{blank}{count}{unit}")?;
+        }
+        Ok(())
+    }
+}
+
+/// What a machine has done in its life. It begins anew at a reset, unless a memory keeps it ([`crate::SettingsMemory`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Statistics {
+    /// Prints begun.
+    pub prints: u32,
+    /// Those that were complete.
+    pub finished: u32,
+    /// Time of all prints, pauses left out, s.
+    pub printed_s: u32,
+    /// Time of the longest print, s.
+    pub longest_s: u32,
+    /// Filament of all prints, units of 10 mm.
+    pub filament_10mm: u32,
+    /// How long the nozzle's and the bed's heater had a target, s.
+    pub heated_s: [u32; 2],
+}
+
+impl Statistics {
+    /// Its numbers, in the order in which a memory has them: new ones come last.
+    pub fn numbers_mut(&mut self) -> [&mut u32; 7] {
+        let Self { prints, finished, printed_s, longest_s, filament_10mm, heated_s: [nozzle_s, bed_s] } = self;
+        [prints, finished, printed_s, longest_s, filament_10mm, nozzle_s, bed_s]
+    }
+}
+
+/// The state of the print's clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Stopped,
+    Paused,
+    /// Since this time, ms.
+    Running(u64),
+}
+
+/// The clock of the print, and what all prints together took.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PrintClock {
+    state: State,
+    /// What it had counted before it began to run, ms.
+    before_ms: u64,
+    /// All filament when the print began, units of 0.1 nm.
+    filament_before_100pm: i64,
+    /// When the heaters were looked at, ms, and which of them had a target then.
+    heat_seen: (u64, [bool; 2]),
+    pub statistics: Statistics,
+    /// Not yet in the memory.
+    pub is_unsaved: bool,
+}
+
+impl PrintClock {
+    pub const fn new() -> Self {
+        Self {
+            state: State::Stopped,
+            before_ms: 0,
+            filament_before_100pm: 0,
+            heat_seen: (0, [false; 2]),
+            statistics: Statistics {
+                prints: 0,
+                finished: 0,
+                printed_s: 0,
+                longest_s: 0,
+                filament_10mm: 0,
+                heated_s: [0; 2],
+            },
+            is_unsaved: false,
+        }
+    }
+
+    /// How long the print has taken, pauses left out, s. Of the last one, if none is at work.
+    fn elapsed_s(&self, now_ms: u64) -> u32 {
+        let running_ms = match self.state {
+            State::Running(since_ms) => now_ms.saturating_sub(since_ms),
+            State::Stopped | State::Paused => 0,
+        };
+        u32::try_from(self.before_ms.saturating_add(running_ms) / 1000).unwrap_or(u32::MAX)
+    }
+
+    /// A print begins, or goes on.
+    fn start(&mut self, now_ms: u64, filament_100pm: i64) {
+        match self.state {
+            State::Running(_) => return,
+            State::Paused => {}
+            State::Stopped => {
+                (self.before_ms, self.filament_before_100pm) = (0, filament_100pm);
+                self.statistics.prints = self.statistics.prints.saturating_add(1);
+                self.is_unsaved = true;
+            }
+        }
+        self.state = State::Running(now_ms);
+    }
+
+    fn pause(&mut self, now_ms: u64) {
+        if let State::Running(since_ms) = self.state {
+            self.before_ms = self.before_ms.saturating_add(now_ms.saturating_sub(since_ms));
+            self.state = State::Paused;
+        }
+    }
+
+    /// The print ends.
+    fn stop(&mut self, now_ms: u64, filament_100pm: i64, is_complete: bool) {
+        self.pause(now_ms);
+        if self.state == State::Stopped {
+            return;
+        }
+        self.state = State::Stopped;
+        let (elapsed_s, all) = (self.elapsed_s(now_ms), &mut self.statistics);
+        all.finished = all.finished.saturating_add(u32::from(is_complete));
+        all.printed_s = all.printed_s.saturating_add(elapsed_s);
+        all.longest_s = all.longest_s.max(elapsed_s);
+        let used_10mm = filament_100pm.saturating_sub(self.filament_before_100pm) / CENTIMETRE_100PM;
+        all.filament_10mm = all.filament_10mm.saturating_add(u32::try_from(used_10mm).unwrap_or(0));
+        self.is_unsaved = true;
+    }
+
+    /// The heaters that have a target now. One that had a target before as well has had it since.
+    fn see_heat(&mut self, now_ms: u64, are_on: [bool; 2]) {
+        let (before_ms, were_on) = self.heat_seen;
+        let seconds = now_ms.saturating_sub(before_ms) / 1000;
+        let passed_s = u32::try_from(seconds).unwrap_or(u32::MAX);
+        for ((heated_s, was_on), is_on) in self.statistics.heated_s.iter_mut().zip(were_on).zip(are_on) {
+            if was_on && is_on {
+                *heated_s = heated_s.saturating_add(passed_s);
+                self.is_unsaved |= passed_s > 0;
+            }
+        }
+        // The rest of a second is not lost.
+        self.heat_seen = (before_ms.saturating_add(seconds.saturating_mul(1000)), are_on);
+        if !were_on.into_iter().any(|was_on| was_on) {
+            self.heat_seen.0 = now_ms;
+        }
+    }
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// M75 to M78 but for their waits.
+    // In a future the compiler would keep every value in memory.
+    #[inline(never)]
+    pub(crate) fn print_clock(&mut self, command: PrintClockCommand) {
+        match command {
+            PrintClockCommand::Start => self.start_print_clock(),
+            PrintClockCommand::Pause => self.print_clock.pause(self.clock.now_ms()),
+            PrintClockCommand::Stop => self.stop_print_clock(true),
+            PrintClockCommand::Report => self.report_statistics(),
+            PrintClockCommand::Clear => {
+                self.see_heat();
+                (self.print_clock.statistics, self.print_clock.is_unsaved) = (Statistics::default(), true);
+                self.replies.send(Reply::Text("echo:print statistics are cleared"));
+            }
+        }
+    }
+
+    pub(crate) fn start_print_clock(&mut self) {
+        self.print_clock.start(self.clock.now_ms(), self.interpreter.tally.filament_100pm);
+    }
+
+    /// A paused print goes on.
+    pub(crate) fn resume_print_clock(&mut self) {
+        if self.print_clock.state == State::Paused {
+            self.start_print_clock();
+        }
+    }
+
+    pub(crate) fn pause_print_clock(&mut self) {
+        self.print_clock.pause(self.clock.now_ms());
+    }
+
+    pub(crate) fn stop_print_clock(&mut self, is_complete: bool) {
+        self.print_clock.stop(self.clock.now_ms(), self.interpreter.tally.filament_100pm, is_complete);
+    }
+
+    /// A wait for heat begins a host's print, as in Marlin.
+    pub(crate) fn print_heats(&mut self) {
+        if self.print_clock.state == State::Stopped && self.targets_celsius.iter().any(|celsius| *celsius > 0.0) {
+            self.start_print_clock();
+        }
+    }
+
+    /// The last heater that is switched off ends a host's print, as in Marlin. The card knows its end by itself.
+    fn print_cools(&mut self) {
+        let is_cold = self.targets_celsius.iter().all(|celsius| *celsius <= 0.0);
+        if is_cold && self.card.job == Job::None && !self.is_paused() {
+            self.stop_print_clock(true);
+        }
+    }
+
+    /// Before and after a target is set: looks at the heaters.
+    pub(crate) fn see_heat(&mut self) {
+        let are_on = Heater::ALL.map(|heater| self.heating.status(heater).target_celsius > 0.0);
+        self.print_clock.see_heat(self.clock.now_ms(), are_on);
+    }
+
+    /// A target was set.
+    pub(crate) fn target_is_set(&mut self) {
+        self.see_heat();
+        self.print_cools();
+    }
+
+    /// M31.
+    pub(crate) fn report_print_time(&self) {
+        let elapsed = Duration(self.print_clock.elapsed_s(self.clock.now_ms()));
+        self.replies.say(format_args!("echo:Print time: {elapsed}"));
+    }
+
+    /// M78, in Marlin's words but for the last line.
+    fn report_statistics(&mut self) {
+        self.see_heat();
+        let Statistics { prints, finished, printed_s, longest_s, filament_10mm, heated_s } =
+            self.print_clock.statistics;
+        let at_work = u32::from(self.print_clock.state != State::Stopped);
+        let failed = prints.saturating_sub(finished).saturating_sub(at_work);
+        let [total, longest] = [printed_s, longest_s].map(Duration);
+        let [nozzle, bed] = heated_s.map(Duration);
+        let (metres, rest) = (filament_10mm / 100, filament_10mm % 100);
+        self.replies.say(format_args!(
+            "Stats: Prints: {prints}, Finished: {finished}, Failed: {failed}\n\
+             Stats: Total time: {total}, Longest job: {longest}\n\
+             Stats: Filament used: {metres}.{rest:02}m\n\
+             Stats: Heating time: nozzle {nozzle}, bed {bed}"
+        ));
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

@@ -1,0 +1,266 @@
+//! What becomes of a printer when something fails while it is at something: each fault at each time, as the book's table.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_checked_toml::book;
+use ferrostep_hal_shim::Heater;
+use ferrostep_printer::{FilamentSensor, Profile};
+use ferrostep_tests::host_side::numbered;
+use ferrostep_virtual_board::{HeaterFailure, VirtualDelay};
+
+use crate::command::repository;
+use crate::desk::profile;
+use crate::hosts::{Conversation, Machine, machine};
+
+/// What fails.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    Heater(Heater, HeaterFailure),
+    FilamentRunsOut,
+    HostGoes,
+    EmergencyStop,
+}
+
+const FAULTS: [(&str, Fault); 9] = [
+    ("the nozzle's thermistor breaks", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorOpen)),
+    ("the nozzle's thermistor is shorted", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorShorted)),
+    ("the nozzle's thermistor falls out", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorFellOut)),
+    ("the nozzle's heater has no power", Fault::Heater(Heater::Nozzle, HeaterFailure::Dead)),
+    ("the nozzle's heater cannot be switched off", Fault::Heater(Heater::Nozzle, HeaterFailure::StuckOn)),
+    ("the bed's thermistor breaks", Fault::Heater(Heater::Bed, HeaterFailure::ThermistorOpen)),
+    ("the filament runs out", Fault::FilamentRunsOut),
+    ("the host is gone for 35 minutes", Fault::HostGoes),
+    ("M112", Fault::EmergencyStop),
+];
+
+/// What the printer is at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum At {
+    Idle,
+    Heating,
+    Printing,
+    Waiting,
+    Paused,
+    Homing,
+    Probing,
+}
+
+const TIMES: [(&str, At); 7] = [
+    ("idle", At::Idle),
+    ("heating", At::Heating),
+    ("printing", At::Printing),
+    ("waiting", At::Waiting),
+    ("paused", At::Paused),
+    ("homing", At::Homing),
+    ("probing", At::Probing),
+];
+
+impl At {
+    /// Whether it is hot at the time. While it heats, it is on its way there.
+    fn is_hot(self) -> bool {
+        !matches!(self, Self::Idle | Self::Heating)
+    }
+
+    /// The command at whose middle it happens, and when, s after its beginning.
+    fn command(self) -> Option<(&'static str, f64)> {
+        match self {
+            Self::Idle | Self::Printing => None,
+            Self::Heating => Some(("M109 S210", 5.0)),
+            Self::Waiting => Some(("G4 S400", 20.0)),
+            Self::Paused => Some(("M601", 20.0)),
+            Self::Homing => Some(("G28 X Y", 0.5)),
+            Self::Probing => Some(("G28 Z", 0.5)),
+        }
+    }
+}
+
+/// How long the fault has, until a person looks, s. What lets heaters cool is noticed within a minute.
+const LONG_S: f64 = 300.0;
+const HOST_IS_GONE_S: f64 = 2100.0;
+
+fn now_s(machine: &Machine) -> f64 {
+    machine.clock().now_ns() as f64 * 1e-9
+}
+
+/// One machine with one fault.
+struct Trial<'a> {
+    machine: &'a Machine,
+    conversation: Conversation<'a>,
+    fault: Fault,
+    said: Vec<String>,
+    number: i64,
+    /// When it happens, s.
+    at_s: f64,
+    /// When the present pause began.
+    paused_s: Option<f64>,
+    pauses: u32,
+    /// A person mends the filament in this pause.
+    mended_in: u32,
+}
+
+impl Trial<'_> {
+    /// Sends a line of the print. The fault happens when its time has come, and a person goes on with a paused print.
+    fn say(&mut self, line: &str) {
+        self.number += 1;
+        let text = format!("{}\n", numbered(self.number, line));
+        let Self { fault, at_s, paused_s, pauses, mended_in, .. } = self;
+        let patience_s = if *fault == Fault::HostGoes { HOST_IS_GONE_S } else { LONG_S };
+        let replies = self.conversation.say_while(text.as_bytes(), |machine| {
+            happen(machine, *fault, at_s);
+            if !machine.signals().is_paused_for_user() {
+                *paused_s = None;
+                return;
+            }
+            if paused_s.is_none() {
+                *pauses += 1;
+            }
+            let waited_s = now_s(machine) - *paused_s.get_or_insert_with(|| now_s(machine));
+            if waited_s > patience_s && *pauses >= *mended_in {
+                machine.set_filament_out(false);
+            }
+            if waited_s > patience_s + 2.0 {
+                machine.signals().end_wait();
+            }
+        });
+        self.said.extend(replies.iter().flat_map(|reply| reply.lines()).map(str::to_owned));
+    }
+
+    /// Nobody says anything for a while.
+    fn be_silent(&mut self, seconds: f64) {
+        let (machine, fault) = (self.machine, self.fault);
+        let mut at_s = self.at_s;
+        let wait = async {
+            for _ in 0..(seconds * 10.0) as u32 {
+                VirtualDelay(machine.clock()).delay_ms(100).await;
+            }
+        };
+        machine.run_with(wait, |machine| happen(machine, fault, &mut at_s));
+        self.at_s = at_s;
+        let replies = machine.replies().take();
+        self.said.extend(replies.iter().flat_map(|reply| reply.lines()).map(str::to_owned));
+    }
+
+    fn count(&self, text: &str) -> usize {
+        self.said.iter().filter(|line| line.starts_with(text)).count()
+    }
+}
+
+/// The fault happens, once its time has come.
+fn happen(machine: &Machine, fault: Fault, at_s: &mut f64) {
+    if now_s(machine) < *at_s {
+        return;
+    }
+    *at_s = f64::INFINITY;
+    match fault {
+        Fault::Heater(heater, failure) => machine.set_heater_failure(heater, Some(failure)),
+        Fault::FilamentRunsOut => machine.set_filament_out(true),
+        Fault::HostGoes => {}
+        Fault::EmergencyStop => machine.halt(),
+    }
+}
+
+/// What becomes of the machine, as the table has it.
+fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
+    let machine = machine(profile);
+    let mut trial = Trial {
+        machine: &machine,
+        conversation: Conversation::new(&machine),
+        fault,
+        said: Vec::new(),
+        number: 0,
+        at_s: f64::INFINITY,
+        paused_s: None,
+        pauses: 0,
+        mended_in: 1 + u32::from(at == At::Paused),
+    };
+    for line in ["G28", "M83", "G90"] {
+        trial.say(line);
+    }
+    if at.is_hot() {
+        for line in ["M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 Y50 Z5 F3000", "M400"] {
+            trial.say(line);
+        }
+    }
+    let begun_s = now_s(&machine);
+    trial.at_s = begun_s + at.command().map_or(5.0, |(_, seconds)| seconds);
+    trial.said.clear();
+    if let Some((line, _)) = at.command() {
+        trial.say(line);
+    }
+    let lasts_s = if fault == Fault::HostGoes { HOST_IS_GONE_S } else { LONG_S };
+    let host_is_here = fault != Fault::HostGoes;
+    let mut lines = 0;
+    while at == At::Printing && host_is_here && now_s(&machine) < begun_s + lasts_s && !machine.signals().is_halted() {
+        lines += 1;
+        trial.say(&format!("G1 X{} E0.5 F900", 50 + 60 * (lines % 2)));
+    }
+    if at == At::Printing && !host_is_here {
+        trial.say("G1 X110 E0.5 F900");
+    }
+    trial.be_silent((begun_s + lasts_s - now_s(&machine)).max(10.0));
+    assert_eq!(trial.at_s, f64::INFINITY, "{at:?} {fault:?}: it has not happened");
+    let heated = at != At::Idle;
+    let is_off = Heater::ALL.iter().all(|heater| machine.heaters().power(*heater) == 0.0);
+    let own_pauses = usize::from(at == At::Paused);
+    if machine.signals().is_halted() {
+        return halted(&mut trial, is_off);
+    }
+    // It works, and a print goes on.
+    let off = trial.count("echo:heaters switched off: ") > 0;
+    assert_eq!(off, is_off && heated, "{at:?} {fault:?}: {:#?}", trial.said);
+    if at.is_hot() {
+        trial.say("G1 X70 E0.5 F900");
+        assert!(!machine.signals().is_halted(), "{at:?} {fault:?}: {:#?}", trial.said);
+    }
+    let goes_on = if off && trial.count("echo:heaters were switched off (M86)") > 0 {
+        "; the next line heats up again"
+    } else {
+        ""
+    };
+    match (off, trial.count("//action:paused") > own_pauses) {
+        (true, _) => format!("switches the heaters off{goes_on}"),
+        (false, true) if at == At::Printing => "pauses to change it".to_owned(),
+        (false, true) => "pauses to change it, with the next line of the print".to_owned(),
+        (false, false) => "none".to_owned(),
+    }
+}
+
+/// Nothing is hot, nothing moves, the host knows why, and commands are refused until M999 or a reset.
+fn halted(trial: &mut Trial<'_>, is_off: bool) -> String {
+    let (machine, fault) = (trial.machine, trial.fault);
+    assert!(is_off, "{fault:?}");
+    let steps = machine.figures().motor_steps;
+    trial.be_silent(5.0);
+    assert_eq!(machine.figures().motor_steps, steps, "{fault:?}");
+    trial.say("G1 X90 F3000");
+    assert_eq!(machine.figures().motor_steps, steps, "{fault:?}");
+    assert!(trial.said.iter().any(|line| line.contains("M999") || line.contains("reset")), "{:#?}", trial.said);
+    if fault == Fault::EmergencyStop {
+        return "halts".to_owned();
+    }
+    assert_eq!(machine.heaters().fan_power(), 255, "{fault:?}");
+    let error = trial.said.iter().find_map(|line| line.strip_prefix("Error:")?.split_once(','));
+    let (error, _) = error.unwrap_or_else(|| panic!("{fault:?}: {:#?}", trial.said));
+    format!("halts: {error}")
+}
+
+#[test]
+fn each_fault_at_each_time_is_in_the_book() {
+    let mut machine = profile("prusa-mini");
+    machine.filament_sensor = Some(FilamentSensor { missing_is_low: true, debounce_ms: 500 });
+    let mut text = format!("| | {} |\n|---|{}\n", TIMES.map(|(name, _)| name).join(" | "), "---|".repeat(TIMES.len()));
+    for (name, fault) in FAULTS {
+        let cells = TIMES.map(|(_, at)| outcome(&machine, at, fault));
+        for ((_, at), cell) in TIMES.iter().zip(&cells) {
+            // A broken thermistor is noticed cold or hot, a heater that fails wherever it should heat.
+            let must_halt = match fault {
+                Fault::EmergencyStop => true,
+                Fault::Heater(_, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted) => true,
+                Fault::Heater(..) => *at != At::Idle,
+                Fault::FilamentRunsOut | Fault::HostGoes => false,
+            };
+            assert!(!must_halt || cell.starts_with("halts"), "{name}, {at:?}: {cell}");
+        }
+        text += &format!("| {name} | {} |\n", cells.join(" | "));
+    }
+    book::keep(&repository().join("docs/src/safety.md"), "faults", &text).unwrap();
+}
