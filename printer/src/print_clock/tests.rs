@@ -52,7 +52,7 @@ fn heat_begins_and_ends_a_print_of_a_host() {
     talk(&world, &mut printer, &["M190 S50", "G4 S100", "M104 S0"]);
     let heated_s = (world.now_ms() - begun_ms) / 1000;
     let time = format!("echo:Print time: {}", Duration(heated_s as u32));
-    assert_eq!(talk(&world, &mut printer, &["M31"]), [time.clone()]);
+    assert_eq!(talk(&world, &mut printer, &["M31"]), std::slice::from_ref(&time));
     talk(&world, &mut printer, &["M140 S0", "G4 S1000"]);
     let said = talk(&world, &mut printer, &["M31", "M78"]);
     assert_eq!(said[..2], [time, String::from("Stats: Prints: 1, Finished: 1, Failed: 0")]);
