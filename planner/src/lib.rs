@@ -74,7 +74,7 @@ pub use planner::recorder::{Recorded, Recorder};
 pub use planner::request::{Move, Request};
 pub use planner::{Planner, Progress, filament_100pm};
 pub use pressure_advance::{PressureAdvance, PressureAdvanceError, SecondSlope};
-pub use shaping::{AxisShaper, EvenSpacing, ShaperError, ShaperKind};
+pub use shaping::{AxisShaper, EvenSpacing, SMOOTH_TIME_S, ShaperError, ShaperKind, smooth_ticks};
 pub use spacing::MotorSteps;
 pub use step_ledger::{StepLedger, StepObserver};
 pub use step_queue::{EXTRUDER, Notice, StepEntry, StepKind, StepSink};

@@ -106,6 +106,8 @@ pub struct MotionChoice {
     pub s_curve_table: SCurveTableSettings,
     /// Shapers of X and Y.
     pub shapers: [AxisShaper; 2],
+    /// Over how long X, Y, Z and the extruder are averaged after their shapers, s, within [`crate::SMOOTH_TIME_S`]; `None`: they are not.
+    pub smooth_time_s: Option<f64>,
     /// How far the extruder runs ahead of the flow.
     pub pressure_advance: PressureAdvance,
     /// Whether filament is drawn back and pushed again along the travel between, without a stop for it ([`crate::Move`]s only).
@@ -122,7 +124,7 @@ impl MotionChoice {
     /// The acceleration of the filament that the extruder can follow with its advance, mm/s^2; `None` without one, and where the
     /// filters cannot be made.
     pub fn followed_filament_acceleration_mm_per_s2(&self, limits: &Limits) -> Option<f64> {
-        let shaping = Shaping::new(&self.shapers, &self.pressure_advance).ok()?;
+        let shaping = Shaping::new(&self.shapers, self.smooth_time_s, &self.pressure_advance).ok()?;
         let advance = shaping.extruder_advance(&self.pressure_advance)?;
         let [.., feed] = limits.max_feed_mm_per_s;
         let [.., acceleration] = limits.max_acceleration_mm_per_s2;
@@ -141,6 +143,7 @@ impl MotionChoice {
         // Li 2017, experiment.
         s_curve_table: SCurveTableSettings { start_hz: 1_000, top_hz: 10_000, jerk_hz_per_s2: 100_000 },
         shapers: [AxisShaper::NONE; 2],
+        smooth_time_s: None,
         pressure_advance: PressureAdvance::NONE,
         filament_on_the_way: false,
     };

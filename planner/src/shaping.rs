@@ -5,15 +5,19 @@
 //!
 //! The extruder's filter spreads the flow as the shapers and the frame together spread the path, so that the filament comes where
 //! the nozzle is; its advance ([`PressureAdvance`]) is the mean between two delays.
+//!
+//! A moving average over some ms may follow in the filters of X, Y, Z and the extruder: it makes the acceleration change gradually.
 
 mod even_spacing;
 mod fixed;
 mod kernel;
+mod motor_states;
 mod motor_steps;
 mod path_pieces;
 mod plan;
 mod plan_ring;
 mod shapers;
+mod smoothing;
 mod stepper;
 mod taps;
 
@@ -39,6 +43,9 @@ const LEAST_SMOOTH_TIME_S: f64 = 0.008;
 /// with the path's variance.
 const PART_OF_SPREAD: f64 = 0.9;
 
+/// Times for the moving average of all axes, s.
+pub const SMOOTH_TIME_S: [f64; 2] = [0.001, 0.05];
+
 /// The filters of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaping {
@@ -46,29 +53,42 @@ pub struct Shaping {
     pub x: Kernel,
     /// That of Y.
     pub y: Kernel,
-    /// By how much the filters and the frame together spread the path of the nozzle, squared ticks: the mean of X's variance and Y's,
-    /// at least 0. The extruder's filter has it too.
-    pub path_variance: f64,
+    /// By how much the shapers and the frame together spread the path of the nozzle, squared ticks: the mean of X's variance and Y's,
+    /// at least 0. The extruder's impulses have it too.
+    pub extruder_variance: f64,
+    /// Over how many ticks X, Y, Z and the extruder are averaged after that, an even number; 0: they are not.
+    pub smooth_ticks: u32,
     /// Over how many ticks the extruder's advance is averaged; 0: it has none.
     pub advance_ticks: u32,
 }
 
 impl Shaping {
     /// No filters: every motor follows the plan itself.
-    pub const NONE: Self = Self { x: Kernel::IDENTITY, y: Kernel::IDENTITY, path_variance: 0.0, advance_ticks: 0 };
+    pub const NONE: Self =
+        Self { x: Kernel::IDENTITY, y: Kernel::IDENTITY, extruder_variance: 0.0, smooth_ticks: 0, advance_ticks: 0 };
 
-    /// The filters of these shapers of X and Y, and of this advance.
+    /// The filters of these shapers of X and Y, of a moving average over a time within [`SMOOTH_TIME_S`], and of this advance.
     ///
     /// # Errors
-    /// The first shaper that cannot be made.
-    pub fn new(shapers: &[AxisShaper; 2], advance: &PressureAdvance) -> Result<Self, ShaperError> {
+    /// The first that cannot be made.
+    pub fn new(
+        shapers: &[AxisShaper; 2],
+        smooth_time_s: Option<f64>,
+        advance: &PressureAdvance,
+    ) -> Result<Self, ShaperError> {
         let [x, y] = shapers;
-        let (x_kernel, y_kernel) = (x.kernel()?, y.kernel()?);
+        let smooth_ticks = smooth_ticks(smooth_time_s)?;
+        let (x_kernel, y_kernel) = (x.kernel_beside(smooth_ticks)?, y.kernel_beside(smooth_ticks)?);
         let variance = 0.5 * (x.path_variance(&x_kernel) + y.path_variance(&y_kernel));
-        let path_variance = if variance > 0.0 { variance } else { 0.0 };
-        let filters = Self { x: x_kernel, y: y_kernel, path_variance, advance_ticks: 0 };
+        let extruder_variance = if variance > 0.0 { variance } else { 0.0 };
+        let filters = Self { x: x_kernel, y: y_kernel, extruder_variance, smooth_ticks, advance_ticks: 0 };
         let advance_ticks = if advance.is_some() { filters.average_ticks(advance.smooth_time_s) } else { 0 };
         Ok(Self { advance_ticks, ..filters })
+    }
+
+    /// The variance of the moving average, squared ticks.
+    fn smooth_variance(&self) -> f64 {
+        f64::from(self.smooth_ticks) * f64::from(self.smooth_ticks) * (1.0 / 12.0)
     }
 
     /// Over how many ticks an advance is averaged.
@@ -76,12 +96,12 @@ impl Shaping {
     fn average_ticks(&self, smooth_time_s: Option<f64>) -> u32 {
         let ticks_per_second = f64::from(TICKS_PER_SECOND);
         let ticks = smooth_time_s.map(|time_s| time_s * ticks_per_second).unwrap_or_else(|| {
-            let spread = PART_OF_SPREAD * f64::from(square_root_f32((12.0 * self.path_variance) as f32));
+            let spread = PART_OF_SPREAD
+                * f64::from(square_root_f32((12.0 * (self.extruder_variance + self.smooth_variance())) as f32));
             let least = LEAST_SMOOTH_TIME_S * ticks_per_second;
             if spread > least { spread } else { least }
         });
-        // Even, so that both halves are whole ticks.
-        2 * (0.5 * ticks + 0.5) as u32
+        even_ticks(ticks)
     }
 
     /// What an advance takes of the extruder; `None`: nothing.
@@ -95,4 +115,24 @@ impl Shaping {
     pub fn is_active(&self) -> bool {
         *self != Self::NONE
     }
+}
+
+/// The ticks of a moving average over this time.
+///
+/// # Errors
+/// [`ShaperError::SmoothTime`].
+#[cold]
+pub fn smooth_ticks(smooth_time_s: Option<f64>) -> Result<u32, ShaperError> {
+    let [least, most] = SMOOTH_TIME_S;
+    match smooth_time_s {
+        None => Ok(0),
+        Some(time_s) if time_s >= least && time_s <= most => Ok(even_ticks(time_s * f64::from(TICKS_PER_SECOND))),
+        // NaN is in no range.
+        Some(_) => Err(ShaperError::SmoothTime),
+    }
+}
+
+/// The nearest even number of ticks, so that both halves are whole ones.
+fn even_ticks(ticks: f64) -> u32 {
+    2 * (0.5 * ticks + 0.5) as u32
 }

@@ -148,7 +148,7 @@ fn the_lowest_frequency_is_taken() {
     for kind in kinds() {
         for part in [0.0, 0.1, 0.3, 1.0] {
             let shaper = AxisShaper { kind, frequency_hz: 100.0, damping: kind.max_damping() * part };
-            let lowest_hz = shaper.lowest_frequency_hz();
+            let lowest_hz = shaper.lowest_frequency_hz(0);
             let at = |frequency_hz| AxisShaper { frequency_hz, ..shaper }.kernel();
             assert!(at(lowest_hz).is_ok(), "{shaper:?} {lowest_hz}");
             assert!(kind == ShaperKind::None || at(lowest_hz - 0.02).is_err(), "{shaper:?} {lowest_hz}");
@@ -210,7 +210,7 @@ fn the_books_table_of_shapers_is_current() {
                 .fold(0.0, f64::max);
             write!(page, " | {:.1} %", worst * 100.0).unwrap();
         }
-        writeln!(page, " | {:.2} |", shaper.lowest_frequency_hz()).unwrap();
+        writeln!(page, " | {:.2} |", shaper.lowest_frequency_hz(0)).unwrap();
     }
     book::keep(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/input-shaping.md"), "kinds", &page).unwrap();
 }

@@ -4,7 +4,7 @@ use core::fmt;
 
 use ferrostep_gcode::{ParseError, Real, ShortText};
 use ferrostep_planner::look_ahead::PlanFault;
-use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, Speed};
+use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, ShaperError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
 use crate::advance_refusal::AdvanceRefusal;
@@ -354,6 +354,9 @@ impl fmt::Display for CommandError {
                 write!(out, "M796: a parameter of the method is out of range, see the machine's profile")
             }
             Self::MotionChoice(ChoiceError::InMotion) => write!(out, "M796: methods change at standstill only"),
+            Self::MotionChoice(ChoiceError::Shaper(ShaperError::SmoothSCurve)) => {
+                write!(out, "M796: {}", shaper_refusal::SMOOTH_S_CURVE)
+            }
             Self::MotionChoice(ChoiceError::Shaper(_)) => {
                 write!(
                     out,

@@ -41,11 +41,11 @@ impl fmt::Display for ShaperRefusal {
             ShaperError::Frequency => self.write_frequency(out, axis),
             ShaperError::Damping => self.write_damping(out, axis),
             ShaperError::Spacing => self.write_spacing(out),
-            ShaperError::TooLong { lowest_hundredths_hz } => {
-                self.write_too_long(out, axis, f64::from(lowest_hundredths_hz) / 100.0)
+            ShaperError::TooLong { lowest_hundredths_hz, is_smooth } => {
+                self.write_too_long(out, axis, f64::from(lowest_hundredths_hz) / 100.0, is_smooth)
             }
             // Of the machine, whatever the filter.
-            ShaperError::Methods | ShaperError::UnequalMotors => {
+            ShaperError::Methods | ShaperError::UnequalMotors | ShaperError::SmoothTime | ShaperError::SmoothSCurve => {
                 out.write_str(choice_text(ChoiceError::Shaper(self.error)))
             }
         }
@@ -79,14 +79,19 @@ impl ShaperRefusal {
     }
 
     #[inline(never)]
-    fn write_too_long(&self, out: &mut fmt::Formatter<'_>, axis: char, lowest_hz: f64) -> fmt::Result {
+    fn write_too_long(&self, out: &mut fmt::Formatter<'_>, axis: char, lowest_hz: f64, is_smooth: bool) -> fmt::Result {
+        let with = if is_smooth { " with the profile's input_shaper.smooth_time_s" } else { "" };
         let AxisShaper { kind, frequency_hz, damping } = self.shaper;
         write!(out, "{kind} for {} Hz", Real::short(frequency_hz, 6))?;
-        write!(out, " and a damping ratio of {} is longer than 100 ms", Real::short(damping, 6))?;
+        write!(out, " and a damping ratio of {} is longer than 100 ms{with}", Real::short(damping, 6))?;
         write!(out, ", expected at least {} Hz", Real::short(lowest_hz, 6))?;
         write!(out, " (M593 F, SHAPER_FREQ_{axis}) or a shorter kind")
     }
 }
+
+/// Why a machine with a moving average has no S-curves.
+pub(crate) const SMOOTH_S_CURVE: &str =
+    "input_shaper.smooth_time_s of the profile limits the jerk of a trapezoid, expected M796 A0";
 
 /// Why a machine has no filters at all now.
 pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
@@ -94,12 +99,14 @@ pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
         ChoiceError::Shaper(ShaperError::UnequalMotors) => {
             "input shapers and pressure advance need the same steps/mm of the motors that move an axis together, expected that of the profile"
         }
+        ChoiceError::Shaper(ShaperError::SmoothSCurve) => SMOOTH_S_CURVE,
         ChoiceError::InMotion => "input shapers and pressure advance change at standstill only, expected M400 before",
         ChoiceError::Shaper(
             ShaperError::Methods
             | ShaperError::Frequency
             | ShaperError::Damping
             | ShaperError::Spacing
+            | ShaperError::SmoothTime
             | ShaperError::TooLong { .. },
         )
         | ChoiceError::NotContained

@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use ferrostep_gcode::{Reply, ShaperState, ShaperWords, ShortText};
-use ferrostep_planner::{AxisShaper, ShaperError, ShaperKind};
+use ferrostep_planner::{AxisShaper, ShaperError, ShaperKind, smooth_ticks};
 
 use crate::error::CommandError;
 use crate::ports::{Motion, Ports, Replies};
@@ -35,6 +35,7 @@ fn changed(
     present: AxisShaper,
     words: &ShaperWords<'_>,
     usual: ShaperKind,
+    smooth_time_s: Option<f64>,
 ) -> Result<AxisShaper, CommandError> {
     let mut shaper = present;
     if let Some(damping) = words.damping {
@@ -55,7 +56,7 @@ fn changed(
     }
     // The numbers of an axis without a filter are those of its next one.
     let checked = AxisShaper { kind: if shaper.kind == ShaperKind::None { usual } else { shaper.kind }, ..shaper };
-    match checked.kernel() {
+    match smooth_ticks(smooth_time_s).and_then(|ticks| checked.kernel_beside(ticks)) {
         Ok(_) => Ok(shaper),
         Err(ShaperError::TooLong { .. }) if shaper.kind == ShaperKind::None => Ok(shaper),
         Err(error) => Err(CommandError::Shaper(ShaperRefusal { axis, error, shaper: checked })),
@@ -79,7 +80,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         let usual = kind_of(usual)?;
         for (axis, (shaper, words)) in (0..).zip(choice.shapers.iter_mut().zip(axes)) {
-            *shaper = changed(axis, *shaper, words, usual)?;
+            *shaper = changed(axis, *shaper, words, usual, choice.smooth_time_s)?;
         }
         self.set_motion_choice(&choice).await?.map_err(CommandError::Shaping)
     }

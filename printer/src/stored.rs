@@ -9,7 +9,7 @@ use core::fmt;
 
 use ferrostep_gcode::{Reply, SettingsCommand};
 use ferrostep_hal_shim::Heater;
-use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind};
+use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, smooth_ticks};
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 
 use crate::axis_names::AXIS_NAMES;
@@ -376,13 +376,14 @@ impl<'a, P: Ports> Printer<'a, P> {
     fn check(&self, stored: &mut Stored) {
         let Stored { values, faults, .. } = stored;
         let of_profile = self.profile_values();
+        let smooth_time_s = self.motion.motion_choice().smooth_time_s;
         let mut mend = |what: &str, name: char| {
             self.replies
                 .say(format_args!("echo:settings: {what}{name} as stored is not possible: the profile's is used"));
             *faults = faults.saturating_add(1);
         };
         for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
-            if !is_possible(shaper) {
+            if !is_possible(shaper, smooth_time_s) {
                 *shaper = other;
                 mend("input_shaper.", AXIS_NAMES[axis].to_ascii_lowercase());
             }
@@ -463,8 +464,8 @@ fn all_values() -> impl Iterator<Item = (&'static Setting, usize)> {
 }
 
 /// Whether the filter can be made; one that is off is there for its numbers.
-fn is_possible(shaper: &AxisShaper) -> bool {
-    shaper.kind == ShaperKind::None || shaper.kernel().is_ok()
+fn is_possible(shaper: &AxisShaper, smooth_time_s: Option<f64>) -> bool {
+    shaper.kind == ShaperKind::None || smooth_ticks(smooth_time_s).and_then(|ticks| shaper.kernel_beside(ticks)).is_ok()
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Accelerations that follow from the error that is allowed, in place of a guess.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_planner::{AxisShaper, Limits};
+use ferrostep_planner::{AxisShaper, Limits, MotionChoice, smooth_ticks};
 
 use crate::axes::AXES;
-use crate::response::{FrameMode, Response};
+use crate::response::{FrameMode, Response, impulses};
 
 const BUDGET: Range = range(0.001, 1.0, "mm");
 const FREQUENCY: Range = range(AxisShaper::FREQUENCY_HZ[0], AxisShaper::FREQUENCY_HZ[1], "Hz");
@@ -62,7 +62,7 @@ impl ErrorBudget {
     pub(crate) fn apply(
         &self,
         keys: &Section<'_>,
-        shapers: &[AxisShaper; 2],
+        motion: &MotionChoice,
         steps_per_mm: &[f64; 4],
         limits: &mut Limits,
     ) {
@@ -75,9 +75,10 @@ impl ErrorBudget {
         let mut too_small: Option<(&str, f64)> = None;
         for (axis, mode) in [x, y].into_iter().enumerate() {
             // A filter that cannot be made is refused where it stands.
-            let Ok(kernel) = shapers[axis].kernel() else { continue };
+            let Ok(kernel) = motion.shapers[axis].kernel() else { continue };
+            let smooth_ticks = smooth_ticks(motion.smooth_time_s).unwrap_or(0);
             let axis_error = AxisError {
-                response: mode.worst(&kernel),
+                response: mode.worst(&impulses(&kernel, smooth_ticks)),
                 junction_deviation_mm: limits.junction_deviation_mm,
                 max_jump_mm_per_s: limits.instantaneous_corner_velocity_mm_per_s[axis],
                 step_mm: 1.0 / steps_per_mm[axis],
@@ -161,7 +162,7 @@ mod tests {
             let mode = FrameMode { frequency_hz, frequency_uncertainty_hz: part * frequency_hz, damping: 0.06 };
             let shaper = AxisShaper { kind: ferrostep_planner::ShaperKind::Zv, frequency_hz, damping: 0.1 };
             let axis = AxisError {
-                response: mode.worst(&shaper.kernel().unwrap()),
+                response: mode.worst(shaper.kernel().unwrap().impulses()),
                 junction_deviation_mm,
                 max_jump_mm_per_s,
                 step_mm: 1.0 / steps_per_mm,

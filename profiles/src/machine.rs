@@ -57,7 +57,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let mut limits = limits(keys);
     let motion = motion::motion(keys);
     let budget_of_error = error_budget::read(keys);
-    budget_of_error.apply(keys, &motion.shapers, &steps_per_mm, &mut limits);
+    budget_of_error.apply(keys, &motion, &steps_per_mm, &mut limits);
     let interval_us = keys
         .number("minimum_event_interval_us", EVENT_INTERVAL)
         .required("step events nearer to each other than this leave as one");

@@ -4,7 +4,7 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_papers::table::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation, MotionChoice, PressureAdvance,
-    SCurveTableSettings, SecondSlope, ShaperError, ShaperKind,
+    SCurveTableSettings, SMOOTH_TIME_S, SecondSlope, ShaperError, ShaperKind, TICKS_PER_SECOND, smooth_ticks,
 };
 
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
@@ -17,6 +17,9 @@ const SMOOTH_TIME: Range = range(PressureAdvance::SMOOTH_TIME_S[0], PressureAdva
 const FILAMENT_SPEED: Range =
     range(PressureAdvance::FILAMENT_MM_PER_S[0], PressureAdvance::FILAMENT_MM_PER_S[1], "mm/s");
 const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
+
+const MS_PER_TICK: f64 = 1e3 / TICKS_PER_SECOND as f64;
+const AXES_SMOOTH_TIME: Range = range(SMOOTH_TIME_S[0], SMOOTH_TIME_S[1], "s");
 
 /// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves are apart, and what is shaped is
 /// the motion as it is played, so that shapers are.
@@ -40,14 +43,24 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
             .number("filament_jerk_mm_per_s3", JERK)
             .or(default.filament_jerk_mm_per_s3, "the same for moves of the filament alone, which shake no frame"),
         s_curve_table: s_curve_table(&keys.apart()),
-        shapers: shapers(&keys.apart()),
+        ..default
+    };
+    let (shapers, smooth_time_s) = filters(&keys.apart());
+    let choice = MotionChoice {
+        shapers,
+        smooth_time_s,
         // Lines accelerate as far as the extruder can follow: the plan depends on it.
         pressure_advance: pressure_advance(keys),
         filament_on_the_way: keys.apart().flag("filament_on_the_way").or(
             default.filament_on_the_way,
             "filament is drawn back in the first half of the travel after it and comes back in the last half, without a stop ([Filament on the way](filament-on-the-way.md)); prepared jobs stop",
         ),
+        ..choice
     };
+    if choice.smooth_time_s.is_some() && choice.acceleration != AccelerationProfile::Trapezoid {
+        let expected = "\"trapezoid\" with input_shaper.smooth_time_s, which limits the jerk by itself";
+        keys.refuse("acceleration", expected);
+    }
     if is_shaped(&choice) && interpolation != Interpolation::StepBresenham {
         let expected = "\"step-bresenham\" with input_shaper and pressure_advance: under the others the motors have no times of their own";
         keys.refuse("interpolation", expected);
@@ -57,7 +70,9 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
 
 /// Whether a motor goes through a filter.
 pub(crate) fn is_shaped(choice: &MotionChoice) -> bool {
-    choice.pressure_advance.is_some() || choice.shapers.iter().any(|shaper| shaper.kind != ShaperKind::None)
+    choice.pressure_advance.is_some()
+        || choice.smooth_time_s.is_some()
+        || choice.shapers.iter().any(|shaper| shaper.kind != ShaperKind::None)
 }
 
 /// How far the extruder runs ahead of the flow.
@@ -79,11 +94,39 @@ fn pressure_advance(keys: &Section<'_>) -> PressureAdvance {
     PressureAdvance { seconds, above, smooth_time_s }
 }
 
-/// Shapers of X and Y.
-fn shapers(keys: &Section<'_>) -> [AxisShaper; 2] {
+/// Shapers of X and Y, and the time of the moving average.
+fn filters(keys: &Section<'_>) -> ([AxisShaper; 2], Option<f64>) {
     let about = "[filters](input-shaping.md) that keep the frame from ringing; M593 and SET_INPUT_SHAPER change them";
     let table = keys.section_of_defaults("input_shaper", about);
-    ["x", "y"].map(|axis| table.optional_section(axis, "no filter", "").map_or(AxisShaper::NONE, |axis| shaper(&axis)))
+    let shapers =
+        ["x", "y"].map(|axis| (axis, table.optional_section(axis, "no filter", "").map(|axis| shaper(&axis))));
+    let smooth_time_s = table.number("smooth_time_s", AXES_SMOOTH_TIME).optional(
+        "no moving average",
+        "over how long X, Y, Z and the extruder are [averaged](input-shaping.md#a-limit-for-the-jerk) too: the acceleration \
+         changes within this time; under `acceleration = \"trapezoid\"`",
+    );
+    if let Some(time_s) = smooth_time_s
+        && let Ok(ticks) = smooth_ticks(smooth_time_s)
+    {
+        let alone = |shaper: &AxisShaper| shaper.kernel().is_ok();
+        for (axis, shaper) in &shapers {
+            // One that is too long by itself is refused where it stands.
+            if let Some(shaper) = shaper.filter(alone)
+                && let Err(ShaperError::TooLong { .. }) = shaper.kernel_beside(ticks)
+            {
+                let most_ms =
+                    100.0 - f64::from(shaper.kernel().map_or(0, |kernel| kernel.length_ticks())) * MS_PER_TICK;
+                let expected = format!(
+                    "at most {:.4} s beside input_shaper.{axis}, which with {time_s} s lasts longer than 100 ms; or at least {} Hz \
+                     there",
+                    (most_ms * 10.0).floor() * 1e-4,
+                    shaper.lowest_frequency_hz(ticks)
+                );
+                table.refuse("smooth_time_s", expected);
+            }
+        }
+    }
+    (shapers.map(|(_, shaper)| shaper.unwrap_or(AxisShaper::NONE)), smooth_time_s)
 }
 
 /// The shaper of one axis, with a filter that is not too long.
@@ -103,11 +146,17 @@ fn shaper(table: &Section<'_>) -> AxisShaper {
     match shaper.kernel() {
         Ok(_) => {}
         // The range above has refused the first; the others are no filter's own.
-        Err(ShaperError::Frequency | ShaperError::Methods | ShaperError::UnequalMotors) => {}
+        Err(
+            ShaperError::Frequency
+            | ShaperError::Methods
+            | ShaperError::UnequalMotors
+            | ShaperError::SmoothTime
+            | ShaperError::SmoothSCurve,
+        ) => {}
         Err(ShaperError::Damping) => table.refuse("damping", format!("0 to {} for {name:?}", kind.max_damping())),
         Err(ShaperError::Spacing) => table.refuse("kind", format!("in mzv(N,T) {}", EvenSpacing::RULE)),
         Err(ShaperError::TooLong { .. }) => {
-            let lowest_hz = shaper.lowest_frequency_hz();
+            let lowest_hz = shaper.lowest_frequency_hz(0);
             let expected = format!(
                 "at least {lowest_hz} Hz for {name:?}, whose filter would last longer than 100 ms; or a shorter kind"
             );

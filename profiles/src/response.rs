@@ -41,7 +41,7 @@ const POINTS: f64 = 48.0;
 impl FrameMode {
     /// The worst response, over the frequencies that the frame may have and half to one and a half times the damping, to a command
     /// that goes through this kernel.
-    pub fn worst(&self, kernel: &Kernel) -> Response {
+    pub fn worst(&self, kernel: &[Impulse]) -> Response {
         let mut worst = Response { of_acceleration_s2: 0.0, of_speed_s: 0.0 };
         for place in 0..FREQUENCIES {
             let side = 2.0 * f64::from(place) / f64::from(FREQUENCIES - 1) - 1.0;
@@ -68,10 +68,10 @@ struct Mode {
 }
 
 impl Mode {
-    fn response(&self, kernel: &Kernel) -> Response {
-        let delay_s = kernel.centroid_ticks() / f64::from(TICKS_PER_SECOND) + self.lag_s();
+    fn response(&self, kernel: &[Impulse]) -> Response {
+        let delay_s = centroid_ticks(kernel) / f64::from(TICKS_PER_SECOND) + self.lag_s();
         let period_s = TAU / self.omega;
-        let end_s = seconds(kernel.length_ticks()) + FOLLOWED_PERIODS * period_s;
+        let end_s = seconds(length_ticks(kernel)) + FOLLOWED_PERIODS * period_s;
         let points = (end_s * POINTS / period_s).ceil() as u32;
         let mut response = Response { of_acceleration_s2: 0.0, of_speed_s: 0.0 };
         let left = self.left_ringing(kernel);
@@ -79,7 +79,7 @@ impl Mode {
             let time_s = end_s * f64::from(point) / f64::from(points);
             let sum = |of: fn(&Self, f64) -> f64| -> f64 {
                 let after = |one: &Impulse| (time_s - seconds(one.delay_ticks)).max(0.0);
-                kernel.impulses().iter().map(|one| one.weight * of(self, after(one))).sum()
+                kernel.iter().map(|one| one.weight * of(self, after(one))).sum()
             };
             let command_s = (time_s - delay_s).max(0.0);
             let acceleration = sum(Self::after_acceleration) - 0.5 * command_s * command_s;
@@ -96,10 +96,10 @@ impl Mode {
     }
 
     /// What a kernel leaves of the vibration that one impulse would begin, at the time of its last.
-    fn left_ringing(&self, kernel: &Kernel) -> f64 {
+    fn left_ringing(&self, kernel: &[Impulse]) -> f64 {
         let (mut sine, mut cosine) = (0.0, 0.0);
-        for one in kernel.impulses() {
-            let before_s = seconds(kernel.length_ticks() - one.delay_ticks);
+        for one in kernel {
+            let before_s = seconds(length_ticks(kernel) - one.delay_ticks);
             let part = one.weight * (-self.damping * self.omega * before_s).exp();
             sine += part * (self.damped_omega() * before_s).sin();
             cosine += part * (self.damped_omega() * before_s).cos();
@@ -154,6 +154,32 @@ impl Mode {
     }
 }
 
+/// The impulses of a filter: those of a shaper, each of them followed by a moving average over `smooth_ticks`, 0 for none.
+pub fn impulses(kernel: &Kernel, smooth_ticks: u32) -> Vec<Impulse> {
+    let parts = if smooth_ticks > 0 { AVERAGE_PARTS } else { 1 };
+    let part = f64::from(smooth_ticks) / f64::from(parts);
+    let mut all: Vec<Impulse> = (kernel.impulses().iter())
+        .flat_map(|one| (0..parts).map(move |index| (one, index)))
+        .map(|(one, index)| Impulse {
+            weight: one.weight / f64::from(parts),
+            delay_ticks: one.delay_ticks + ((f64::from(index) + 0.5) * part).round() as u32,
+        })
+        .collect();
+    all.sort_by_key(|one| one.delay_ticks);
+    all
+}
+
+/// Impulses for which a moving average is taken: its variance is by 1 / 576 smaller.
+const AVERAGE_PARTS: u32 = 24;
+
+fn centroid_ticks(kernel: &[Impulse]) -> f64 {
+    kernel.iter().map(|one| one.weight * f64::from(one.delay_ticks)).sum()
+}
+
+fn length_ticks(kernel: &[Impulse]) -> u32 {
+    kernel.last().map_or(0, |last| last.delay_ticks)
+}
+
 fn seconds(ticks: u32) -> f64 {
     f64::from(ticks) / f64::from(TICKS_PER_SECOND)
 }
@@ -167,7 +193,7 @@ mod tests {
     fn worst(kind: ShaperKind, uncertainty_hz: f64, damping: f64) -> Response {
         let shaper = AxisShaper { kind, frequency_hz: 50.0, damping };
         FrameMode { frequency_hz: 50.0, frequency_uncertainty_hz: uncertainty_hz, damping }
-            .worst(&shaper.kernel().unwrap())
+            .worst(shaper.kernel().unwrap().impulses())
     }
 
     #[test]

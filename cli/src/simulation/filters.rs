@@ -3,7 +3,9 @@
 use std::fmt;
 
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{AxisShaper, ChoiceError, EvenSpacing, MotionChoice, Planner, ShaperError, ShaperKind};
+use ferrostep_planner::{
+    AxisShaper, ChoiceError, EvenSpacing, MotionChoice, Planner, ShaperError, ShaperKind, smooth_ticks,
+};
 use ferrostep_printer::Profile;
 use ferrostep_simulator::frame::FrameSettings;
 use ferrostep_simulator::shapers::ShaperKind as ComparedKind;
@@ -139,13 +141,17 @@ fn write_shaper(out: &mut fmt::Formatter<'_>, axis: char, shaper: &AxisShaper, e
         ShaperError::Spacing => {
             write!(out, "the filter of {axis} is {kind}, which does not exist, expected in mzv(N,T) {}", EvenSpacing::RULE)
         }
-        ShaperError::TooLong { lowest_hundredths_hz } => write!(
+        ShaperError::TooLong { lowest_hundredths_hz, is_smooth } => write!(
             out,
-            "the filter of {axis}, {kind} for {frequency_hz} Hz, lasts longer than 100 ms, expected at least {} Hz \
+            "the filter of {axis}, {kind} for {frequency_hz} Hz, lasts longer than 100 ms{}, expected at least {} Hz \
              (--shaper-frequency) or a shorter kind",
+            if is_smooth { " with the profile's input_shaper.smooth_time_s" } else { "" },
             f64::from(lowest_hundredths_hz) / 100.0
         ),
-        ShaperError::UnequalMotors | ShaperError::Methods => out.write_str(
+        ShaperError::UnequalMotors
+        | ShaperError::Methods
+        | ShaperError::SmoothTime
+        | ShaperError::SmoothSCurve => out.write_str(
             "--input-shaper: two motors that move an axis together have different steps/mm in this profile, expected the \
              same of both",
         ),
@@ -262,7 +268,8 @@ fn is_filter(shaper: &AxisShaper) -> bool {
 /// Whether a machine can have these filters.
 fn check(profile: &Profile, shapers: [AxisShaper; 2]) -> Result<(), FilterError> {
     for (axis, shaper) in ['X', 'Y'].into_iter().zip(&shapers) {
-        shaper.kernel().map_err(|error| FilterError::Shaper(axis, *shaper, error))?;
+        let kernel = smooth_ticks(profile.motion.smooth_time_s).and_then(|ticks| shaper.kernel_beside(ticks));
+        kernel.map_err(|error| FilterError::Shaper(axis, *shaper, error))?;
     }
     if !shapers.iter().any(is_filter) {
         return Ok(());

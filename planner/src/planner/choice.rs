@@ -41,7 +41,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     fn set_shaping(&mut self, shaping: &Shaping) {
         let Self { choice, .. } = *self;
         self.shaping = *shaping;
-        self.shaped.set_shaping(shaping, self.rules.geometry.kinematics);
+        self.shaped.set_shaping(shaping);
         let is_s_curve = choice.acceleration == AccelerationProfile::SCurve;
         self.rules.set_shaped_for(self.shaped.length_ticks(), is_s_curve, choice.pressure_advance.above.is_some());
         self.advance_moves_to_come();
@@ -64,12 +64,15 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
 
     /// The filters of a choice, if this machine can have them.
     fn shaping_of(&self, choice: &MotionChoice) -> Result<Shaping, ShaperError> {
-        let shaping = Shaping::new(&choice.shapers, &choice.pressure_advance)?;
+        let shaping = Shaping::new(&choice.shapers, choice.smooth_time_s, &choice.pressure_advance)?;
         if !shaping.is_active() {
             return Ok(shaping);
         }
         if !choice.is_standard() {
             return Err(ShaperError::Methods);
+        }
+        if shaping.smooth_ticks > 0 && choice.acceleration == AccelerationProfile::SCurve {
+            return Err(ShaperError::SmoothSCurve);
         }
         let Geometry { kinematics, steps_per_mm, .. } = self.rules.geometry;
         let are_equal = |axis: usize| {

@@ -135,6 +135,21 @@ impl PartLaw {
         self.start.wrapping_add(times(slope, share) >> (scale.enlarged & 63))
     }
 
+    /// The mean of the part over `ticks`, above zero, from `after` ticks on; of a law without jerk.
+    pub fn mean(&self, scale: PartScale, after: u64, ticks: u32) -> i64 {
+        /// A sixth, 2^-64.
+        const SIXTH: u64 = u64::MAX / 6;
+        let ticks = u64::from(ticks);
+        let chord = self.at(scale, after).wrapping_add(self.at(scale, after.wrapping_add(ticks))) >> 1;
+        if self.acceleration == 0 {
+            return chord;
+        }
+        // A parabola with u^2 to its share u is by a sixth of the chord's squared length below the chord.
+        let share = scale.share(ticks);
+        let bend = times(times(i64::from(self.acceleration) << 32, share), share);
+        chord.wrapping_sub(times(bend, SIXTH) >> (scale.enlarged & 63))
+    }
+
     /// How fast it is done after `ticks`.
     #[inline]
     pub fn rates_at(&self, scale: PartScale, ticks: u64) -> PartRates {
@@ -184,6 +199,14 @@ pub(super) fn summed_over_time(distance: i64, ticks: u32) -> i64 {
     let upper = i64::from((distance >> 32) as i32).wrapping_mul(i64::from(ticks));
     let lower = u64::from(distance as u32).wrapping_mul(u64::from(ticks));
     (upper << 8).wrapping_add((lower >> 24).cast_signed())
+}
+
+/// What a position (2^-32 step) is, summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
+#[inline]
+pub(super) fn position_over_time(position: i64, ticks: u32) -> i64 {
+    let upper = i64::from((position >> 32) as i32).wrapping_mul(i64::from(ticks));
+    let lower = u64::from(position as u32).wrapping_mul(u64::from(ticks));
+    (upper << 16).wrapping_add((lower >> 16).cast_signed())
 }
 
 /// What a constant distance (2^-20 steps) is, summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
@@ -379,6 +402,32 @@ mod tests {
             let mean = Mean::over(over).of(sum) as f64;
             prop_assert!((mean - exact).abs() <= 2.0 + exact.abs() * 2.4e-10, "{mean} {exact}");
             prop_assert_eq!(Mean::over(over).of(0), 0);
+            let exact = (i128::from(distance) * i128::from(ticks)) >> 16;
+            prop_assert!((exact as i64).wrapping_sub(position_over_time(distance, ticks)).abs() <= 1);
+        }
+
+        #[test]
+        fn a_mean_part_is_the_integral_of_the_polynomial(
+            ticks in prop_oneof![2u64..1000, 1000u64..1 << 22, 1u64 << 30..1 << 38],
+            from in 0.0f64..1.0, to in 0.0f64..1.0, done in 1e-6f64..1.0, bend in -0.45f64..1.0,
+        ) {
+            let path = part(ticks as f64, done, 0.1, [1.0, bend, 0.0]);
+            let (law, scale) = PartLaw::new(&path, ticks);
+            let [from, to] = [from.min(to), from.max(to)].map(|share| (share * ticks as f64) as u64);
+            prop_assume!(to > from && to - from < 1 << 23);
+            let integral = |ticks: f64| {
+                ticks * (path.position + ticks * (0.5 * path.speed + ticks * path.acceleration / 6.0))
+            };
+            let expected = if ticks < 1 << 22 {
+                (integral(to as f64) - integral(from as f64)) / (to - from) as f64
+            } else {
+                // The integrals are too large to subtract: by Simpson's rule, exact for a parabola.
+                let [first, middle, last] =
+                    [from as f64, 0.5 * (from + to) as f64, to as f64].map(|at| path.position_after(at));
+                (first + 4.0 * middle + last) / 6.0
+            };
+            let found = law.mean(scale, from, (to - from) as u32) as f64 / f64::from(PART_BITS).exp2();
+            prop_assert!((found - expected).abs() <= done * 4e-9 + 1e-14, "{found} {expected}");
         }
 
         #[test]

@@ -106,11 +106,46 @@ impl PlanPiece {
         let done = |motor: u8, line: i32| if line == 0 || mask & motor == 0 { 0 } else { fixed::along(line, part) };
         let along =
             |motor: u8, start: i32, line: i32| fixed::of_steps(i64::from(start)).wrapping_add(done(motor, line));
-        // Halves are rounded away from zero, and must be however a sum of them comes out.
-        let away = if self.is_extruder_below_zero { -HALF_AWAY } else { HALF_AWAY };
         let from_zero = self.extruder_256ths.wrapping_sub(extruder_zero_256ths as i32);
-        let extruder = fixed::of_256ths(from_zero).wrapping_add(done(8, de) >> 8).wrapping_add(away);
+        let extruder = fixed::of_256ths(from_zero).wrapping_add(done(8, de) >> 8).wrapping_add(self.extruder_away());
         [along(1, x, dx), along(2, y, dy), along(4, z, dz), extruder]
+    }
+
+    /// The positions of the motors of this mask (others: anything) summed over `ticks`, below 2^24, from `after` ticks on: 2^-16 steps
+    /// times ticks, modulo 2^64. The extruder's from its own zero, found by a place near it, 1/256 steps.
+    #[inline(never)]
+    pub fn summed(&self, after: u64, ticks: u32, mask: u8, near_256ths: i64) -> [i64; 4] {
+        let ([x, y, z], [dx, dy, dz, de]) = (self.steps, self.line);
+        let moves = ticks > 0 && self.line != [0; 4];
+        let mean = if moves { self.part.mean(self.scale, after, ticks) } else { 0 };
+        let along = |motor: u8, line: i32| if line == 0 || mask & motor == 0 { 0 } else { fixed::along(line, mean) };
+        let steps = |motor: u8, start: i32, line: i32| {
+            let stands = i64::from(start).wrapping_mul(i64::from(ticks)) << 16;
+            stands.wrapping_add(fixed::position_over_time(along(motor, line), ticks))
+        };
+        let stands = self.extruder_start_256ths(near_256ths).wrapping_mul(i64::from(ticks)) << 8;
+        let extruder = stands.wrapping_add(fixed::position_over_time(along(8, de) >> 8, ticks));
+        [steps(1, x, dx), steps(2, y, dy), steps(4, z, dz), extruder]
+    }
+
+    /// The same of the positions at the piece's start over `ticks` before it.
+    #[inline(never)]
+    pub fn summed_before(&self, ticks: i64, near_256ths: i64) -> [i64; 4] {
+        let [x, y, z] = self.steps.map(|steps| i64::from(steps).wrapping_mul(ticks) << 16);
+        [x, y, z, self.extruder_start_256ths(near_256ths).wrapping_mul(ticks) << 8].map(i64::wrapping_neg)
+    }
+
+    /// Where the extruder is where the line begins, 1/256 steps, not modulo 2^32; found by a place near it.
+    #[inline]
+    fn extruder_start_256ths(&self, near_256ths: i64) -> i64 {
+        near_256ths.wrapping_add(i64::from(self.extruder_256ths.wrapping_sub(near_256ths as i32)))
+    }
+
+    /// By how much the extruder's position is moved away from zero, 2^-32 step: halves are rounded away from it, and must be however
+    /// a sum of them comes out.
+    #[inline]
+    pub fn extruder_away(&self) -> i64 {
+        if self.is_extruder_below_zero { -HALF_AWAY } else { HALF_AWAY }
     }
 }
 

@@ -63,7 +63,13 @@ pub enum ShaperError {
     TooLong {
         /// The lowest frequency at which it is not, 1/100 Hz.
         lowest_hundredths_hz: u32,
+        /// Whether a moving average is a part of the filter.
+        is_smooth: bool,
     },
+    /// The time of the moving average is not within [`super::SMOOTH_TIME_S`].
+    SmoothTime,
+    /// Speeds follow an S-curve: its average would be of a degree that the steps are not solved for.
+    SmoothSCurve,
     /// Two motors move one axis, with different steps/mm.
     UnequalMotors,
     /// The steps follow another pattern than step Bresenham, or speeds another law than trapezoid and S-curve.
@@ -82,6 +88,14 @@ impl AxisShaper {
     /// # Errors
     /// [`ShaperError`].
     pub fn kernel(&self) -> Result<Kernel, ShaperError> {
+        self.kernel_beside(0)
+    }
+
+    /// The kernel beside a moving average over so many ticks, less than [`MAX_LENGTH_TICKS`], with which it makes one filter.
+    ///
+    /// # Errors
+    /// [`ShaperError`].
+    pub fn kernel_beside(&self, smooth_ticks: u32) -> Result<Kernel, ShaperError> {
         let [lowest, highest] = Self::FREQUENCY_HZ;
         if self.kind == ShaperKind::None {
             return Ok(Kernel::IDENTITY);
@@ -99,20 +113,22 @@ impl AxisShaper {
             return Err(ShaperError::Spacing);
         }
         let kernel = self.of_any_length();
-        if kernel.length_ticks() <= MAX_LENGTH_TICKS {
+        let most_ticks = MAX_LENGTH_TICKS.saturating_sub(smooth_ticks);
+        if kernel.length_ticks() <= most_ticks {
             return Ok(kernel);
         }
-        let lowest_hundredths_hz = (self.lowest_frequency_hz() * 100.0 + 0.5) as u32;
-        Err(ShaperError::TooLong { lowest_hundredths_hz })
+        let lowest_hundredths_hz = (self.lowest_frequency_hz(smooth_ticks) * 100.0 + 0.5) as u32;
+        Err(ShaperError::TooLong { lowest_hundredths_hz, is_smooth: smooth_ticks > 0 })
     }
 
-    /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the filter is no longer than
-    /// [`MAX_LENGTH_TICKS`]; Hz, to the next hundredth above.
-    pub fn lowest_frequency_hz(&self) -> f64 {
+    /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the filter, beside a moving average over so
+    /// many ticks, is no longer than [`MAX_LENGTH_TICKS`]; Hz, to the next hundredth above.
+    pub fn lowest_frequency_hz(&self, smooth_ticks: u32) -> f64 {
         let [lowest, _] = Self::FREQUENCY_HZ;
+        let most_ticks = MAX_LENGTH_TICKS.saturating_sub(smooth_ticks);
         let at_lowest = Self { frequency_hz: lowest, ..*self }.of_any_length().length_ticks();
         // Delays are proportional to the period. A tick more, for they are rounded.
-        let frequency_hz = lowest * f64::from(at_lowest.saturating_add(1)) / f64::from(MAX_LENGTH_TICKS);
+        let frequency_hz = lowest * f64::from(at_lowest.saturating_add(1)) / f64::from(most_ticks);
         let hundredths = (frequency_hz * 100.0) as u32;
         if frequency_hz <= lowest { lowest } else { f64::from(hundredths.saturating_add(1)) / 100.0 }
     }

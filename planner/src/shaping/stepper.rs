@@ -6,9 +6,10 @@
 
 use super::Shaping;
 use super::fixed;
+use super::motor_states::MotorStates;
 use super::motor_steps::{MotorSteps, NEVER, WindowMotion};
 use super::plan::Plan;
-use super::taps::{MotorStates, Taps};
+use super::taps::Taps;
 use crate::block::PlannedBlock;
 use crate::event_buffer::EventBuffer;
 use crate::extruder::rounded_steps;
@@ -23,9 +24,6 @@ const EVENTS_AT_ONCE: usize = 16;
 
 /// The longest window, ticks: single precision holds its times to a quarter of a tick.
 const LONGEST_WINDOW_TICKS: u64 = 1 << 22;
-
-/// A motor that turns this soon, ticks, turns at once.
-const SOON_TICKS: f32 = 1.0;
 
 /// Where the motors are, and the state of the output: what one stepper hands to the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +71,7 @@ impl ShapedStepper {
     /// At standstill.
     pub fn new(minimum_event_interval_ticks: u32, kinematics: Kinematics) -> Self {
         Self {
-            taps: Taps::new(&Shaping::NONE, kinematics),
+            taps: Taps::new(kinematics),
             plan: Plan::new(),
             minimum_interval: minimum_event_interval_ticks.max(1),
             is_in_motion: false,
@@ -90,8 +88,8 @@ impl ShapedStepper {
     }
 
     /// Sets the filters, at standstill.
-    pub fn set_shaping(&mut self, shaping: &Shaping, kinematics: Kinematics) {
-        self.taps = Taps::new(shaping, kinematics);
+    pub fn set_shaping(&mut self, shaping: &Shaping) {
+        self.taps.set(shaping);
     }
 
     /// Sets how the extruder advances in the blocks to come.
@@ -311,21 +309,34 @@ impl ShapedStepper {
     #[inline(never)]
     fn begin_window(&mut self) {
         let [_, start] = self.window;
-        self.taps.move_to(start, &self.plan.ring);
-        let most = self.plan.end.min(start.saturating_add(LONGEST_WINDOW_TICKS));
-        let end = self.taps.next_change(start, &self.plan.ring, most);
-        let states = self.taps.states(start, &self.plan.ring);
-        // At most the longest window.
-        let ticks = end.wrapping_sub(start) as u32 as f32;
-        let until = states.first_turn(ticks);
-        let end = if until < ticks { start.wrapping_add(u64::from((until + 0.5) as u32)) } else { end };
-        let ticks = end.wrapping_sub(start) as u32 as f32;
         let [.., extruder] = &mut self.motors;
         let moved = core::mem::take(&mut extruder.steps);
         self.extruder_zero = self.extruder_zero.wrapping_add(moved);
         let [.., extruder] = &mut self.positions;
         *extruder = extruder.wrapping_sub(fixed::of_steps(moved));
-        let positions = self.taps.positions(end, &self.plan.ring, self.extruder_zero);
+        let [x, y, z, _] = self.motors.each_ref().map(|motor| motor.steps);
+        let near = [x, y, z, self.extruder_zero];
+        self.taps.move_to(start, &self.plan.ring, &near);
+        let most = self.plan.end.min(start.saturating_add(LONGEST_WINDOW_TICKS));
+        let end = self.taps.next_change(start, &self.plan.ring, most);
+        // At most the longest window.
+        let ticks = end.wrapping_sub(start) as u32;
+        let (states, at_end) = if self.taps.is_smooth() {
+            let third = ticks / 3;
+            let at = |after: u32| self.taps.positions(start.wrapping_add(u64::from(after)), &self.plan.ring, &near);
+            let at_end = at(ticks);
+            (MotorStates::through(&[self.positions, at(third), at(2 * third), at_end], third, ticks), Some(at_end))
+        } else {
+            (self.taps.states(start, &self.plan.ring), None)
+        };
+        let until = states.first_turn(ticks as f32);
+        let (end, at_end) = if until < ticks as f32 {
+            (start.wrapping_add(u64::from((until + 0.5) as u32)), None)
+        } else {
+            (end, at_end)
+        };
+        let ticks = end.wrapping_sub(start) as u32 as f32;
+        let positions = at_end.unwrap_or_else(|| self.taps.positions(end, &self.plan.ring, &near));
         let before = core::mem::replace(&mut self.positions, positions);
         for (index, motor) in self.motors.iter_mut().enumerate() {
             let value = |values: &[f32; 4]| values.get(index).copied().unwrap_or_default();
@@ -338,36 +349,6 @@ impl ShapedStepper {
             });
         }
         self.window = [start, end];
-    }
-}
-
-impl MotorStates {
-    /// The first time within `ticks` at which a motor turns, or its acceleration, if it changes, passes zero.
-    fn first_turn(&self, ticks: f32) -> f32 {
-        let mut first = ticks;
-        let Self { speed, acceleration, jerk } = self;
-        for ((speed, acceleration), jerk) in speed.iter().zip(acceleration).zip(jerk) {
-            let mut consider = |time: f32| {
-                // NaN is in no range.
-                if time > SOON_TICKS && time < first {
-                    first = time;
-                }
-            };
-            if *jerk == 0.0 {
-                consider(-speed / acceleration);
-                continue;
-            }
-            consider(-acceleration / jerk);
-            // speed + acceleration t + jerk t^2 / 2 = 0, by the root without cancellation and the other by their product.
-            let under = acceleration * acceleration - 2.0 * jerk * speed;
-            if under >= 0.0 {
-                let root = crate::square_root::square_root_f32(under);
-                let sum = -(acceleration + if *acceleration < 0.0 { -root } else { root });
-                consider(sum / jerk);
-                consider(2.0 * speed / sum);
-            }
-        }
-        first
     }
 }
 

@@ -5,12 +5,15 @@ use core::num::Wrapping;
 use super::Shaping;
 use super::fixed::{Mean, PartRates, WEIGHT_BITS, WeightedSum};
 use super::kernel::MAX_IMPULSES;
+use super::motor_states::MotorStates;
 use super::plan_ring::{PlanPiece, PlanRing};
+use super::smoothing::{Anchor, MovingAverage, PositionSums, Reference, Seen};
 use crate::kinematics::Kinematics;
 use crate::pressure_advance::AdvanceSlope;
 
-/// The most delays: those of X, of Y, that of Z, and the two of the extruder's advance.
-const MAX_TAPS: usize = 2 * MAX_IMPULSES + 3;
+/// The most delays. Without a moving average: those of X, of Y, that of Z, and the two of the extruder's advance. With one each of them
+/// is two, where the average begins and where it ends, and the advance has two of its own.
+const MAX_TAPS: usize = 2 * (2 * MAX_IMPULSES + 3) + 2;
 
 /// Index of the extruder.
 const EXTRUDER: usize = 3;
@@ -28,20 +31,26 @@ struct Tap {
     advance: i8,
     /// Mask of the motors that move an axis with a weight.
     motors: u8,
+    /// A moving average ends here; the tap before has its weights.
+    is_end: bool,
     /// Number of the piece that it sees.
     piece: u32,
+    /// For a moving average, what has been passed: so many cells of that piece, and the positions' sums up to there.
+    cells: u32,
+    sums: PositionSums,
 }
 
 impl Tap {
-    const NONE: Self = Self { delay_ticks: 0, weights: [0; 4], advance: 0, motors: 0, piece: 0 };
-}
-
-/// How all motors move, steps and ticks.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct MotorStates {
-    pub speed: [f32; 4],
-    pub acceleration: [f32; 4],
-    pub jerk: [f32; 4],
+    const NONE: Self = Self {
+        delay_ticks: 0,
+        weights: [0; 4],
+        advance: 0,
+        motors: 0,
+        is_end: false,
+        piece: 0,
+        cells: 0,
+        sums: PositionSums::NONE,
+    };
 }
 
 /// The delays of all axes' filters, each with its place in the plan.
@@ -50,11 +59,16 @@ pub(super) struct MotorStates {
 /// variance of the nozzle's path: a weight at that time, and equal ones before and after. These two are where the average of the
 /// advance begins and ends, so that they cost no breakpoints of their own. Without an advance, which leaves far more filament in the
 /// wrong place than the variance does, the extruder is only as late as the rest.
+///
+/// With a moving average every delay of X, Y, Z and the extruder is a pair, in the list one after the other: the average between them is
+/// what the axes take with the weights of the first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taps {
     taps: [Tap; MAX_TAPS],
     count: usize,
     kinematics: Kinematics,
+    /// The average of all axes.
+    average: MovingAverage,
     /// The mean of the advance.
     advance: Mean,
     /// The weight of each of its two delays, 1/ticks.
@@ -62,17 +76,34 @@ pub(super) struct Taps {
 }
 
 impl Taps {
-    /// The filters' delays.
+    /// No filters.
+    pub const fn new(kinematics: Kinematics) -> Self {
+        Self {
+            taps: [Tap::NONE; MAX_TAPS],
+            count: 0,
+            kinematics,
+            average: MovingAverage::NONE,
+            advance: Mean::NONE,
+            advance_per_tick: 0.0,
+        }
+    }
+
+    /// Sets the filters' delays; in place, as they are large.
     #[cold]
     #[inline(never)]
-    pub fn new(shaping: &Shaping, kinematics: Kinematics) -> Self {
-        let Shaping { x, y, path_variance, advance_ticks } = shaping;
-        let mut taps =
-            Self { taps: [Tap::NONE; MAX_TAPS], count: 0, kinematics, advance: Mean::NONE, advance_per_tick: 0.0 };
+    pub fn set(&mut self, shaping: &Shaping) {
+        let Shaping { x, y, extruder_variance, smooth_ticks, advance_ticks } = shaping;
+        self.taps.fill(Tap::NONE);
+        self.count = 0;
+        self.average = if *smooth_ticks > 0 { MovingAverage::over(*smooth_ticks) } else { MovingAverage::NONE };
         let (late_x, late_y) = (x.centroid_ticks(), y.centroid_ticks());
         let half_advance = advance_ticks / 2;
         let late = if late_x > late_y { late_x } else { late_y };
-        let late = if late > f64::from(half_advance) { late } else { f64::from(half_advance) };
+        // What an average is early leaves room before its middle.
+        let half_average = smooth_ticks / 2;
+        let spreads = half_advance > 0 && *extruder_variance > 0.0;
+        let least = f64::from(if spreads { half_advance } else { half_advance.saturating_sub(half_average) });
+        let late = if late > least { late } else { least };
         let whole = |ticks: f64| (ticks + 0.5) as u32;
         for (axis, kernel, own) in [(0, x, late_x), (1, y, late_y)] {
             let kernel = kernel.delayed(whole(late - own));
@@ -83,42 +114,72 @@ impl Taps {
                 let until = whole(sum * f64::from(WHOLE));
                 let weight = until.wrapping_sub(before);
                 before = until;
-                taps.add(one.delay_ticks, if axis == 0 { [weight, 0, 0, 0] } else { [0, weight, 0, 0] }, 0);
+                self.add(one.delay_ticks, if axis == 0 { [weight, 0, 0, 0] } else { [0, weight, 0, 0] });
             }
         }
         let late = whole(late);
         let outer = if half_advance > 0 {
             // Two weights W, so far before and after, have the variance 2 W times its square. At most all of the weight is there.
             let half = f64::from(half_advance);
-            whole(0.5 * path_variance / (half * half) * f64::from(WHOLE)).min(WHOLE / 2)
+            whole(0.5 * extruder_variance / (half * half) * f64::from(WHOLE)).min(WHOLE / 2)
         } else {
             0
         };
-        taps.add(late, [0, 0, WHOLE, WHOLE.wrapping_sub(2 * outer)], 0);
+        self.add(late, [0, 0, WHOLE, WHOLE.wrapping_sub(2 * outer)]);
+        (self.advance, self.advance_per_tick) = (Mean::NONE, 0.0);
         if half_advance > 0 {
-            taps.add(late.saturating_sub(half_advance), [0, 0, 0, outer], 1);
-            taps.add(late.saturating_add(half_advance), [0, 0, 0, outer], -1);
-            taps.advance = Mean::over(half_advance.wrapping_mul(2));
-            taps.advance_per_tick = 0.5 / half_advance as f32;
+            for (from_late, advance) in [(half_advance.wrapping_neg(), 1), (half_advance, -1)] {
+                if outer > 0 {
+                    self.add(late.wrapping_add(from_late), [0, 0, 0, outer]);
+                }
+                self.add_advance(late.wrapping_add(half_average).wrapping_add(from_late), advance);
+            }
+            self.advance = Mean::over(half_advance.wrapping_mul(2));
+            self.advance_per_tick = 0.5 / half_advance as f32;
         }
-        taps
     }
 
-    /// Adds weights at a delay.
+    /// Whether all axes have a moving average.
+    pub const fn is_smooth(&self) -> bool {
+        self.average.ticks > 0
+    }
+
+    /// Adds weights at a delay; a moving average begins there.
     #[cold]
     #[inline(never)]
-    fn add(&mut self, delay_ticks: u32, weights: [u32; 4], advance: i8) {
-        let known = self.taps.iter().take(self.count).position(|tap| tap.delay_ticks == delay_ticks);
+    fn add(&mut self, delay_ticks: u32, weights: [u32; 4]) {
+        let is_smooth = self.is_smooth();
+        let known = self
+            .taps()
+            .position(|tap| tap.delay_ticks == delay_ticks && (!is_smooth || tap.motors != 0 && !tap.is_end));
         let index = known.unwrap_or(self.count);
         let Some(tap) = self.taps.get_mut(index) else { return };
         tap.delay_ticks = delay_ticks;
-        tap.advance = tap.advance.wrapping_add(advance);
         for (sum, weight) in tap.weights.iter_mut().zip(weights) {
             *sum = sum.wrapping_add(weight);
         }
         for (axis, _) in tap.weights.iter().enumerate().filter(|(_, weight)| **weight != 0) {
             tap.motors |= if axis == EXTRUDER { 1 << EXTRUDER } else { self.kinematics.motors_of_axis(axis) };
         }
+        let motors = tap.motors;
+        let added = if is_smooth { 2 } else { 1 };
+        for (tap, delay) in self.taps.iter_mut().skip(index).zip([0, self.average.ticks]).take(added) {
+            tap.delay_ticks = delay_ticks.saturating_add(delay);
+            tap.motors = motors;
+            tap.is_end = delay > 0;
+        }
+        self.count = self.count.max(index + added);
+    }
+
+    /// The advance begins at a delay, or ends.
+    #[cold]
+    #[inline(never)]
+    fn add_advance(&mut self, delay_ticks: u32, advance: i8) {
+        let is_smooth = self.is_smooth();
+        let known = self.taps().position(|tap| tap.delay_ticks == delay_ticks && !is_smooth);
+        let index = known.unwrap_or(self.count);
+        let Some(tap) = self.taps.get_mut(index) else { return };
+        (tap.delay_ticks, tap.advance) = (delay_ticks, advance);
         self.count = self.count.max(index + 1);
     }
 
@@ -135,17 +196,29 @@ impl Taps {
     pub fn rewind(&mut self) {
         for tap in &mut self.taps {
             tap.piece = 0;
+            (tap.cells, tap.sums) = (0, PositionSums::NONE);
         }
     }
 
     /// Moves all taps to a tick, which is not before the last.
     #[inline]
-    pub fn move_to(&mut self, tick: u64, ring: &PlanRing) {
+    pub fn move_to(&mut self, tick: u64, ring: &PlanRing, near: &Reference) {
+        let is_smooth = self.is_smooth();
         for tap in self.taps.iter_mut().take(self.count) {
             while let Some(next) = ring.get(tap.piece.wrapping_add(1))
                 && next.start.wrapping_add(u64::from(tap.delay_ticks)) <= tick
             {
+                if is_smooth && let Some(piece) = ring.get(tap.piece) {
+                    tap.sums.pass_piece(tap.anchor(piece), next.start.wrapping_sub(piece.start), near);
+                    tap.cells = 0;
+                }
                 tap.piece = tap.piece.wrapping_add(1);
+            }
+            if is_smooth
+                && let Some(piece) = ring.get(tap.piece)
+                && let Some(ticks) = tap.ticks_into(piece, tick)
+            {
+                tap.cells = tap.sums.pass_cells(tap.anchor(piece), ticks, near);
             }
         }
     }
@@ -161,21 +234,33 @@ impl Taps {
         })
     }
 
-    /// Where all motors are at a tick, 2^-32 step; the extruder from this place, steps.
+    /// Where all motors are at a tick, 2^-32 step; the extruder from the reference's.
     #[inline(never)]
-    pub fn positions(&self, tick: u64, ring: &PlanRing, extruder_zero: i64) -> [i64; 4] {
+    pub fn positions(&self, tick: u64, ring: &PlanRing, near: &Reference) -> [i64; 4] {
+        let [.., extruder_zero] = near;
         let (mut axes, mut advance_sum) = ([WeightedSum::default(); 4], 0_i64);
-        for tap in self.taps() {
+        for (index, tap) in self.taps().enumerate() {
             let Some(piece) = ring.get(tap.piece) else { continue };
             // Before the first piece it stands.
             let ticks = tap.ticks_into(piece, tick).unwrap_or(0);
-            let part = piece.part_after(ticks);
+            let is_of_plan = !self.is_smooth() || tap.advance != 0;
+            let part = if is_of_plan { piece.part_after(ticks) } else { 0 };
             if tap.advance != 0 {
                 let sum = piece.advance_sum_after(part, ticks);
                 advance_sum =
                     if tap.advance > 0 { advance_sum.wrapping_add(sum) } else { advance_sum.wrapping_sub(sum) };
             }
-            let [x, y, z, extruder] = piece.motors_at(part, tap.motors, extruder_zero.wrapping_mul(256));
+            let [x, y, z, extruder] = if !self.is_smooth() {
+                piece.motors_at(part, tap.motors, extruder_zero.wrapping_mul(256))
+            } else if tap.motors != 0
+                && !tap.is_end
+                && let Some(end) = self.taps.get(index + 1)
+                && let Some(ended) = ring.get(end.piece)
+            {
+                self.average.between(tap.seen(piece, tick), end.seen(ended, tick), near)
+            } else {
+                continue;
+            };
             let [x, y, z] = self.kinematics.position([x, y, z].map(Wrapping));
             for ((axis, weight), position) in axes.iter_mut().zip(tap.weights).zip([x.0, y.0, z.0, extruder]) {
                 if weight != 0 {
@@ -238,6 +323,19 @@ impl Tap {
     fn ticks_into(&self, piece: &PlanPiece, tick: u64) -> Option<u64> {
         tick.checked_sub(piece.start.wrapping_add(u64::from(self.delay_ticks)))
     }
+
+    /// What has been passed of the piece that it sees.
+    #[inline]
+    fn anchor<'a>(&self, piece: &'a PlanPiece) -> Anchor<'a> {
+        Anchor { piece, cells: self.cells, motors: self.motors }
+    }
+
+    /// The plan's time at which it sees the plan: below zero before the first piece.
+    #[inline]
+    fn seen<'a>(&'a self, piece: &'a PlanPiece, tick: u64) -> Seen<'a> {
+        let ticks = tick.wrapping_sub(piece.start.wrapping_add(u64::from(self.delay_ticks))).cast_signed();
+        (&self.sums, self.anchor(piece), ticks)
+    }
 }
 
 #[cfg(test)]
@@ -247,12 +345,18 @@ mod tests {
     use crate::pressure_advance::PressureAdvance;
     use crate::shaping::{AxisShaper, ShaperKind};
 
+    fn set(shaping: &Shaping, kinematics: Kinematics) -> Taps {
+        let mut taps = Taps::new(kinematics);
+        taps.set(shaping);
+        taps
+    }
+
     #[test]
     fn weights_sum_to_a_whole_exactly() {
         for (kind, frequency_hz) in ShaperKind::EXAMPLES.into_iter().flat_map(|kind| [(kind, 31.0), (kind, 57.3)]) {
             let of = |frequency_hz| AxisShaper { kind, frequency_hz, damping: 0.07 };
-            let shaping = Shaping::new(&[of(frequency_hz), of(43.9)], &PressureAdvance::NONE).unwrap();
-            let taps = Taps::new(&shaping, Kinematics::CoreXy);
+            let shaping = Shaping::new(&[of(frequency_hz), of(43.9)], None, &PressureAdvance::NONE).unwrap();
+            let taps = set(&shaping, Kinematics::CoreXy);
             for axis in 0..4 {
                 let sum: u32 = taps.taps().map(|tap| tap.weights[axis]).sum();
                 assert_eq!(sum, 1 << WEIGHT_BITS, "{kind:?} {axis}");
@@ -289,8 +393,8 @@ mod tests {
             // Half an average of 4 ms is the farthest that there is: its square.
             ([mzv, mzv], advance(Some(0.004)), 4e-6),
         ] {
-            let shaping = Shaping::new(&shapers, &advance).unwrap();
-            let taps = Taps::new(&shaping, Kinematics::Cartesian);
+            let shaping = Shaping::new(&shapers, None, &advance).unwrap();
+            let taps = set(&shaping, Kinematics::Cartesian);
             let (mean, variance) = extruder_moments(&taps);
             let late = taps.taps().find(|tap| tap.weights[2] != 0).unwrap().delay_ticks;
             assert!((mean - f64::from(late)).abs() < 0.01, "{mean} {late}");
@@ -303,10 +407,42 @@ mod tests {
     fn the_extruder_has_no_delays_of_its_own_beside_its_advance() {
         let mzv = AxisShaper { kind: ShaperKind::Mzv, frequency_hz: 50.0, damping: 0.1 };
         let count = |advance: &PressureAdvance| {
-            Taps::new(&Shaping::new(&[mzv, mzv], advance).unwrap(), Kinematics::Cartesian).count
+            set(&Shaping::new(&[mzv, mzv], None, advance).unwrap(), Kinematics::Cartesian).count
         };
         // Three of MZV, that of Z, and two of the advance.
         assert_eq!(count(&PressureAdvance { seconds: 0.04, ..PressureAdvance::NONE }), 6);
         assert_eq!(count(&PressureAdvance::NONE), 4);
+    }
+
+    #[test]
+    fn a_delay_is_as_small_as_its_fields() {
+        // The boards' memory has little room: what is larger is to be known.
+        assert_eq!(size_of::<Tap>(), 64);
+    }
+
+    #[test]
+    fn a_moving_average_of_all_axes_has_room_beside_the_longest_shapers() {
+        let of = |frequency_hz| AxisShaper { kind: ShaperKind::ThreeHumpEi, frequency_hz, damping: 0.1 };
+        let advance = PressureAdvance { seconds: 0.04, smooth_time_s: Some(0.03), ..PressureAdvance::NONE };
+        let shaping = Shaping::new(&[of(60.0), of(43.9)], Some(0.01), &advance).unwrap();
+        let taps = set(&shaping, Kinematics::CoreXy);
+        // Pairs of five delays of X, five of Y, and three of the extruder, one of them Z's; two of the advance.
+        assert_eq!(taps.count, MAX_TAPS);
+        for axis in 0..4 {
+            let sum: u32 = taps.taps().map(|tap| tap.weights[axis]).sum();
+            assert_eq!(sum, 1 << WEIGHT_BITS, "{axis}");
+        }
+        assert!(taps.length_ticks() >= shaping.y.length_ticks() + shaping.smooth_ticks);
+        // At constant speed all are equally late: the middle of the averages, and of the advance.
+        let half = f64::from(shaping.smooth_ticks / 2);
+        let late = |axis: usize| {
+            let delays = taps.taps().map(|tap| f64::from(tap.weights[axis]) * f64::from(tap.delay_ticks));
+            delays.sum::<f64>() / f64::from(WHOLE) + half
+        };
+        let advance: Vec<_> = taps.taps().filter(|tap| tap.advance != 0).map(|tap| tap.delay_ticks).collect();
+        let middle = 0.5 * (f64::from(advance[0]) + f64::from(advance[1]));
+        for axis in 0..4 {
+            assert!((late(axis) - middle).abs() < 2.0, "{axis}: {} {middle}", late(axis));
+        }
     }
 }

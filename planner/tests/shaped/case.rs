@@ -4,6 +4,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
     AXES, AccelerationProfile, AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, Notice, PlannedBlock,
     Planner, PressureAdvance, Progress, SecondSlope, ShaperKind, StepEntry, StepKind, StepSink, StepsPerMm,
+    smooth_ticks,
 };
 
 use super::random::Random;
@@ -72,6 +73,8 @@ pub struct Case {
     pub limits: Limits,
     pub shapers: [AxisShaper; 2],
     pub pressure_advance: PressureAdvance,
+    /// Time of the moving average, s.
+    pub smooth_time_s: Option<f64>,
     /// Under an S-curve of this jerk, mm/s^3; there is one move then, as long as its speed needs.
     pub jerk_mm_per_s3: Option<f64>,
     pub moves: Vec<Move>,
@@ -80,8 +83,12 @@ pub struct Case {
 impl Case {
     fn planner(&self) -> Planner<Vec<Slot>> {
         let mut planner = Planner::new(self.geometry, self.limits, vec![Slot::EMPTY; 64]);
-        let mut choice =
-            MotionChoice { shapers: self.shapers, pressure_advance: self.pressure_advance, ..MotionChoice::DEFAULT };
+        let mut choice = MotionChoice {
+            shapers: self.shapers,
+            pressure_advance: self.pressure_advance,
+            smooth_time_s: self.smooth_time_s,
+            ..MotionChoice::DEFAULT
+        };
         if let Some(jerk_mm_per_s3) = self.jerk_mm_per_s3 {
             choice = MotionChoice { acceleration: AccelerationProfile::SCurve, jerk_mm_per_s3, ..choice };
         }
@@ -175,11 +182,20 @@ pub fn case(random: &mut Random) -> Case {
     } else {
         [x, y]
     };
+    let (limits, pressure_advance) = (limits(random.magnitude(300.0, 20_000.0)), advance(random));
+    let fits = |time_s: &f64| {
+        let ticks = smooth_ticks(Some(*time_s)).unwrap();
+        shapers.iter().all(|shaper| shaper.kernel_beside(ticks).is_ok())
+    };
+    let smooth_time_s = (!random.next().is_multiple_of(3)).then(|| random.magnitude(0.001, 0.05)).filter(fits);
+    let is_alone = random.next().is_multiple_of(4) && smooth_time_s.is_some();
+    let shapers = if is_alone { [AxisShaper::NONE; 2] } else { shapers };
     Case {
         geometry: geometry(kinematics, 1),
-        limits: limits(random.magnitude(300.0, 20_000.0)),
+        limits,
         shapers,
-        pressure_advance: advance(random),
+        pressure_advance,
+        smooth_time_s,
         jerk_mm_per_s3: None,
         moves,
     }

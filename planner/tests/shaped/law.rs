@@ -1,6 +1,8 @@
 //! Where the motors are to be, worked out in f64: the plan's pieces, and the impulses through which each motor follows them.
 
-use ferrostep_planner::{AxisShaper, Kinematics, PlannedBlock, PressureAdvance, ShaperKind, TICKS_PER_SECOND};
+use ferrostep_planner::{
+    AxisShaper, Kinematics, PlannedBlock, PressureAdvance, ShaperKind, TICKS_PER_SECOND, smooth_ticks,
+};
 use ferrostep_simulator::law::{Law, Piece};
 use ferrostep_simulator::motion::Motion;
 use ferrostep_simulator::shapers::{Impulse, Shaper};
@@ -199,7 +201,7 @@ pub fn laws(case: &Case, blocks: &[PlannedBlock]) -> Option<([Law; 5], u64)> {
     Some((laws, clock))
 }
 
-/// Impulses in ticks, as late as the later of two shapers, and those of the advance's sum.
+/// Impulses in ticks, as late as the later of two shapers, and those of the advance's sum. The moving average of the others begins at them.
 pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
     let shaper = |axis: usize| {
         let AxisShaper { kind, frequency_hz, damping } = case.shapers[axis];
@@ -228,10 +230,13 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
     };
     let path = (0.5 * (of_path(0, &x) + of_path(1, &y))).max(0.0);
     let PressureAdvance { smooth_time_s, .. } = case.pressure_advance;
-    let spread = 0.9 * f64::from(((12.0 * path) as f32).sqrt());
+    let smooth = smooth_ticks(case.smooth_time_s).unwrap() as f64;
+    let spread = 0.9 * f64::from(((12.0 * path + smooth * smooth) as f32).sqrt());
     let average = smooth_time_s.map_or(spread.max(0.008 * second), |time_s| time_s * second);
     let half = if case.pressure_advance.is_some() { (0.5 * average).round() } else { 0.0 };
-    let late = centroid(&x).max(centroid(&y)).max(half);
+    // Filament of the path's variance is as early as the advance; the advance alone may be early by half of the average.
+    let least = if path > 0.0 { half } else { (half - 0.5 * smooth).max(0.0) };
+    let late = centroid(&x).max(centroid(&y)).max(least);
     let moved = |impulses: &[Impulse]| -> Vec<Impulse> {
         let by = (late - centroid(impulses)).round();
         impulses.iter().map(|one| Impulse { delay_s: one.delay_s + by, ..*one }).collect()
@@ -241,7 +246,8 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
     let advance = if half == 0.0 {
         Vec::new()
     } else {
-        let [sooner, later] = [late.round() - half, late.round() + half];
+        let middle = late.round() + 0.5 * smooth;
+        let [sooner, later] = [middle - half, middle + half];
         vec![Impulse { weight, delay_s: sooner }, Impulse { weight: -weight, delay_s: later }]
     };
     // Filament has the path's variance: by the part of it that is half an average early, and as much late.

@@ -4,14 +4,16 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use ferrostep_planner::{Kinematics, Move, TICKS_PER_SECOND};
-use ferrostep_simulator::law::ShapedLaw;
+use ferrostep_planner::{AxisShaper, Kinematics, Move, ShaperKind, TICKS_PER_SECOND, smooth_ticks};
+use ferrostep_simulator::shapers::Impulse;
 
+mod average;
 mod case;
 mod law;
 #[path = "../../src/random.rs"]
 mod random;
 
+use average::Averaged;
 use case::{Case, case, limits};
 use law::{impulses, laws};
 use random::Random;
@@ -58,8 +60,11 @@ fn worst(case: &Case) -> (f64, usize) {
     let Some((laws, end)) = laws(case, &blocks) else { return (0.0, 0) };
     let impulses = impulses(case);
     let events = case.events();
-    let shaped: Vec<ShapedLaw<'_>> =
-        laws.iter().zip(&impulses).map(|(law, impulses)| ShapedLaw { law, impulses }).collect();
+    let average = f64::from(smooth_ticks(case.smooth_time_s).unwrap());
+    // The advance has an average of its own.
+    let shaped: Vec<Averaged<'_>> = (laws.iter().zip(&impulses).zip([average, average, average, average, 0.0]))
+        .map(|((law, impulses), average)| Averaged::new(law, impulses, average))
+        .collect();
     let position = |motor: usize, tick: f64| {
         let at = |axis: usize| shaped[axis].at(tick).position_mm;
         match (case.geometry.kinematics, motor) {
@@ -97,7 +102,11 @@ fn worst(case: &Case) -> (f64, usize) {
     }
     ends[3] = (ends[3] as f64 / 256.0).round() as i64;
     assert_eq!(steps, ends, "{case:?}");
-    let length = impulses.iter().flatten().map(|one| one.delay_s).fold(0.0, f64::max);
+    let last = |impulses: &[Impulse]| {
+        impulses.iter().filter(|one| one.weight != 0.0).map(|one| one.delay_s).fold(0.0, f64::max)
+    };
+    let [axes @ .., advance] = &impulses;
+    let length = axes.iter().map(|impulses| last(impulses) + average).fold(last(advance), f64::max);
     let (ended, motor_steps) = events.ended.unwrap();
     assert_eq!(motor_steps, ends);
     let late = ended as f64 - end as f64 - length;
@@ -122,13 +131,15 @@ fn every_step_is_where_the_filtered_law_has_it() {
 fn extruder_extremes(case: &Case) -> [f64; 3] {
     let Some((laws, _)) = laws(case, &case.blocks()) else { return [0.0; 3] };
     let impulses = impulses(case);
-    let [e, advance] = [3, 4].map(|index| ShapedLaw { law: &laws[index], impulses: &impulses[index] });
-    let mut times = [e.breakpoints_s(), advance.breakpoints_s()].concat();
+    let average = f64::from(smooth_ticks(case.smooth_time_s).unwrap());
+    let [e, advance] =
+        [(3, average), (4, 0.0)].map(|(index, ticks)| Averaged::new(&laws[index], &impulses[index], ticks));
+    let mut times = [e.breakpoints(), advance.breakpoints()].concat();
     times.sort_by(f64::total_cmp);
     let at = |tick: f64| e.at(tick).plus(1.0, advance.at(tick));
     let (second, mut extremes) = (f64::from(TICKS_PER_SECOND), [0.0f64; 3]);
     for pair in times.windows(2) {
-        // Between two breakpoints the acceleration is constant.
+        // Between two breakpoints the acceleration is constant, or goes from one value to another.
         let [start, end] = [pair[0], pair[1]];
         if end - start < 0.01 {
             continue;
@@ -136,7 +147,8 @@ fn extruder_extremes(case: &Case) -> [f64; 3] {
         let [first, last] = [start + 1e-3, end - 1e-3].map(at);
         let jump = at(start + 1e-3).speed_mm_per_s - at(start - 1e-3).speed_mm_per_s;
         let speed = first.speed_mm_per_s.abs().max(last.speed_mm_per_s.abs()) * second / 140.0;
-        let acceleration = first.acceleration_mm_per_s2.abs() * second * second / 140.0;
+        let acceleration =
+            first.acceleration_mm_per_s2.abs().max(last.acceleration_mm_per_s2.abs()) * second * second / 140.0;
         for (extreme, value) in extremes.iter_mut().zip([speed, acceleration, jump.abs() * second / 140.0]) {
             *extreme = extreme.max(value);
         }
@@ -171,6 +183,11 @@ fn the_advance_keeps_to_what_the_extruder_may() {
             limits.max_acceleration_mm_per_s2[3],
             limits.instantaneous_corner_velocity_mm_per_s[3],
         ];
+        // What may change at once changes within the average.
+        let smooth_s = f64::from(smooth_ticks(case.smooth_time_s).unwrap()) / f64::from(TICKS_PER_SECOND);
+        let [feed, acceleration, jump] = most;
+        let by_jump = if smooth_s > 0.0 { jump / smooth_s } else { 0.0 };
+        let most = [feed, acceleration + by_jump, jump];
         let extremes = extruder_extremes(&case);
         for ((extreme, most), reached) in extremes.iter().zip(most).zip(&mut reached) {
             // Blocks last whole ticks, and short ones are by so much faster or slower.
@@ -197,9 +214,16 @@ fn steps_under_an_s_curve_are_where_the_filtered_law_has_them() {
         let angle = 6.3 * random.share();
         let target_10nm = [(length * angle.cos() * 1e5) as i64, (length * angle.sin() * 1e5) as i64, 0];
         let feed_mm_per_s = feed as f32;
+        let [x, y] = drawn.shapers;
+        let shapers = if drawn.smooth_time_s.is_some() {
+            [x, y].map(|shaper| AxisShaper { kind: ShaperKind::Ei, ..shaper })
+        } else {
+            [x, y]
+        };
         let moves = vec![Move { target_10nm, filament_100pm: 300_000, feed_mm_per_s, line: 1, ends_move: true }];
         let limits = limits(acceleration);
-        let (worst, count) = worst(&Case { limits, jerk_mm_per_s3: Some(jerk_mm_per_s3), moves, ..drawn });
+        let (worst, count) =
+            worst(&Case { limits, jerk_mm_per_s3: Some(jerk_mm_per_s3), moves, shapers, smooth_time_s: None, ..drawn });
         assert!(count > 0);
         most = most.max(worst);
     }

@@ -168,3 +168,24 @@ fn what_cannot_be_made_is_refused_with_its_numbers_and_the_filters_stay() {
     // The named lowest frequency is taken.
     execute(&mut printer, "M593 Y P\"ei3\" F19.83").unwrap();
 }
+
+#[test]
+fn a_moving_average_takes_its_part_of_the_longest_filter_and_keeps_the_trapezoid() {
+    let rig = Rig::new(|profile| profile.motion.smooth_time_s = Some(0.05));
+    let mut printer = rig.printer();
+    let good = rig.choice();
+    for (line, says) in [
+        (
+            "M593 P\"mzv\" F15",
+            "input shaper of X: mzv for 15 Hz and a damping ratio of 0.1 is longer than 100 ms with the profile's \
+             input_shaper.smooth_time_s, expected at least 15.08 Hz (M593 F, SHAPER_FREQ_X) or a shorter kind",
+        ),
+        ("M796 A1", "M796: input_shaper.smooth_time_s of the profile limits the jerk of a trapezoid, expected M796 A0"),
+    ] {
+        let error = execute(&mut printer, line).unwrap_err();
+        assert_eq!(error.to_string(), says, "{line}");
+        assert_eq!(rig.choice(), good, "{line}");
+    }
+    execute(&mut printer, "M593 P\"mzv\" F15.08").unwrap();
+    assert_eq!(rig.choice().smooth_time_s, Some(0.05));
+}

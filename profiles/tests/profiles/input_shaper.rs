@@ -75,6 +75,45 @@ fn what_cannot_be_made_is_refused_with_its_line_and_its_cure() {
 }
 
 #[test]
+fn a_moving_average_is_beside_the_shapers() {
+    let average = |tail: &str| {
+        let text = format!("{}\n{tail}", builtin_text("corexy").unwrap());
+        parse(&text, "test.toml").map(|profile| (profile.motion.smooth_time_s, profile.plan_hash))
+    };
+    let (none, hash) = average("").unwrap();
+    assert_eq!(none, None);
+    // A plan does not depend on it.
+    assert_eq!(average("[input_shaper]\nsmooth_time_s = 0.008").unwrap(), (Some(0.008), hash));
+    // MZV at 15 Hz lasts 50.3 ms.
+    assert!(average("[input_shaper]\nsmooth_time_s = 0.0497\nx = { kind = \"mzv\", frequency_hz = 15.1 }").is_ok());
+    for (tail, blamed, says) in [
+        ("smooth_time_s = 0.0009", "input_shaper.smooth_time_s", "0.001 to 0.05 s"),
+        ("smooth_time_s = 0.051", "input_shaper.smooth_time_s", "0.001 to 0.05 s"),
+        ("smooth_time_s = nan", "input_shaper.smooth_time_s", "0.001 to 0.05 s"),
+        (
+            "smooth_time_s = 0.05\ny = { kind = \"mzv\", frequency_hz = 14 }",
+            "input_shaper.smooth_time_s",
+            "at most 0.0461 s",
+        ),
+        (
+            "smooth_time_s = 0.05\ny = { kind = \"mzv\", frequency_hz = 14 }",
+            "input_shaper.smooth_time_s",
+            "at least 15.08 Hz",
+        ),
+    ] {
+        let error = average(&format!("[input_shaper]\n{tail}")).unwrap_err();
+        assert_eq!(error.key(), Some(blamed), "{tail}");
+        assert!(error.to_string().contains(says), "{tail}: {error}");
+    }
+    let text = builtin_text("corexy").unwrap();
+    let curved = text.replace("acceleration = \"trapezoid\"", "acceleration = \"s-curve\"");
+    let curved = if curved == text { format!("acceleration = \"s-curve\"\n{text}") } else { curved };
+    let error = parse(&format!("{curved}\n[input_shaper]\nsmooth_time_s = 0.008"), "test.toml").unwrap_err();
+    assert_eq!(error.key(), Some("acceleration"));
+    assert!(error.to_string().contains("limits the jerk by itself"), "{error}");
+}
+
+#[test]
 fn what_the_machine_cannot_filter_is_refused() {
     let changed = |profile: &str, from: &str, to: &str, kind: &str| {
         let text = builtin_text(profile).unwrap();
