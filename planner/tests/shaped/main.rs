@@ -4,7 +4,11 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use ferrostep_planner::{AxisShaper, Kinematics, Move, ShaperKind, TICKS_PER_SECOND, smooth_ticks};
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::{
+    AccelerationProfile, AxisShaper, ChoiceError, Kinematics, MotionChoice, Move, Planner, ShaperError, ShaperKind,
+    TICKS_PER_SECOND, smooth_ticks,
+};
 use ferrostep_simulator::shapers::Impulse;
 
 mod average;
@@ -228,4 +232,20 @@ fn steps_under_an_s_curve_are_where_the_filtered_law_has_them() {
         most = most.max(worst);
     }
     println!("the worst step {most:.2} ticks off");
+}
+
+/// The average of an S-curve would be of fourth degree, which no step is solved for.
+#[test]
+fn a_moving_average_of_an_s_curve_is_refused() {
+    let Case { geometry, limits, .. } = case(&mut Random(1));
+    let mut planner: Planner<Vec<Slot>> = Planner::new(geometry, limits, vec![Slot::EMPTY; 4]);
+    let average = MotionChoice { smooth_time_s: Some(0.008), ..MotionChoice::DEFAULT };
+    planner.set_motion_choice(&average).unwrap();
+    let s_curve = MotionChoice { acceleration: AccelerationProfile::SCurve, ..average };
+    assert_eq!(planner.set_motion_choice(&s_curve), Err(ChoiceError::Shaper(ShaperError::SmoothSCurve)));
+    for time_s in [0.0009, 0.0501, f64::NAN] {
+        let other = MotionChoice { smooth_time_s: Some(time_s), ..average };
+        assert_eq!(planner.set_motion_choice(&other), Err(ChoiceError::Shaper(ShaperError::SmoothTime)));
+    }
+    assert_eq!(planner.motion_choice(), &average);
 }
