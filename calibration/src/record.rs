@@ -8,6 +8,12 @@ pub const AXES: [char; 3] = ['X', 'Y', 'Z'];
 /// Standard gravity, in which RepRapFirmware writes accelerations; mm/s^2.
 const GRAVITY_MM_PER_S2: f64 = 9806.65;
 
+/// The first line of RepRapFirmware's records of all axes.
+const REPRAPFIRMWARE_HEADER: &str = "Sample,X,Y,Z";
+
+/// What lines begin with that a printer says beside a record.
+const ANSWERS: [&str; 4] = ["ok", "echo:", "//", "T:"];
+
 /// An interval longer than this many usual ones is a gap.
 const GAP: f64 = 3.0;
 
@@ -42,6 +48,11 @@ pub enum RecordError {
         /// Time since the sample before, s; not above 0 if time goes back.
         interval_s: f64,
     },
+    /// Samples are missing by their numbers.
+    Missing {
+        /// The line after them, counted from 1.
+        line: usize,
+    },
     /// RepRapFirmware's last line, which has the rate, is missing.
     NoRate,
     /// RepRapFirmware lost samples.
@@ -68,6 +79,12 @@ impl fmt::Display for RecordError {
             Self::Gap { line, .. } => {
                 write!(out, "line {line}: its time is not after that of the line before: two records in one file?")
             }
+            Self::Missing { line } => {
+                write!(
+                    out,
+                    "line {line}: it has not the number after that of the sample before: lines were lost, record it again"
+                )
+            }
             Self::NoRate => out.write_str("the last line is missing, expected one such as `Rate 1344, overflows 0`"),
             Self::Overflows(count) => {
                 write!(out, "the accelerometer overflowed {count} times: samples were lost, record it again")
@@ -83,7 +100,7 @@ impl Record {
     /// Reads a record.
     ///
     /// Klipper's lines have the time in seconds and accelerations in mm/s^2, RepRapFirmware's a number and accelerations in g, with
-    /// the rate in the last line.
+    /// the rate in the last line. The second may stand in what a printer has said to its host, with answers around and between its lines.
     ///
     /// # Errors
     /// [`RecordError`], with the line.
@@ -93,7 +110,9 @@ impl Record {
         let lower = first.trim_start_matches('\u{feff}').to_ascii_lowercase();
         if lower.starts_with("#time,accel_x,accel_y,accel_z") {
             klipper(lines)
-        } else if lower.starts_with("sample,x,y,z") {
+        } else if lower.starts_with("sample,x,y,z")
+            || lines.any(|(_, text)| text.eq_ignore_ascii_case(REPRAPFIRMWARE_HEADER))
+        {
             reprapfirmware(lines)
         } else {
             Err(RecordError::Unknown { first_line: first.chars().take(60).collect() })
@@ -156,7 +175,8 @@ fn klipper<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<Record, 
 fn reprapfirmware<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<Record, RecordError> {
     let mut samples = Vec::new();
     let mut rate_hz = None;
-    for (line, text) in lines.filter(|(_, text)| !text.is_empty()) {
+    let is_answer = |text: &str| ANSWERS.iter().any(|answer| text.starts_with(answer));
+    for (line, text) in lines.filter(|(_, text)| !text.is_empty() && !is_answer(text)) {
         if let Some(rest) = text.strip_prefix("Rate ") {
             let (rate, overflows) = rest.split_once(", overflows ").unwrap_or((rest, "0"));
             let parsed =
@@ -168,9 +188,12 @@ fn reprapfirmware<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<R
                 return Err(RecordError::Overflows(overflows));
             }
             rate_hz = Some(rate);
-            continue;
+            break;
         }
-        let [_, sample @ ..] = numbers(line, text)?;
+        let [number, sample @ ..] = numbers(line, text)?;
+        if number != samples.len() as f64 {
+            return Err(RecordError::Missing { line });
+        }
         samples.push(sample.map(|gravities| gravities * GRAVITY_MM_PER_S2));
     }
     let rate_hz = rate_hz.ok_or(RecordError::NoRate)?;

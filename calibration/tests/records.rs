@@ -262,6 +262,8 @@ fn records_that_tell_nothing_are_refused_by_name() {
         (&format!("{header}\n0,1,2,3\n1,1,2,3\n2,1,2,3\n1.5,1,2,3"), RecordError::Gap { line: 5, interval_s: -0.5 }),
         ("Sample,X,Y,Z\n0,0,0,1\n1,0,0,1", RecordError::NoRate),
         ("Sample,X,Y,Z\n0,0,0,1\nRate 1344, overflows 3", RecordError::Overflows(3)),
+        ("Sample,X,Y,Z\n0,0,0,1\nok\n2,0,0,1\nRate 1344, overflows 0", RecordError::Missing { line: 4 }),
+        ("start\nSample,X,Y,Z\n0,0,0,1\nBusy\n", RecordError::Line { line: 4, text: "Busy".to_owned() }),
     ] {
         assert_eq!(parse(text), error, "{text}");
     }

@@ -1,5 +1,6 @@
 //! A printer's motion on the desk: made step by step, or only planned.
 
+mod accelerometer;
 mod desk_time;
 mod drivers;
 mod figures;
@@ -12,6 +13,7 @@ mod rehearsal;
 mod session_motion;
 mod step_queue;
 
+pub use accelerometer::{DeskAccelerometer, Tap};
 pub use drivers::DeskDrivers;
 pub use figures::Figures;
 pub use heat::{DeskHeat, DeskHeating};

@@ -20,6 +20,7 @@ use ferrostep_gcode::{Emergency, Reply, Temperatures};
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::{Heating, Printer, Profile, Replies, temperatures};
+use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
 
 use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
@@ -65,6 +66,8 @@ pub struct Settings {
     pub speed: Speed,
     /// The faults to make.
     pub faults: Vec<Fault>,
+    /// The frame's modes along X and Y, which its accelerometer feels; `None`: the printer has none.
+    pub frame: Option<[Mode; 2]>,
     /// The image of the card in its slot; `None`: the printer has no slot.
     pub card: Option<Vec<u8>>,
 }
@@ -141,7 +144,7 @@ pub fn serve(
     ends: impl Fn() -> bool,
     mut show: impl FnMut(&Status),
 ) -> Served {
-    let session = Session::live(settings.profile, LOOK_AHEAD_BLOCKS, HostPort::new(hosts));
+    let session = Session::live_with(settings.profile, LOOK_AHEAD_BLOCKS, settings.frame, HostPort::new(hosts));
     let card = settings.card.clone().map(|image| Card::new(VirtualCard::new(image)));
     let mut printer = session.printer();
     if let Some(card) = &card {

@@ -15,6 +15,8 @@ use ferrostep::terminal::{self, tell};
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
+use ferrostep_profiles::response::FrameMode;
+use ferrostep_simulator::frame::Mode;
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -22,6 +24,15 @@ use signal_hook::flag;
 use crate::arguments::ServeArguments;
 use crate::outcome::{exit_code, result};
 use crate::serving_page::{self, VirtualPage};
+
+/// The frame that a profile knows along X and Y.
+fn frame(profile: &str) -> Result<Option<[Mode; 2]>, String> {
+    let text = ferrostep_profiles::text(profile).map_err(|error| error.to_string())?;
+    let budget = ferrostep_profiles::error_budget(&text, profile).map_err(|error| error.to_string())?;
+    let [Some(x), Some(y)] = budget.frame else { return Ok(None) };
+    let mode = |of: FrameMode| Mode::new(of.frequency_hz, of.damping).map_err(|error| error.to_string());
+    Ok(Some([mode(x)?, mode(y)?]))
+}
 
 /// Serves until the process is interrupted, then prints a summary.
 ///
@@ -76,6 +87,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
         profile,
         speed: arguments.speed,
         faults: arguments.fault.clone(),
+        frame: frame(&arguments.profile)?,
         card: card.as_ref().map(|card| card.bytes.clone()),
     };
     let bar = std::io::stderr().is_terminal().then(status_line);

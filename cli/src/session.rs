@@ -12,14 +12,15 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event,
-    temperatures,
+    Accelerometer, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals,
+    tell_driver_event, temperatures,
 };
+use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
 use crate::desk::{
-    Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LimitFactors, LiveDesk, MotionState, PlanReader,
-    Rehearsal,
+    Desk, DeskAccelerometer, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LimitFactors, LiveDesk,
+    MotionState, PlanReader, Rehearsal,
 };
 use crate::record::Observer;
 use crate::remarks::{RemarkKind, RemarkList};
@@ -62,6 +63,7 @@ pub struct Session<D, R> {
     last_tick: Cell<u64>,
     /// Whether motors have moved since the last look at the heaters' timeout.
     has_moved: Cell<bool>,
+    accelerometer: Option<Rc<DeskAccelerometer>>,
 }
 
 impl<O: Observer, R: Replies> PrintSession<O, R> {
@@ -79,7 +81,15 @@ impl<O: Observer, R: Replies> PrintSession<O, R> {
 impl<R: Replies> LiveSession<R> {
     /// A machine that has just been switched on.
     pub fn live(profile: Profile, look_ahead: usize, replies: R) -> Self {
-        Self::new(profile, replies, |drivers| LiveDesk::new(&profile, look_ahead, drivers))
+        Self::live_with(profile, look_ahead, None, replies)
+    }
+
+    /// A machine that has just been switched on, on a frame whose modes along X and Y an accelerometer feels.
+    pub fn live_with(profile: Profile, look_ahead: usize, frame: Option<[Mode; 2]>, replies: R) -> Self {
+        let accelerometer = frame.map(|frame| Rc::new(DeskAccelerometer::new(profile.geometry(), frame)));
+        let desk = |drivers| LiveDesk::new(&profile, look_ahead, drivers, accelerometer.clone());
+        let session = Self::new(profile, replies, desk);
+        Self { accelerometer, ..session }
     }
 }
 
@@ -119,6 +129,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
             last_step_ns: Cell::new(0),
             last_tick: Cell::new(0),
             has_moved: Cell::new(false),
+            accelerometer: None,
         }
     }
 
@@ -136,6 +147,9 @@ impl<D: Desk, R: Replies> Session<D, R> {
         printer.set_identifier(IDENTIFIER);
         if self.drivers.exist() {
             printer.set_drivers(&*self.drivers);
+        }
+        if let Some(accelerometer) = &self.accelerometer {
+            printer.set_accelerometer(&**accelerometer);
         }
         printer
     }
@@ -229,6 +243,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
             self.watch_filament();
             self.report_temperatures(&mut next_report_ms);
             self.report_card(&mut next_card_report_ms);
+            self.tell_samples();
             between(self);
         }
     }
@@ -292,6 +307,14 @@ impl<D: Desk, R: Replies> Session<D, R> {
         let mut watch = self.filament.get();
         watch.look((&self.clock).now_ms() as u32, self.is_filament_out.get(), sensor, &self.signals);
         self.filament.set(watch);
+    }
+
+    /// M956.
+    fn tell_samples(&self) {
+        let Some(accelerometer) = &self.accelerometer else { return };
+        while let Some(event) = accelerometer.take_event() {
+            self.replies.say(format_args!("{event}"));
+        }
     }
 
     /// M27 S.

@@ -1,6 +1,6 @@
 //! What a line asks for, as an enum.
 
-use crate::{CardCommand, Decimal};
+use crate::{CardCommand, Decimal, TowerWords};
 
 /// The X, Y, Z and E words of a line; `None` where the word is absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -168,45 +168,6 @@ pub struct GainWords {
     pub derivative: Option<Decimal>,
     /// F (M301): what the part-cooling fan takes, for each degree between 25 degrees Celsius and the target.
     pub fan: Option<Decimal>,
-}
-
-/// How the value of a tower follows the height.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TowerCourse {
-    /// FACTOR: evenly.
-    Linear {
-        /// Change of the value a millimetre.
-        factor: Decimal,
-    },
-    /// FACTOR and BAND: as evenly, in bands, each with the value of its middle.
-    Bands {
-        /// Change of the value a millimetre.
-        factor: Decimal,
-        /// Height of a band, mm, above 0.
-        band: Decimal,
-    },
-    /// STEP_DELTA and STEP_HEIGHT: in steps.
-    Steps {
-        /// Change of the value a step.
-        delta: Decimal,
-        /// Height of a step, mm, above 0.
-        height: Decimal,
-    },
-}
-
-/// What TUNING_TOWER changes with the height.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TowerWords<'a> {
-    /// COMMAND: what is executed, with further words of its own; for the machine to know.
-    pub command: &'a str,
-    /// PARAMETER: the command's word that gets the value.
-    pub parameter: &'a str,
-    /// START: the value at the bottom.
-    pub start: Decimal,
-    /// SKIP: the height of the bottom, mm, not negative.
-    pub skip: Decimal,
-    /// FACTOR and BAND, or STEP_DELTA and STEP_HEIGHT.
-    pub course: TowerCourse,
 }
 
 /// Target of M104, M109, M140 and M190.
@@ -480,6 +441,20 @@ pub enum Command<'a> {
     Tower(Option<TowerWords<'a>>),
     /// M900, M572, SET_PRESSURE_ADVANCE: how far the extruder runs ahead of the flow.
     PressureAdvance(AdvanceWords),
+    /// M955: the accelerometer's settings; without words a query.
+    Accelerometer {
+        /// S, samples a second.
+        rate_hz: Option<u16>,
+        /// R, bits of a sample.
+        resolution_bits: Option<u8>,
+    },
+    /// M956: an accelerometer's record begins.
+    RecordAcceleration {
+        /// S, how many; 0: the one before ends.
+        samples: u16,
+        /// A1: it waits for the next move.
+        at_next_move: bool,
+    },
     /// M790: the host sends a prepared job, and G-code no more until it has ended.
     ReceiveJob {
         /// S: its length, bytes.

@@ -22,11 +22,12 @@ mod real;
 mod remarks;
 mod reply;
 mod reply_text;
+mod tower_words;
 
 pub use card_command::CardCommand;
 pub use command::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, FeedWords, GainWords, PrintClockCommand,
-    RetractionWords, SettingsCommand, ShaperWords, TowerCourse, TowerWords, Units, WaitTarget,
+    RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};
@@ -42,3 +43,4 @@ pub use reply::{
     AdvanceState, EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, ShaperState, Temperatures,
     TimingFigures,
 };
+pub use tower_words::{TowerCourse, TowerWords};

@@ -1,5 +1,6 @@
 //! From the text of a line to a [`Command`].
 
+mod accelerometer;
 mod card_codes;
 mod code;
 mod g_codes;

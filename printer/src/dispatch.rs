@@ -71,6 +71,11 @@ enum Then {
     Settings(SettingsCommand),
     /// M77, M78 S78.
     PrintClock(PrintClockCommand),
+    /// M956.
+    Record {
+        samples: u16,
+        at_next_move: bool,
+    },
 }
 
 /// What became of a command that was looked at.
@@ -130,6 +135,9 @@ impl<P: Ports> Printer<'_, P> {
                     Then::PrintClock(command) => {
                         self.print_clock(command);
                         self.keep_statistics();
+                    }
+                    Then::Record { samples, at_next_move } => {
+                        self.needed_accelerometer()?.record(samples, at_next_move);
                     }
                 }
             }
@@ -209,6 +217,13 @@ impl<P: Ports> Printer<'_, P> {
             Command::RetractSettings(ref words) => self.set_retraction(words, false)?,
             Command::RecoverSettings(ref words) => self.set_retraction(words, true)?,
             Command::ProbeOffset(ref words) => self.probe_offset(words)?,
+            Command::Accelerometer { rate_hz, resolution_bits } => {
+                self.accelerometer_settings(rate_hz, resolution_bits)?;
+            }
+            Command::RecordAcceleration { samples, at_next_move } => {
+                self.needed_accelerometer()?;
+                return waiting(Waiting::Finish(Then::Record { samples, at_next_move }));
+            }
             Command::Tower(ref words) => self.set_tower(words.as_ref())?,
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
             Command::FeedPercent(words) => self.feed_percent(words)?,

@@ -8,6 +8,7 @@ pub mod heat;
 pub mod machine;
 pub mod ports;
 
+mod accelerometer;
 mod advance_refusal;
 mod answer;
 mod arc;
@@ -53,6 +54,7 @@ mod tuning;
 mod waits;
 mod z_offset;
 
+pub use accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent};
 pub use axis_names::AXIS_NAMES;
 pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;

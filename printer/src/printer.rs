@@ -7,6 +7,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, Remarks, Reply};
 use ferrostep_hal_shim::Clock;
 
+use crate::accelerometer::Accelerometer;
 use crate::card::Card;
 use crate::command_kind::{WhileHalted, while_halted};
 use crate::error::{CommandError, Failure};
@@ -102,6 +103,7 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) print_clock: PrintClock,
     /// The command at hand is a line of a macro.
     pub(crate) is_in_macro: bool,
+    pub(crate) accelerometer: Option<&'a dyn Accelerometer>,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -139,6 +141,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             tower: None,
             print_clock: PrintClock::new(),
             is_in_macro: false,
+            accelerometer: None,
         }
     }
 }

@@ -51,6 +51,12 @@ impl Mode {
         self.speed_mm_per_s
     }
 
+    /// Acceleration towards where the command stands or moves, mm/s^2.
+    pub fn acceleration_mm_per_s2(&self, command: Motion) -> f64 {
+        let away_mm = command.position_mm - self.position_mm;
+        self.omega * (self.omega * away_mm - 2.0 * self.damping * self.speed_mm_per_s)
+    }
+
     /// Where the mode would be if nothing rang: the particular solution that is itself a parabola.
     fn steady(&self, command: Motion) -> Motion {
         let lag_s = 2.0 * self.damping / self.omega;

@@ -10,6 +10,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::machine::Silence;
 use ferrostep_printer::{Profile, SharedMachine, SharedMotion, Signals};
 
+use super::accelerometer::{DeskAccelerometer, Tap};
 use super::desk_time::motion_ticks;
 use super::drivers::DeskDrivers;
 use super::queue_machine::{self, QueueMachine};
@@ -24,21 +25,28 @@ const FLUSH_AFTER_NS: u64 = 100_000_000;
 
 /// A machine that makes every step at its time.
 pub struct LiveDesk {
-    machine: RefCell<QueueMachine<()>>,
+    machine: RefCell<QueueMachine<Tap>>,
     now_ns: Cell<u64>,
     granted_ns: Cell<u64>,
     /// When the command side began to wait for the host.
     host_awaited_since_ns: Cell<Option<u64>>,
+    accelerometer: Option<Rc<DeskAccelerometer>>,
 }
 
 impl LiveDesk {
-    /// A machine that has just been switched on, with this many blocks in its look-ahead ring.
-    pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>) -> Self {
+    /// A machine that has just been switched on, with this many blocks in its look-ahead ring, and perhaps an accelerometer.
+    pub fn new(
+        profile: &Profile,
+        look_ahead: usize,
+        drivers: Rc<DeskDrivers>,
+        accelerometer: Option<Rc<DeskAccelerometer>>,
+    ) -> Self {
         Self {
-            machine: queue_machine::machine(profile, look_ahead, drivers, ()),
+            machine: queue_machine::machine(profile, look_ahead, drivers, Tap(accelerometer.clone())),
             now_ns: Cell::new(0),
             granted_ns: Cell::new(0),
             host_awaited_since_ns: Cell::new(None),
+            accelerometer,
         }
     }
 
@@ -85,7 +93,7 @@ impl LiveDesk {
     }
 
     /// Runs the planner task until it has nothing more to do.
-    fn plan(&self, machine: &mut QueueMachine<()>) {
+    fn plan(&self, machine: &mut QueueMachine<Tap>) {
         let now_ns = self.now_ns.get();
         let is_silent = |since_ns| now_ns - since_ns >= FLUSH_AFTER_NS;
         let may_flush = self.host_awaited_since_ns.get().is_some_and(is_silent);
@@ -96,7 +104,7 @@ impl LiveDesk {
 impl Desk for LiveDesk {
     type Motion<'a> = SharedMotion<LiveMachine<'a>>;
 
-    type State = RefCell<QueueMachine<()>>;
+    type State = RefCell<QueueMachine<Tap>>;
 
     const MAKES_STEPS: bool = true;
 
@@ -109,7 +117,14 @@ impl Desk for LiveDesk {
         let now_ns = self.now_ns.get();
         let until_ns = self.granted_ns.get().clamp(now_ns, now_ns + PLANNER_INTERVAL_NS);
         let mut machine = self.machine.borrow_mut();
-        machine.queue_mut().pass(motion_ticks(until_ns) - motion_ticks(now_ns));
+        let [now_tick, until_tick] = [now_ns, until_ns].map(motion_ticks);
+        if let Some(accelerometer) = &self.accelerometer {
+            accelerometer.set_time(now_tick, machine.queue().now_tick());
+        }
+        machine.queue_mut().pass(until_tick - now_tick);
+        if let Some(accelerometer) = &self.accelerometer {
+            accelerometer.pass_to(until_tick);
+        }
         self.now_ns.set(until_ns);
         self.plan(&mut machine);
     }
@@ -134,10 +149,10 @@ pub struct LiveMachine<'a> {
 
 impl SharedMachine for LiveMachine<'_> {
     type Ring = Vec<Slot>;
-    type Queue = VirtualStepQueue<()>;
+    type Queue = VirtualStepQueue<Tap>;
     type Methods = Papers;
 
-    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<()>) -> T) -> T {
+    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<Tap>) -> T) -> T {
         act(&mut self.desk.machine.borrow_mut())
     }
 

@@ -118,9 +118,14 @@ impl<O: Observer> VirtualStepQueue<O> {
         has_played
     }
 
+    /// The motion clock, if time passes by itself.
+    pub fn now_tick(&self) -> u64 {
+        self.now_tick.max(self.motors.ledger.tick())
+    }
+
     /// Lets this many ticks pass: plays the events that they contain, and no other.
     pub fn pass(&mut self, ticks: u64) {
-        self.now_tick = self.now_tick.max(self.motors.ledger.tick()) + ticks;
+        self.now_tick = self.now_tick() + ticks;
         if self.watched_axis.is_some() {
             // A move towards a sensor is played as it is planned, which is up to here.
             self.pause_tick = self.now_tick;

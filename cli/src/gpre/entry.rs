@@ -88,6 +88,8 @@ impl Passed {
                     | Command::Settings(_)
                     | Command::ShiftZ { .. }
                     | Command::Tower(_)
+                    | Command::Accelerometer { .. }
+                    | Command::RecordAcceleration { .. }
                     | Command::EnableMotors(_)
                     | Command::DisableMotors(_)
                     | Command::Finish

@@ -203,6 +203,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         906 => Ok(Command::DriverCurrent(driver_words(code, remarks, MAX_CURRENT_MA)?)),
         914 => Ok(Command::StallThreshold(driver_words(code, remarks, MAX_STALL_THRESHOLD)?)),
+        955 | 956 => super::accelerometer::parse(code, remarks),
         790 => {
             let mut words = code.words(remarks)?;
             let Some(size) = words.nearest(b'S', 1)?.and_then(|size| u32::try_from(size).ok()) else {

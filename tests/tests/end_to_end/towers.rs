@@ -20,8 +20,10 @@ fn job(before: impl Fn(u32) -> String) -> String {
     job
 }
 
-/// Towers, and the lines that do the same at each layer's height, mm.
-fn cases() -> [(&'static str, fn(f64) -> String); 5] {
+/// A tower, and the line that does the same at a layer's height, mm.
+type Case = (&'static str, fn(f64) -> String);
+
+fn cases() -> [Case; 5] {
     [
         ("COMMAND=M900 PARAMETER=K START=0 FACTOR=.02", |z| format!("M900 K{}", 0.02 * z)),
         ("COMMAND=M204 PARAMETER=P START=500 STEP_DELTA=250 STEP_HEIGHT=1", |z| {

@@ -4,6 +4,7 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod accelerometer;
 mod browser;
 mod card;
 mod conversation;
