@@ -3,6 +3,7 @@
 //! Every setting of the file ends up in a [`Row`]: what the profile keeps of it, or why it has no place there. Keys that a profile needs
 //! and the file does not say come from the built-in profile `cartesian` and are named ([`Imported::assumed`]).
 
+mod condition;
 mod draft;
 mod expression;
 mod klipper;
@@ -85,7 +86,7 @@ impl std::error::Error for ImportError {}
 /// See [`ImportError`]; nothing is made then.
 pub fn read(path: &Path) -> Result<Imported, ImportError> {
     let name = path.file_name().map_or_else(|| crate::input::name(path), |name| crate::terminal::name(Path::new(name)));
-    let text = text_of(path).map_err(|error| ImportError::Read(name.clone(), error))?;
+    let text = text_of(path).map_err(|error| ImportError::Read(crate::input::name(path), error))?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
     of_text(&name, &text, &mut |include| files(&folder, include))
 }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::import::{self, Imported, Row};
+use ferrostep::import::{self, ImportError, Imported, Row};
 use ferrostep::input;
 use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep::terminal::{name, one_line};
@@ -16,7 +16,11 @@ use crate::outcome::result;
 /// # Errors
 /// The file is no configuration or of a machine that profiles do not know, or the profile cannot be written.
 pub fn run(file: &Path, out: Option<&Path>, json: bool) -> Result<ExitCode, String> {
-    let imported = import::read(file).map_err(|error| format!("{}: {error}", input::name(file)))?;
+    let imported = import::read(file).map_err(|error| match error {
+        ImportError::Unknown | ImportError::Profile(_) => format!("{}: {error}", input::name(file)),
+        // These name the file that they mean, which may be an included one.
+        ImportError::Read(..) | ImportError::Line(..) | ImportError::Machine(..) => error.to_string(),
+    })?;
     if let Some(path) = out {
         let protected = [Protected { path: file, what: "the configuration" }];
         let mut output = Output::create(path, Accepted::File, &protected).map_err(|error| error.to_string())?;

@@ -39,20 +39,30 @@ impl Draft {
         self.rows.push(row);
     }
 
+    /// Says about a setting why not all of it is kept: adds its row, or to its row.
+    pub fn note(&mut self, row: Row) {
+        match self.row_of(&row).and_then(|index| self.rows.get_mut(index)) {
+            Some(other) => other.why = row.why,
+            None => self.rows.push(row),
+        }
+    }
+
+    /// The row of the same setting.
+    fn row_of(&self, row: &Row) -> Option<usize> {
+        self.rows.iter().position(|other| (&other.file, other.line, &other.key) == (&row.file, row.line, &row.key))
+    }
+
     /// Sets a key, said by a setting: adds its row.
     pub fn keep(&mut self, path: &str, value: impl Into<Value>, row: Row) {
         let value = rounded(value.into());
         let kept = format!("{path} = {value}");
         self.put(path, value);
+        let index = self.row_of(&row);
         let kept = match row.kept {
             Some(before) => format!("{before}, {kept}"),
             None => kept,
         };
-        match self
-            .rows
-            .iter()
-            .position(|other| (&other.file, other.line, &other.key) == (&row.file, row.line, &row.key))
-        {
+        match index {
             Some(index) => {
                 let other = &mut self.rows[index];
                 other.kept = Some(other.kept.take().map_or(kept.clone(), |before| format!("{before}, {kept}")));
@@ -73,6 +83,11 @@ impl Draft {
     /// A number that is set, or the base's.
     pub fn number(&self, path: &str) -> Option<f64> {
         number(get(&self.table, path)?)
+    }
+
+    /// A word that is set, or the base's.
+    pub fn word(&self, path: &str) -> Option<&str> {
+        get(&self.table, path)?.as_str()
     }
 
     /// Whether a setting of the file says this key.
@@ -133,7 +148,13 @@ impl Draft {
 
     fn imported(self, text: &str) -> Imported {
         let is_value = |path: &String| get(&self.table, path).is_some_and(|value| !value.is_table());
-        let assumed = paths(&self.table).into_iter().filter(is_value).filter(|path| !self.set_by.contains_key(path));
+        // A setting may say a table as a whole.
+        let is_said = |path: &String| {
+            self.set_by.keys().any(|said| {
+                path.strip_prefix(said.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+            })
+        };
+        let assumed = paths(&self.table).into_iter().filter(is_value).filter(|path| !is_said(path));
         let assumed = assumed.filter_map(|path| Some(format!("{path} = {}", get(&self.table, &path)?))).collect();
         let mut rows = self.rows;
         rows.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));

@@ -6,6 +6,9 @@ use std::collections::HashMap;
 /// Most numbers, names and brackets of one value, those of the named values included; a definition may name itself.
 const MAX_PARTS: usize = 100;
 
+/// Types that a value may be made of: `double(20)`.
+const CASTS: [&str; 4] = ["double", "float", "int", "long"];
+
 /// Evaluates a number.
 pub fn number(text: &str, names: &HashMap<String, String>) -> Option<f64> {
     let parts = Cell::new(0);
@@ -89,9 +92,29 @@ impl Reader<'_> {
         if word.starts_with(|char: char| char.is_ascii_digit() || char == '.') {
             return word.trim_end_matches(['f', 'F', 'L', 'U']).parse().ok();
         }
+        if CASTS.contains(&word) && self.take('(') {
+            let number = self.sum()?;
+            return self.take(')').then_some(number);
+        }
         let text = self.names.get(word)?;
         let mut inner = Reader { rest: text.trim(), names: self.names, parts: self.parts };
         let number = inner.sum()?;
         inner.rest.trim().is_empty().then_some(number)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_worked_out() {
+        let names = HashMap::from([("TEETH", "20"), ("STEPS", "((200) * (16) / double(2) / double(TEETH))")]);
+        let names = names.into_iter().map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
+        assert_eq!(number("STEPS", &names), Some(80.0));
+        assert_eq!(
+            list("{ STEPS, 760*1.5, unknown(3), double(1 }", &names),
+            Some(vec![Some(80.0), Some(1140.0), None, None])
+        );
     }
 }

@@ -140,10 +140,12 @@ fn follow(
     Ok(())
 }
 
-/// A line without its comment: `#` and `;` at its beginning, or `#` and `;` after a space.
+/// A line without its comment: from `#` on wherever it stands, from `;` at its beginning or after a space.
 fn without_comment(line: &str) -> &str {
-    let is_comment = |(at, byte): (usize, u8)| {
-        matches!(byte, b'#' | b';') && (at == 0 || line.as_bytes().get(at - 1).is_some_and(u8::is_ascii_whitespace))
+    let is_comment = |(at, byte): (usize, u8)| match byte {
+        b'#' => true,
+        b';' => at == 0 || line.as_bytes().get(at - 1).is_some_and(u8::is_ascii_whitespace),
+        _ => false,
     };
     let end = line.bytes().enumerate().find(|place| is_comment(*place)).map_or(line.len(), |(at, _)| at);
     line.get(..end).unwrap_or(line)

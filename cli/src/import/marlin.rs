@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::ImportError;
+use super::condition::holds;
 
 /// A definition that is in force.
 #[derive(Clone, Debug)]
@@ -27,6 +28,12 @@ pub struct Definitions {
 }
 
 impl Definitions {
+    fn add(&mut self, file: &str, line: usize, name: &str, value: &str) {
+        let (name, value) = (name.to_owned(), value.to_owned());
+        self.values.insert(name.clone(), value.clone());
+        self.all.push(Definition { file: file.to_owned(), line, name, value });
+    }
+
     /// The definition of a name that holds.
     pub fn get(&self, name: &str) -> Option<&Definition> {
         self.all.iter().rev().find(|definition| definition.name == name)
@@ -64,23 +71,28 @@ fn read(file: &str, text: &str, definitions: &mut Definitions) -> Result<(), Imp
     let mut conditions: Vec<Condition> = Vec::new();
     for (index, content) in without_comments(text).lines().enumerate() {
         let line = index + 1;
-        let Some(directive) = content.trim().strip_prefix('#') else { continue };
+        let is_in_force = conditions.iter().all(|condition| condition.holds);
+        let Some(directive) = content.trim().strip_prefix('#') else {
+            if let Some((name, value)) = constant(content).filter(|_| is_in_force) {
+                definitions.add(file, line, name, value);
+            }
+            continue;
+        };
         let directive = directive.trim_start();
         let (word, rest) = directive.split_once(char::is_whitespace).unwrap_or((directive, ""));
         let rest = rest.trim();
-        let is_in_force = conditions.iter().all(|condition| condition.holds);
         match word {
             "if" | "ifdef" | "ifndef" => {
                 let holds = match word {
                     "ifdef" => definitions.values.contains_key(rest),
                     "ifndef" => !definitions.values.contains_key(rest),
-                    _ => condition(rest, definitions),
+                    _ => holds(rest, definitions),
                 };
                 conditions.push(Condition { line, holds, has_held: holds });
             }
             "elif" | "else" => {
                 if let Some(last) = conditions.last_mut() {
-                    last.holds = !last.has_held && (word == "else" || condition(rest, definitions));
+                    last.holds = !last.has_held && (word == "else" || holds(rest, definitions));
                     last.has_held |= last.holds;
                 }
             }
@@ -89,9 +101,7 @@ fn read(file: &str, text: &str, definitions: &mut Definitions) -> Result<(), Imp
             }
             "define" if is_in_force => {
                 let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-                let (name, value) = (name.to_owned(), value.trim().to_owned());
-                definitions.values.insert(name.clone(), value.clone());
-                definitions.all.push(Definition { file: file.to_owned(), line, name, value });
+                definitions.add(file, line, name, value.trim());
             }
             "undef" if is_in_force => {
                 definitions.values.remove(rest);
@@ -106,13 +116,40 @@ fn read(file: &str, text: &str, definitions: &mut Definitions) -> Result<(), Imp
     }
 }
 
-/// The text with spaces where comments are, so that lines keep their numbers.
+/// Where a string ends that a text begins with.
+fn string_end(text: &str) -> Option<usize> {
+    let mut is_escaped = false;
+    for (at, byte) in text.bytes().enumerate().skip(1) {
+        if byte == b'"' && !is_escaped {
+            return Some(at + 1);
+        }
+        is_escaped = byte == b'\\' && !is_escaped;
+    }
+    None
+}
+
+/// A setting of Marlin 1: `const bool X_MIN_ENDSTOP_INVERTING = false;`
+fn constant(line: &str) -> Option<(&str, &str)> {
+    let (declared, value) = line.trim().strip_prefix("const ")?.split_once('=')?;
+    let (_, name) = declared.trim().rsplit_once(char::is_whitespace)?;
+    Some((name, value.trim().trim_end_matches(';').trim_end()))
+}
+
+/// The text with spaces where comments are, so that lines keep their numbers. A `//` in a string is none.
 fn without_comments(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
-    while let Some(at) = rest.find('/') {
+    while let Some(at) = rest.find(['/', '"']) {
         let (before, comment) = rest.split_at(at);
         out.push_str(before);
+        if comment.starts_with('"') {
+            let line = comment.find('\n').unwrap_or(comment.len());
+            let end = string_end(comment).filter(|end| *end <= line).unwrap_or(1);
+            let (string, after) = comment.split_at(end);
+            out.push_str(string);
+            rest = after;
+            continue;
+        }
         let length = if comment.starts_with("//") {
             comment.find('\n').unwrap_or(comment.len())
         } else if comment.starts_with("/*") {
@@ -126,26 +163,4 @@ fn without_comments(text: &str) -> String {
         rest = after;
     }
     out + rest
-}
-
-/// Whether a condition holds: ENABLED(X), ANY(X, Y), `!`, `&&` and `||` are known. What is unknown holds, so that nothing is lost.
-fn condition(text: &str, definitions: &Definitions) -> bool {
-    text.split("||").any(|all| all.split("&&").all(|part| simple(part.trim(), definitions)))
-}
-
-fn simple(text: &str, definitions: &Definitions) -> bool {
-    if let Some(inner) = text.strip_prefix('!') {
-        return !simple(inner.trim(), definitions);
-    }
-    let Some((function, names)) = text.split_once('(').and_then(|(f, rest)| Some((f.trim(), rest.strip_suffix(')')?)))
-    else {
-        return text != "0";
-    };
-    let mut names = names.split(',').map(|name| definitions.values.contains_key(name.trim()));
-    match function {
-        "ENABLED" | "defined" | "ALL" | "BOTH" => names.all(|is_defined| is_defined),
-        "ANY" | "EITHER" => names.any(|is_defined| is_defined),
-        "DISABLED" | "NONE" => names.all(|is_defined| !is_defined),
-        _ => true,
-    }
 }

@@ -1,6 +1,6 @@
 //! What of Marlin's definitions a profile says.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use toml::{Table, Value};
 
@@ -13,6 +13,9 @@ use super::{ImportError, Imported, Row, shown};
 const FULL_POWER: f64 = 255.0;
 /// Junction deviation of a jerk, as Marlin's own notes have it: 0.4 v^2 / a.
 const JERK_SHARE: f64 = 0.4;
+
+/// Why a value is not kept that the profile has a key for.
+const NO_NUMBER: &str = "not a number that can be worked out here";
 
 /// Kinds of machines that no profile describes.
 const OTHER_MACHINES: [&str; 10] = [
@@ -30,6 +33,8 @@ const OTHER_MACHINES: [&str; 10] = [
 
 struct Reading<'a> {
     definitions: &'a Definitions,
+    /// Values by name, those that Marlin works out with them.
+    values: HashMap<String, String>,
     draft: Draft,
     seen: HashSet<String>,
 }
@@ -43,7 +48,9 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
         let what = format!("{}: profiles know Cartesian, CoreXY and CoreXZ machines only", other.name);
         return Err(ImportError::Machine(other.file.clone(), other.line, what));
     }
-    let mut reading = Reading { definitions, draft: Draft::new(), seen: HashSet::new() };
+    let mut values = definitions.values.clone();
+    add_derived(&mut values);
+    let mut reading = Reading { definitions, values, draft: Draft::new(), seen: HashSet::new() };
     reading.draft.put("name", "imported");
     reading.machine();
     reading.motion();
@@ -58,6 +65,20 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
     reading.filters();
     reading.rest();
     reading.draft.finish()
+}
+
+/// Names that Marlin works out of a configuration and that configurations use.
+fn add_derived(values: &mut HashMap<String, String>) {
+    for axis in ["X", "Y", "Z"] {
+        let length = format!("({axis}_MAX_POS - ({axis}_MIN_POS))");
+        // Before the bed had a size of its own, it was the travel.
+        let bed =
+            if values.contains_key(&format!("{axis}_BED_SIZE")) { format!("{axis}_BED_SIZE") } else { length.clone() };
+        let middle = if values.contains_key("BED_CENTER_AT_0_0") { "0".to_owned() } else { format!("({bed} / 2)") };
+        for (name, value) in [("MAX_LENGTH", length), ("CENTER", middle)] {
+            values.entry(format!("{axis}_{name}")).or_insert(value);
+        }
+    }
 }
 
 impl<'a> Reading<'a> {
@@ -78,11 +99,11 @@ impl<'a> Reading<'a> {
     }
 
     fn number(&self, name: &str) -> Option<f64> {
-        number(&self.get(name)?.value, &self.definitions.values)
+        number(&self.get(name)?.value, &self.values)
     }
 
     fn list(&self, name: &str) -> Option<Vec<Option<f64>>> {
-        list(&self.get(name)?.value, &self.definitions.values)
+        list(&self.get(name)?.value, &self.values)
     }
 
     fn keep(&mut self, name: &str, path: &str, value: impl Into<Value>, why: &str) {
@@ -93,14 +114,20 @@ impl<'a> Reading<'a> {
     }
 
     fn keep_number(&mut self, name: &str, path: &str, change: impl Fn(f64) -> f64) -> Option<f64> {
-        let number = self.number(name)?;
-        self.keep(name, path, change(number), "");
-        Some(number)
+        let number = self.number(name);
+        match number {
+            Some(number) => self.keep(name, path, change(number), ""),
+            None => self.lose(name, NO_NUMBER),
+        }
+        number
     }
 
     /// The numbers of a list as the axes of a key.
     fn keep_axes(&mut self, name: &str, path: &str, axes: &[&str]) {
         let numbers = self.list(name).unwrap_or_default();
+        if numbers.iter().zip(axes).filter(|(number, _)| number.is_some()).count() < axes.len() {
+            self.lose(name, NO_NUMBER);
+        }
         for (axis, number) in axes.iter().zip(numbers) {
             if let Some(number) = number {
                 self.keep(name, &format!("{path}.{axis}"), number, "");
@@ -129,11 +156,13 @@ impl<'a> Reading<'a> {
         let acceleration = self.keep_number("DEFAULT_ACCELERATION", "acceleration_mm_per_s2.print", same);
         self.keep_number("DEFAULT_TRAVEL_ACCELERATION", "acceleration_mm_per_s2.travel", same);
         self.keep_number("DEFAULT_RETRACT_ACCELERATION", "acceleration_mm_per_s2.retract", same);
-        if self.get("CLASSIC_JERK").is_none() {
+        // Marlin 1 knows the jerk only, at first one for X and Y.
+        let jerk = ["DEFAULT_XJERK", "DEFAULT_XYJERK"].into_iter().find_map(|name| Some((name, self.number(name)?)));
+        if self.get("CLASSIC_JERK").is_none() && self.get("JUNCTION_DEVIATION_MM").is_some() {
             self.keep_number("JUNCTION_DEVIATION_MM", "junction_deviation_mm", same);
-        } else if let (Some(jerk), Some(acceleration)) = (self.number("DEFAULT_XJERK"), acceleration) {
+        } else if let (Some((name, jerk)), Some(acceleration)) = (jerk, acceleration) {
             let why = "an arc that is as fast at the same acceleration";
-            self.keep("DEFAULT_XJERK", "junction_deviation_mm", JERK_SHARE * jerk * jerk / acceleration.max(1.0), why);
+            self.keep(name, "junction_deviation_mm", JERK_SHARE * jerk * jerk / acceleration.max(1.0), why);
         }
         for axis in ["z", "e"] {
             let name = format!("DEFAULT_{}JERK", axis.to_ascii_uppercase());
@@ -180,24 +209,39 @@ impl<'a> Reading<'a> {
             self.draft.put(&homing("position_mm"), place);
         }
         let nth = |list: Option<Vec<Option<f64>>>| list.and_then(|list| list.get(index).copied().flatten());
-        // Newer files have one list in mm/min, older ones two numbers.
+        // Newer and the oldest files have one list in mm/min, those between two numbers.
         let older = if axis == "z" { "HOMING_FEEDRATE_Z" } else { "HOMING_FEEDRATE_XY" };
-        let fast = match nth(self.list("HOMING_FEEDRATE_MM_M")) {
-            Some(feed) => {
-                self.keep("HOMING_FEEDRATE_MM_M", &homing("fast_mm_per_s"), feed / 60.0, "");
+        let lists = ["HOMING_FEEDRATE_MM_M", "HOMING_FEEDRATE"];
+        let fast = match lists.into_iter().find_map(|name| Some((name, nth(self.list(name))?))) {
+            Some((name, feed)) => {
+                self.keep(name, &homing("fast_mm_per_s"), feed / 60.0, "");
                 Some(feed / 60.0)
             }
             None => self.keep_number(older, &homing("fast_mm_per_s"), |feed| feed / 60.0).map(|feed| feed / 60.0),
         };
-        if let Some(fast) = fast {
+        let stall = format!("{upper}_STALL_SENSITIVITY");
+        let by_stall = self.get("SENSORLESS_HOMING").is_some() && axis != "z" && self.get(&stall).is_some();
+        let back = nth(self.list("HOMING_BUMP_MM"));
+        if let Some(fast) = fast.filter(|_| by_stall && back == Some(0.0)) {
+            // Marlin homes once then, at the full speed.
+            self.draft.put(&homing("slow_mm_per_s"), fast);
+        } else if let Some(fast) = fast {
             let divisor = nth(self.list("HOMING_BUMP_DIVISOR")).filter(|divisor| *divisor >= 1.0);
             self.draft.put(&homing("slow_mm_per_s"), fast / divisor.unwrap_or(4.0));
             if divisor.is_some() {
                 self.keep("HOMING_BUMP_DIVISOR", &homing("slow_mm_per_s"), fast / divisor.unwrap_or(4.0), "");
             }
         }
-        if let Some(back) = nth(self.list("HOMING_BUMP_MM")) {
-            self.keep("HOMING_BUMP_MM", &homing("back_off_mm"), back, "");
+        match back {
+            Some(0.0) => {
+                if let Some(definition) = self.get("HOMING_BUMP_MM") {
+                    let why = "a profile homes twice: the distance is above 0, and where it is 0 here the built-in one";
+                    let row = self.row(definition, why);
+                    self.draft.note(row);
+                }
+            }
+            Some(back) => self.keep("HOMING_BUMP_MM", &homing("back_off_mm"), back, ""),
+            None => {}
         }
         let side = if is_high { "MAX" } else { "MIN" };
         let state = format!("{upper}_{side}_ENDSTOP_HIT_STATE");
@@ -209,8 +253,7 @@ impl<'a> Reading<'a> {
         if let Some(is_low) = self.get(&inverting).map(|definition| definition.value == "true") {
             self.keep(&inverting, &homing("triggers_low"), is_low, "");
         }
-        let stall = format!("{upper}_STALL_SENSITIVITY");
-        if self.get("SENSORLESS_HOMING").is_some() && axis != "z" && self.get(&stall).is_some() {
+        if by_stall {
             self.keep("SENSORLESS_HOMING", &homing("sensor"), "stall", "");
         }
     }
@@ -230,8 +273,12 @@ impl<'a> Reading<'a> {
             self.draft.put(&format!("homing.probe_offset_mm.{axis}"), 0.0);
         }
         self.keep_axes("NOZZLE_TO_PROBE_OFFSET", "homing.probe_offset_mm", &["x", "y", "z"]);
+        for axis in ["x", "y", "z"] {
+            let older = format!("{}_PROBE_OFFSET_FROM_EXTRUDER", axis.to_ascii_uppercase());
+            self.keep_number(&older, &format!("homing.probe_offset_mm.{axis}"), |offset| offset);
+        }
         self.draft.put("homing.raise_mm", 5.0);
-        for name in ["Z_HOMING_HEIGHT", "Z_CLEARANCE_FOR_HOMING"] {
+        for name in ["Z_HOMING_HEIGHT", "Z_CLEARANCE_FOR_HOMING", "Z_RAISE_BEFORE_HOMING", "MIN_Z_HEIGHT_FOR_HOMING"] {
             self.keep_number(name, "homing.raise_mm", |height| height);
         }
         for axis in ["x", "y"] {
@@ -276,6 +323,11 @@ impl<'a> Reading<'a> {
                     if self.get(&name).is_some() && !self.seen.contains(&name) {
                         self.keep_number(&name, &path(key), |gain| gain / FULL_POWER);
                     }
+                    // One for each nozzle: the first is the profile's.
+                    let each = format!("{name}_LIST");
+                    if let Some(gain) = self.list(&each).and_then(|list| list.first().copied().flatten()) {
+                        self.keep(&each, &path(key), gain / FULL_POWER, "");
+                    }
                 }
             }
         }
@@ -301,7 +353,7 @@ impl<'a> Reading<'a> {
     fn lose(&mut self, name: &str, why: &str) {
         if let Some(definition) = self.get(name) {
             let row = self.row(definition, why);
-            self.draft.add(row);
+            self.draft.note(row);
         }
     }
 
@@ -312,7 +364,10 @@ impl<'a> Reading<'a> {
             return;
         }
         let (current, microsteps) = (format!("{upper}_CURRENT"), format!("{upper}_MICROSTEPS"));
-        let (Some(current_ma), Some(steps)) = (self.number(&current), self.number(&microsteps)) else { return };
+        let (Some(current_ma), Some(steps)) = (self.number(&current), self.number(&microsteps)) else {
+            let why = format!("without {current} and {microsteps} (of Configuration_adv.h) it runs as its pins say");
+            return self.lose(&kind, &why);
+        };
         let path = |key: &str| format!("drivers.{axis}.{key}");
         self.keep(&kind, &path("current_ma"), current_ma as i64, "");
         self.keep(&current, &path("current_ma"), current_ma as i64, "");
@@ -332,6 +387,11 @@ impl<'a> Reading<'a> {
         self.draft.put(&path("stealth_chop"), self.get(quiet).is_some());
         self.keep(quiet, &path("stealth_chop"), true, "");
         self.draft.put(&path("spread_cycle_above_mm_per_s"), 0.0);
+        let hybrid = format!("{upper}_HYBRID_THRESHOLD");
+        if self.get("HYBRID_THRESHOLD").is_some() && self.get(quiet).is_some() {
+            self.keep_number(&hybrid, &path("spread_cycle_above_mm_per_s"), |speed| speed);
+            self.keep("HYBRID_THRESHOLD", &path("stealth_chop"), true, "");
+        }
         let stall = format!("{upper}_STALL_SENSITIVITY");
         let threshold = self.number(&stall).unwrap_or(0.0);
         self.draft.put(&path("stall_threshold"), threshold as i64);
@@ -392,7 +452,10 @@ fn reason(name: &str) -> &'static str {
             "no mesh of the bed"
         }
         "EXTRUDERS" => "one extruder",
-        "EEPROM_SETTINGS" => "nothing is stored on the board",
+        "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",
+        "S_CURVE_ACCELERATION" => {
+            "acceleration = \"s-curve\" with jerk_mm_per_s3, whose value Marlin does not have: set both by hand"
+        }
         _ if name.starts_with("FILAMENT_RUNOUT") || name.starts_with("FIL_RUNOUT") => "no filament sensor",
         _ => "no such key in a profile",
     }
@@ -406,7 +469,8 @@ fn sensor(number: f64) -> Option<Value> {
     match number as i64 {
         1 => Some("epcos-100k".into()),
         5 => Some("semitec-104gt-2".into()),
-        11 | 13 => Some(beta(3950.0)),
+        // Those that Marlin's list says a beta of 3950 of.
+        11 | 13 | 30 | 60 | 61 => Some(beta(3950.0)),
         _ => None,
     }
 }

@@ -152,10 +152,128 @@ fn marlins_configuration_becomes_a_profile() {
     every_line_has_a_row(&imported, "Configuration_adv.h", |line| line.starts_with("#define"));
 }
 
+/// Klipper homes once by a stall, at the full speed, and in stealthChop whatever it prints in; a profile's approaches and modes must
+/// let the signal come as well.
+#[test]
+fn a_machine_that_homes_by_stalls_homes_by_stalls() {
+    let imported = import("sensorless.cfg");
+    says(
+        &imported,
+        "homing.x = { sensor = \"stall\", fast_mm_per_s = 48, slow_mm_per_s = 48 }\n\
+         homing.y = { sensor = \"stall\", slow_mm_per_s = 48 }\nhoming.z.sensor = \"end-stop\"\n\
+         drivers.x = { stealth_chop = true, spread_cycle_above_mm_per_s = 60, stall_threshold = 100 }\n\
+         drivers.y = { stealth_chop = true, spread_cycle_above_mm_per_s = 90 }\n\
+         nozzle.sensor = { r25_ohm = 100000, beta_k = 4100 }\n",
+    );
+    let row = |key: &str| imported["rows"].as_array().unwrap().iter().find(|row| row["key"] == key).unwrap().clone();
+    assert_eq!(row("[stepper_x] endstop_pin")["value"], "tmc2209_stepper_x:virtual_endstop");
+    assert!(row("[tmc2209 stepper_x] stealthchop_threshold")["why"].as_str().unwrap().contains("homes in stealthChop"));
+    assert!(lost(&imported, "[stepper_x] homing_retract_dist").unwrap().contains("here at one speed"));
+    assert_eq!(lost(&imported, "[verify_heater extruder]").unwrap(), "no setting in it");
+    assert!(lost(&imported, "[homing_override] gcode").unwrap().contains("homing is the profile's"));
+    assert_eq!(row("[homing_override] gcode")["value"], "G28 X G28 Y");
+    assert!(lost(&imported, "[screws_tilt_adjust] screw1").unwrap().contains("screws"));
+}
+
+/// What the file says is not listed as left out, not even in other words.
+#[test]
+fn what_a_file_says_is_not_assumed() {
+    let imported = import("sensorless.cfg");
+    let assumed: Vec<&str> =
+        imported["assumed"].as_array().unwrap().iter().map(|value| value.as_str().unwrap()).collect();
+    for key in [
+        "nozzle.sensor",
+        "bed.sensor",
+        "drivers.x.microsteps",
+        "drivers.x.mm_per_turn",
+        "drivers.x.full_steps_per_turn",
+        "drivers.x.spread_cycle_above_mm_per_s",
+    ] {
+        assert!(!assumed.iter().any(|value| value.starts_with(key)), "{key}: {assumed:#?}");
+    }
+    for key in ["drivers.y.full_steps_per_turn = 200", "drivers.x.hold_current_percent = 100", "homing.x.back_off_mm"] {
+        assert!(assumed.iter().any(|value| value.starts_with(key)), "{key}: {assumed:#?}");
+    }
+}
+
+/// The parts of a profile that a text in Marlin's form says.
+fn marlin(text: &str) -> Value {
+    let text = format!("#define DEFAULT_AXIS_STEPS_PER_UNIT {{ 100, 100, 400, 95 }}\n{text}");
+    serde_json::to_value(of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+}
+
+#[test]
+fn marlins_first_version_is_read() {
+    let imported = marlin(
+        "#define X_MIN_POS 0\n#define X_MAX_POS 180\n#define Y_MIN_POS -10\n#define Y_MAX_POS 200\n#define X_HOME_DIR -1\n\
+         const bool X_MIN_ENDSTOP_INVERTING = true; // low\n#if ENABLED(NOT_THERE)\nconst bool X_MIN_ENDSTOP_INVERTING = false;\n#endif\n\
+         #define HOMING_FEEDRATE {40*60, 30*60, 3*60, 0}\n#define DEFAULT_ACCELERATION 1000\n#define DEFAULT_XYJERK 10.0\n\
+         #define FIX_MOUNTED_PROBE\n#define Z_MIN_PROBE_USES_Z_MIN_ENDSTOP_PIN\n#define X_PROBE_OFFSET_FROM_EXTRUDER -20\n\
+         #define Y_PROBE_OFFSET_FROM_EXTRUDER 30\n#define Z_PROBE_OFFSET_FROM_EXTRUDER -1.25\n#define Z_RAISE_BEFORE_HOMING 6\n\
+         #define Z_SAFE_HOMING_X_POINT (X_MAX_LENGTH/2)\n#define Z_SAFE_HOMING_Y_POINT Y_CENTER\n\
+         #define SOURCE_CODE_URL \"http://example.org\" // where\n",
+    );
+    says(
+        &imported,
+        "homing.x = { triggers_low = true, fast_mm_per_s = 40 }\nhoming.y.fast_mm_per_s = 30\nhoming.z.fast_mm_per_s = 3\n\
+         junction_deviation_mm = 0.04\nhoming.probe_offset_mm = { x = -20, y = 30, z = -1.25 }\nhoming.raise_mm = 6\n\
+         homing.home_at_mm = { x = 110, y = 75 }\n",
+    );
+    let rows = imported["rows"].as_array().unwrap();
+    assert!(
+        rows.iter().any(|row| row["key"] == "SOURCE_CODE_URL" && row["value"] == "\"http://example.org\""),
+        "{rows:#?}"
+    );
+}
+
+#[test]
+fn a_value_that_cannot_be_worked_out_is_said() {
+    let imported = marlin(
+        "#define DEFAULT_MAX_FEEDRATE { 300, FAST(2), 5, 25 }\n#define X_MAX_POS SIZE\n#define Y_MAX_POS double(190)\n",
+    );
+    says(&imported, "max_feed_mm_per_s = { x = 300, y = 200, z = 5, e = 25 }\nsize_mm = { x = 200, y = 190 }\n");
+    assert!(lost(&imported, "X_MAX_POS").unwrap().contains("worked out"));
+    let feeds = imported["rows"].as_array().unwrap().iter().find(|row| row["key"] == "DEFAULT_MAX_FEEDRATE").unwrap();
+    assert!(feeds["why"].as_str().unwrap().contains("worked out"), "{feeds}");
+}
+
+/// Blocks for other drivers than the machine's set the same names again.
+#[test]
+fn marlins_settings_of_other_drivers_are_not_the_machines() {
+    let imported = marlin(
+        "#define X_DRIVER_TYPE TMC2209\n#define Y_DRIVER_TYPE TMC2209\n#define E0_DRIVER_TYPE TMC2209\n\
+         #if HAS_DRIVER(TMC26X)\n#if AXIS_DRIVER_TYPE_X(TMC26X)\n#define X_MICROSTEPS 64\n#endif\n#endif\n\
+         #if HAS_TRINAMIC_CONFIG\n#if AXIS_IS_TMC(X)\n#define X_CURRENT 500\n#define X_MICROSTEPS 16\n#endif\n\
+         #if AXIS_IS_TMC(E0)\n#define E0_CURRENT 550\n#define E0_MICROSTEPS 32\n#endif\n\
+         #if AXIS_IS_TMC(Z)\n#define Z_CURRENT 700\n#define Z_MICROSTEPS 16\n#endif\n#define STEALTHCHOP_XY\n\
+         #define HYBRID_THRESHOLD\n#define X_HYBRID_THRESHOLD 120\n#define E0_HYBRID_THRESHOLD 30\n\
+         #define SENSORLESS_HOMING\n#if EITHER(SENSORLESS_HOMING, SENSORLESS_PROBING)\n#define X_STALL_SENSITIVITY 90\n#endif\n#endif\n\
+         #if HAS_L64XX\n#if AXIS_IS_L64XX(X)\n#define X_MICROSTEPS 128\n#endif\n#endif\n\
+         #define HOMING_FEEDRATE_MM_M { (50*60), (50*60), (4*60) }\n#define HOMING_BUMP_MM { 0, 3, 2 }\n\
+         #define HOMING_BUMP_DIVISOR { 2, 2, 4 }\n\
+         #if TEMP_SENSOR_CHAMBER == 1000\n#endif\n#define TEMP_SENSOR_0 5\n#if TEMP_SENSOR_0 == 1000\n#define HOTEND0_BETA 3950\n#endif\n\
+         #define DEFAULT_Kp_LIST { 25.5, 1 }\n",
+    );
+    says(
+        &imported,
+        "drivers.x = { current_ma = 500, microsteps = 16, stealth_chop = true, spread_cycle_above_mm_per_s = 120, stall_threshold = 90 }\n\
+         drivers.e = { current_ma = 550, microsteps = 32, stealth_chop = false, spread_cycle_above_mm_per_s = 0 }\n\
+         homing.x = { sensor = \"stall\", slow_mm_per_s = 50 }\nhoming.y = { sensor = \"end-stop\", slow_mm_per_s = 25, back_off_mm = 3 }\n\
+         homing.z = { slow_mm_per_s = 1, back_off_mm = 2 }\nnozzle.proportional = 0.1\n",
+    );
+    let rows = imported["rows"].as_array().unwrap();
+    for key in ["HOTEND0_BETA", "Z_CURRENT"] {
+        assert!(!rows.iter().any(|row| row["key"] == key), "{key} is not in force");
+    }
+    assert!(lost(&imported, "Y_DRIVER_TYPE").unwrap().contains("without Y_CURRENT and Y_MICROSTEPS"));
+    let bump = rows.iter().find(|row| row["key"] == "HOMING_BUMP_MM").unwrap();
+    assert!(bump["why"].as_str().unwrap().contains("homes twice"), "{bump}");
+}
+
 #[test]
 fn an_imported_machine_prints() {
     let directory = directory();
-    for name in ["bed-slinger.cfg", "corexy.cfg", "Configuration.h"] {
+    for name in ["bed-slinger.cfg", "corexy.cfg", "sensorless.cfg", "Configuration.h"] {
         let out = directory.path().join(format!("{name}.toml"));
         let out = out.to_str().unwrap();
         let imported = ferrostep(["import", &format!("tests/configurations/{name}"), "-o", out]);
@@ -194,6 +312,7 @@ fn what_is_no_configuration_of_a_known_machine_is_refused_by_name() {
     let out = directory.path().join("out.toml");
     let outcome: Outcome = ferrostep(["import".as_ref(), config.as_os_str(), "-o".as_ref(), out.as_os_str()]);
     assert_eq!((outcome.status, out.exists()), (Some(2), false), "{outcome:#?}");
+    assert_eq!(outcome.stderr.matches("printer.cfg").count(), 1, "the file is named once: {outcome:#?}");
     let missing = ferrostep(["import", "no-such.cfg"]);
     assert!(missing.stderr.contains("no-such.cfg: cannot be read"), "{missing:#?}");
 }

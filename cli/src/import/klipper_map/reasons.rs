@@ -1,0 +1,48 @@
+//! Why a profile has no place for a setting of Klipper's.
+
+const NO_KEY: &str = "no such key in a profile";
+
+/// Why a profile has no place for a setting.
+pub(super) fn reason(section: &str, key: &str) -> &'static str {
+    let kind = section.split(' ').next().unwrap_or_default();
+    match kind {
+        "homing_override" => "homing is the profile's: homing.x and the others",
+        "bed_screws" | "screws_tilt_adjust" | "bed_tilt" => "no help with the bed's screws",
+        "hall_filament_width_sensor" | "tsl1401cl_filament_width_sensor" => "no filament sensor",
+        "probe" | "bltouch" if key.starts_with("sample") || key.ends_with("speed") => {
+            "the probe is homed with: twice, at the speeds of homing.z"
+        }
+        "gcode_macro" | "delayed_gcode" => "macros: write plain G-code into the slicer's start and end code",
+        "bed_mesh" => "no mesh of the bed",
+        "mcu" | "board_pins" | "static_digital_output" | "output_pin" | "multi_pin" | "duplicate_pin_override" => {
+            "the board's"
+        }
+        "stepper_z1" | "stepper_z2" | "stepper_z3" | "stepper_x1" | "stepper_y1" | "z_tilt" | "quad_gantry_level" => {
+            "one driver an axis: several motors on one driver turn together"
+        }
+        "extruder1" | "extruder2" | "extruder_stepper" => "one extruder",
+        "tmc2208" | "tmc2130" | "tmc5160" | "tmc2240" | "tmc2660" => {
+            "drivers that are set are TMC2209: this one runs as its pins say"
+        }
+        "fan" | "heater_fan" | "controller_fan" | "fan_generic" | "temperature_fan" => "fans are the board's",
+        "display" | "display_template" | "neopixel" | "led" | "menu" => "no display and no lights",
+        "filament_switch_sensor" | "filament_motion_sensor" => "no filament sensor",
+        "virtual_sdcard" | "pause_resume" | "display_status" | "respond" | "exclude_object" | "gcode_arcs"
+        | "save_variables" => "Klipper's own module",
+        "adxl345" | "resonance_tester" | "lis2dw" | "mpu9250" => "no accelerometer",
+        "temperature_sensor" | "heater_generic" => "two heaters with their sensors: nozzle and bed",
+        _ if key.ends_with("_pin") || key == "pin" || key == "serial" || key == "uart_address" => {
+            "pins are the board's"
+        }
+        _ if key == "sense_resistor" => "the board's",
+        _ => NO_KEY,
+    }
+}
+
+/// Why a section without settings has no place.
+pub(super) fn nothing_in_it(section: &str) -> &'static str {
+    match reason(section, "") {
+        NO_KEY => "no setting in it",
+        why => why,
+    }
+}
