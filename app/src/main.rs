@@ -2,8 +2,8 @@
 //!
 //! | priority | task | trigger | resources | worst-case job |
 //! |---|---|---|---|---|
-//! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
-//! | 16 | `start_or_end` | `steps`, `planner` | the same | the start of a motion: 80 instructions |
+//! | 16 | `TIM2` in `step-interrupt/`, not a task of RTIC's | TIM2 update | its own: timer, ports, a ring of words | the event that ends a stair: 31 instructions |
+//! | 16 | `TIM1_BRK_TIM9`, there as well | `TIM2`, `planner` | the same | the start of a motion: 80 instructions |
 //! | 15 | `sensor_*` | an edge at the sensor that an axis seeks (EXTI) | `sensors`: pins | 8 looks at a pin, the stop of the step timer |
 //! | 14 | `driver_line`, `driver_pins` | USART2, or TIM7 four times a bit | `driver_line`: the line to the motors' drivers | a byte, or a quarter of a bit |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
@@ -18,7 +18,7 @@
 //! | 0 | `idle` | whenever nothing else runs | `mailbox` | a block of the memory card, up to 1.1 s; any task may interrupt it |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
-//! (`hal-shim/critical-section/`): nothing delays a step. So the two step tasks must never share
+//! (`hal-shim/critical-section/`): nothing delays a step. So the two step handlers must never share
 //! anything with a task below, nor use a signal or the log.
 //! `machine` has ceiling 4, `heat` 8, `writers` 2: the planner cannot delay heater control, and no task can delay the receiving
 //! of bytes.
@@ -63,6 +63,7 @@ mod app {
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::Signals;
     use ferrostep_printer::heat::SAMPLE_MS;
+    use ferrostep_step_interrupt::{self as step_interrupt, STEPS};
     use ferrostep_stm32f4::life_signs::{LifeSigns, Task, Vigil};
     use ferrostep_stm32f4_board::board::BoardPins;
     use ferrostep_stm32f4_board::clock;
@@ -89,9 +90,7 @@ mod app {
     use crate::host_line::{self, Patience, Reader, SerialInput, Writers};
     use crate::host_start::{Actions, HostLines, LineRings};
     use crate::job_line::JOB_BYTES;
-    use crate::ports::{
-        self, BoardHeating, BoardMachine, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, PLANNER_WORK, STEPS,
-    };
+    use crate::ports::{self, BoardHeating, BoardMachine, BoardReplies, LOOK_AHEAD_BLOCKS, PLANNER_WORK};
     use crate::profile::PROFILE;
     use crate::reports::Reports;
     use crate::wiring::{BoardDriverLine, DRIVER_PINS, SENSOR_STORES, SENSORS};
@@ -121,9 +120,6 @@ mod app {
 
     #[shared]
     struct Shared {
-        /// For the two tasks of priority 16 only.
-        #[lock_free]
-        step_timer: BoardStepTimer,
         /// For the tasks of the sensors' lines only.
         #[lock_free]
         sensors: BoardPins,
@@ -174,7 +170,7 @@ mod app {
         let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
         let pins = BoardPins::new(ports, SENSORS, &SENSOR_STORES);
 
-        let step_timer = StepTimer::start(device.TIM2, device.TIM9, &rcc, &pins, &STEPS);
+        step_interrupt::start(StepTimer::start(device.TIM2, device.TIM9, &rcc, &pins, &STEPS), &mut core.NVIC);
         let queue = ports::motor_queue(pins, &clock, motion_clock);
         let machine = ports::build_machine(cx.local.machine, cx.local.slots, queue);
         // The build refuses a profile with methods that the image does not contain.
@@ -209,16 +205,7 @@ mod app {
             unreachable!("init runs once")
         }
         (
-            Shared {
-                step_timer,
-                sensors: pins,
-                driver_line,
-                drivers,
-                machine,
-                heat,
-                writers,
-                mailbox: BoardMailbox::new(),
-            },
+            Shared { sensors: pins, driver_line, drivers, machine, heat, writers, mailbox: BoardMailbox::new() },
             Local {
                 port,
                 input,
@@ -236,18 +223,6 @@ mod app {
                 card,
             },
         )
-    }
-
-    /// Takes slots, sets pins. A late event delays an edge, never the next one.
-    #[task(binds = TIM2, priority = 16, shared = [step_timer])]
-    fn steps(cx: steps::Context) {
-        cx.shared.step_timer.update();
-    }
-
-    /// The start and the end of a motion, and an event that is owed.
-    #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [step_timer])]
-    fn start_or_end(cx: start_or_end::Context) {
-        cx.shared.step_timer.start_or_end();
     }
 
     /// The sensor that an axis seeks has triggered: the motors stop with the next instruction. One task for each interrupt

@@ -13,11 +13,12 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::{HeatFault, PidGains, RelayProgress};
 use ferrostep_printer::machine::Machine;
 use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, SharedMachine, Signals};
-use ferrostep_step_player::{StepFeeder, StepPlayer};
+use ferrostep_step_interrupt::{STEP_QUEUE_SLOTS, STEPS};
+use ferrostep_step_player::StepFeeder;
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
 use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, PIN_MAP, VIRTUAL_SENSORS};
 use ferrostep_stm32f4_board::motion_clock::MotionClock;
-use ferrostep_stm32f4_board::step_timer::{MotorQueue, StepTimer};
+use ferrostep_stm32f4_board::step_timer::MotorQueue;
 use ferrostep_virtual_board::ModelledSensors;
 use rtic::Mutex;
 use rtic_monotonics::systick::prelude::*;
@@ -30,16 +31,6 @@ use crate::profile::{PROFILE, StepSignals};
 
 /// Blocks in the look-ahead ring, as on the desk.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
-
-/// Slots in the step queue: with one port about as many as entries on the desk, 32 KiB. With each port more a slot has two
-/// words more, and half as many still last for several of the planner's intervals.
-pub const STEP_QUEUE_SLOTS: usize = if MOTOR_PORTS == 1 { 2048 } else { 1024 };
-
-/// The step queue and the state of the step interrupt.
-pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepPlayer::new();
-
-/// The step interrupt of this board.
-pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
 /// The step queue to this board's motors.
 pub type BoardMotorQueue = MotorQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;

@@ -167,17 +167,25 @@ impl Code {
         }
     }
 
-    /// Every word that the image has as a constant: in its tables, in what RAM is filled with, and between its
-    /// instructions; but for the table of handlers.
+    /// Every word that the image has as a constant in its tables and in what RAM is filled with; but for the table of handlers.
     pub fn constants(&self) -> BTreeSet<u32> {
-        let tables = self.constants.iter().flat_map(|(_, bytes)| words(bytes));
-        let in_code = self.sections.iter().flat_map(|(start, bytes)| {
+        self.constants.iter().flat_map(|(_, bytes)| words(bytes)).collect()
+    }
+
+    /// Whether a word is a pointer to a function: bit 0 says Thumb.
+    pub fn is_function(&self, word: u32) -> bool {
+        word & 1 == 1 && self.function_start(word & !1) == Some(word & !1)
+    }
+
+    /// The words between the instructions, by their addresses.
+    pub fn literals(&self) -> BTreeMap<u32, u32> {
+        let in_section = |(start, bytes): &(u32, Vec<u8>)| {
             let addresses = (*start..).step_by(4);
             let is_data =
                 |address: &u32| self.kinds.range(..=*address).next_back().is_some_and(|(_, is_code)| !is_code);
-            addresses.zip(words(bytes)).filter(move |(address, _)| is_data(address)).map(|(_, word)| word)
-        });
-        tables.chain(in_code).collect()
+            addresses.zip(words(bytes)).filter(|(address, _)| is_data(address)).collect::<Vec<_>>()
+        };
+        self.sections.iter().flat_map(in_section).collect()
     }
 
     /// The instruction at an address.

@@ -3,6 +3,7 @@
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
+pub mod called_constant;
 pub mod code;
 mod cycles;
 pub mod flow;

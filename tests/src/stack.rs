@@ -6,6 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use ferrostep_image_code::called_constant::is_only_called;
 use ferrostep_image_code::code::{Code, Instruction};
 
 /// Bytes that an exception puts on the stack: eight words of the core, 18 of the floating-point unit, and one to align
@@ -64,6 +65,9 @@ impl<'a> StackUse<'a> {
     pub fn of(code: &'a Code) -> Result<Self, String> {
         let mut functions = BTreeMap::<u32, Function>::new();
         let mut pointers = code.constants();
+        let mut literals = code.literals();
+        // Those that are loaded to be called and for nothing else: by each, whether that holds for all that load it.
+        let mut only_called = BTreeMap::<u32, bool>::new();
         let mut lower_halves = BTreeMap::new();
         let mut current = None;
         for instruction in code.instructions()? {
@@ -87,8 +91,26 @@ impl<'a> StackUse<'a> {
                 }
             }
             function.calls_pointers |= is_through_pointer(&instruction);
-            pointers.extend(built_constant(&instruction, &mut lower_halves));
+            if let Some((register, place)) = loaded_literal(&instruction)
+                && let Some(word) = literals.get(&place)
+            {
+                let is_only_called = code.is_function(*word) && is_only_called(code, &instruction, register);
+                *only_called.entry(place).or_insert(true) &= is_only_called;
+                if is_only_called {
+                    function.calls.insert(*word & !1);
+                }
+            }
+            if let Some(word) = built_constant(&instruction, &mut lower_halves) {
+                let register = instruction.operands.split(',').next().unwrap_or_default();
+                if code.is_function(word) && is_only_called(code, &instruction, register) {
+                    function.calls.insert(word & !1);
+                } else {
+                    pointers.insert(word);
+                }
+            }
         }
+        literals.retain(|place, _| !only_called.get(place).copied().unwrap_or(false));
+        pointers.extend(literals.into_values());
         let mut pointed_to = BTreeMap::<Kind, BTreeSet<u32>>::new();
         // Bit 0 of a function's address says Thumb.
         for address in pointers.into_iter().filter(|word| word & 1 == 1).map(|word| word & !1) {
@@ -255,6 +277,15 @@ fn is_through_pointer(instruction: &Instruction) -> bool {
     let Instruction { name, operands, .. } = instruction;
     (name == "blx" || name.starts_with("bx")) && operands != "lr" && instruction.target().is_none()
         || name.starts_with("ldr") && operands.starts_with("pc")
+}
+
+/// The register that an instruction loads with a word from between the instructions, and where that lies (ARMv7-M Architecture
+/// Reference Manual, A7.7.44: from the next word boundary after the instruction's fourth byte).
+fn loaded_literal(instruction: &Instruction) -> Option<(&str, u32)> {
+    let (register, offset) = instruction.operands.split_once(", [pc, #")?;
+    (instruction.name == "ldr").then_some(())?;
+    let offset = number(offset.strip_suffix(']')?)?;
+    Some((register, (instruction.address & !3).checked_add(4)?.checked_add(offset)?))
 }
 
 /// A constant whose second half an instruction sets.

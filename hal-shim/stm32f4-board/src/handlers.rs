@@ -7,9 +7,8 @@
 /// at their end do not meet it, for those loads follow the store on the same bus; but what a handler pops is the compiler's
 /// choice. The barrier costs the few cycles that the store takes.
 ///
-/// The step interrupt has none, since every cycle counts there: `tests/tests/firmware/handlers.rs` checks that in the images each
-/// of its paths ends with loads from the stack, which is at the same bus as its timer and ports.
+/// `tests/tests/firmware/handlers.rs` checks it in the images.
 #[inline(always)]
-pub(crate) fn complete_stores() {
+pub fn complete_stores() {
     cortex_m::asm::dsb();
 }

@@ -14,7 +14,7 @@ pub mod clock;
 pub mod driver_line;
 pub mod fault;
 mod first_stores;
-mod handlers;
+pub mod handlers;
 pub mod identifier;
 pub mod measured;
 pub mod motion_clock;

@@ -17,7 +17,7 @@ use crate::image::{image, image_of};
 const START_OR_END: u32 = 24;
 
 /// Why an instruction has no place in the step interrupt.
-fn objection(instruction: &Instruction, before: Option<&Instruction>) -> Option<&'static str> {
+fn objection(instruction: &Instruction, after: Option<&Instruction>) -> Option<&'static str> {
     let name = instruction.name.as_str();
     let is_one_of = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
     if name.starts_with('v') {
@@ -26,13 +26,13 @@ fn objection(instruction: &Instruction, before: Option<&Instruction>) -> Option<
         Some("division: up to 12 cycles")
     } else if is_one_of(&["ldrex", "strex", "clrex"]) {
         Some("exclusive access: a loop that may repeat")
-    } else if is_one_of(&["dmb", "dsb"]) {
+    } else if name == "dsb" {
+        // The handler's stores must have arrived when it returns (`handlers.rs`).
+        let is_last = after.is_some_and(|after| matches!(flow(after), Flow::Return { is_conditional: false }));
+        (!is_last).then_some("barrier before the end of the handler")
+    } else if is_one_of(&["dmb", "isb"]) {
         Some("barrier: there is one core, and a compiler fence is enough")
-    } else if name == "isb" {
-        // RTIC's own, after the task: it puts BASEPRI back.
-        let ends_task = before.is_some_and(|before| before.written_register() == Some("basepri"));
-        (!ends_task).then_some("barrier outside of RTIC's end of a task")
-    } else if matches!(instruction.written_register(), Some("primask" | "faultmask" | "basepri_max")) {
+    } else if matches!(instruction.written_register(), Some("primask" | "faultmask" | "basepri" | "basepri_max")) {
         Some("masks interrupts: critical section or lock")
     } else if is_one_of(&["cpsie", "svc", "bkpt", "wfi", "wfe"]) {
         Some("no business of an interrupt")
@@ -54,8 +54,8 @@ struct Reached {
 fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
     let mut reached = Reached::default();
     let mut seen = BTreeSet::new();
-    let mut pending: Vec<(u32, Option<Instruction>)> = vec![(entry, None)];
-    while let Some((address, before)) = pending.pop() {
+    let mut pending = vec![entry];
+    while let Some(address) = pending.pop() {
         if !seen.insert(address) {
             continue;
         }
@@ -67,10 +67,11 @@ fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
                 continue;
             }
         };
-        if let Some(reason) = objection(&instruction, before.as_ref()) {
+        let after = code.instruction(instruction.next()).ok();
+        if let Some(reason) = objection(&instruction, after.as_ref()) {
             reached.objections.push(format!("{reason}: {instruction}   in {place}"));
         }
-        let next = (instruction.next(), Some(instruction.clone()));
+        let next = instruction.next();
         let mut called = None;
         match flow(&instruction) {
             Flow::On => pending.push(next),
@@ -78,7 +79,7 @@ fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
                 if code.function_start(target) != code.function_start(address) {
                     called = Some(target);
                 }
-                pending.push((target, None));
+                pending.push(target);
                 if is_conditional {
                     pending.push(next);
                 }
@@ -87,7 +88,7 @@ fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
                 called = Some(target);
                 // A panic does not return.
                 if !code.function(target).contains("panic") {
-                    pending.push((target, None));
+                    pending.push(target);
                     pending.push(next);
                 }
             }
@@ -151,24 +152,20 @@ fn the_reload_value_arrives_in_time_in_every_image() {
 /// Where both are pending, the end of a motion comes first, or an update would be served by a player that has not ended it.
 const _: () = assert!(START_OR_END < STEP_TIMER);
 
-/// Critical sections do not keep out RTIC's priority 16, and RTIC would guard what a task of that priority shares with
-/// a lower one by just these. The image cannot show that; the application's text can.
+/// Critical sections do not keep out the core's highest priority, and RTIC would guard what a task of that priority shares with a
+/// lower one by just these. The image cannot show that no task has it; the application's text can.
 #[test]
-fn the_step_tasks_are_alone_at_their_priority() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../app/src/main.rs");
-    let text = std::fs::read_to_string(path).unwrap();
+fn the_step_handlers_are_alone_at_their_priority() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../app");
+    let text = std::fs::read_to_string(folder.join("src/main.rs")).unwrap();
     let tasks: Vec<&str> = text.split("#[task(").skip(1).map(|task| task.split(")]").next().unwrap()).collect();
-    let (highest, others): (Vec<&str>, Vec<&str>) = tasks.iter().partition(|task| task.contains("priority = 16"));
-    assert_eq!(
-        highest,
-        [
-            "binds = TIM2, priority = 16, shared = [step_timer]",
-            "binds = TIM1_BRK_TIM9, priority = 16, shared = [step_timer]"
-        ]
+    assert!(tasks.len() > 4 && tasks.iter().all(|task| !task.contains("priority = 16")), "{tasks:?}");
+    assert!(tasks.iter().all(|task| !task.contains("TIM2") && !task.contains("TIM1_BRK_TIM9")), "{tasks:?}");
+    let handlers = std::fs::read_to_string(folder.join("step-interrupt/src/lib.rs")).unwrap();
+    assert!(
+        handlers.contains("const HIGHEST: u8 = 0;")
+            && handlers.matches("set_priority(interrupt, HIGHEST)").count() == 1
     );
-    assert!(others.len() > 4 && others.iter().all(|task| !task.contains("step_timer")), "{others:?}");
-    // RTIC refuses this where the priorities differ.
-    assert!(text.contains("#[lock_free]\n        step_timer:"));
 }
 
 /// While M798 measures, the vector leads here.
@@ -192,15 +189,17 @@ fn forbidden_instructions_in_the_interrupt_are_found() {
         ("udiv", "r0, r1, r2"),
         ("ldrex", "r0, [r1]"),
         ("dmb", "sy"),
+        ("dsb", "sy"),
         ("isb", "sy"),
         ("cpsid", "i"),
+        ("msr", "basepri, r4"),
         ("msr", "basepri_max, r0"),
         ("udf", "#0xfe"),
     ] {
         assert!(objection(&instruction(name, operands), None).is_some(), "{name} {operands}");
     }
-    let restored = instruction("msr", "basepri, r4");
-    assert_eq!(objection(&restored, None), None);
-    assert_eq!(objection(&instruction("isb", "sy"), Some(&restored)), None);
+    let (barrier, load) = (instruction("dsb", "sy"), instruction("ldr", "r0, [r1]"));
+    assert!(objection(&barrier, Some(&load)).is_some());
+    assert_eq!(objection(&barrier, Some(&instruction("bx", "lr"))), None);
     assert_eq!(objection(&instruction("ldr", "r0, [r1]"), None), None);
 }
