@@ -211,9 +211,10 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("lints of the firmware", || {
         for name in ferrostep_boards::builtin_names() {
             let target = Target::new(name, None)?;
-            // All three at once: one after the other they would check the chip's registers with other features each time.
+            // All at once: one after the other they would check the chip's registers with other features each time.
             let packages = ["--package", "ferrostep-stm32f4-board", "--package", "ferrostep-stm32f4-usb"];
-            let firmware = ["--package", "ferrostep-firmware", "--lib", "--bins"];
+            let firmware =
+                ["--package", "ferrostep-step-interrupt", "--package", "ferrostep-firmware", "--lib", "--bins"];
             let chip = ["--no-default-features", "--features", target.board.chip.feature];
             system::run(&mut lint_command(&core_library, &target, &[&packages[..], &firmware, &chip].concat()))?;
         }

@@ -43,7 +43,7 @@ const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 const HOSTS_VARIABLE: &str = "FERROSTEP_HOSTS";
 
 /// All packages but those that only the board's processor can build.
-const DESK: [&str; 9] = [
+const DESK: [&str; 11] = [
     "--workspace",
     "--exclude",
     "ferrostep-firmware",
@@ -53,6 +53,8 @@ const DESK: [&str; 9] = [
     "ferrostep-stm32f4-board",
     "--exclude",
     "ferrostep-stm32f4-usb",
+    "--exclude",
+    "ferrostep-step-interrupt",
 ];
 
 /// Tasks of the Ferrostep workspace.

@@ -60,7 +60,7 @@ const DESK: [Writer; 8] = [
         sources: &["printer/src/heat/tests/tuning.rs"],
     },
     Writer {
-        what: "papers, slicers, hosts, refusals, examples of prepared jobs",
+        what: "papers, slicers, hosts, refusals, faults, examples of prepared jobs",
         arguments: &[
             "test",
             "-p",
@@ -74,6 +74,7 @@ const DESK: [Writer; 8] = [
             "slaved_extruder",
             "prepared",
             "refusals_page",
+            "fault_matrix",
             "on_the_way",
         ],
         sources: &[
@@ -83,6 +84,7 @@ const DESK: [Writer; 8] = [
             "tests/tests/end_to_end/slaved_extruder.rs",
             "tests/tests/end_to_end/prepared.rs",
             "tests/tests/end_to_end/refusals_page.rs",
+            "tests/tests/end_to_end/fault_matrix.rs",
             "tests/tests/end_to_end/on_the_way.rs",
         ],
     },
