@@ -17,7 +17,7 @@ pub trait Accelerometer: fmt::Debug {
     /// # Errors
     /// [`CommandError::OutOfRange`]; nothing has changed.
     fn set(&self, rate_hz: Option<u16>, resolution_bits: Option<u8>) -> Result<AccelerometerSettings, CommandError>;
-    /// Begins a record of so many samples, now or when X, Y or Z moves next, and ends the one before; of 0 only that.
+    /// Begins a record of this many samples, now or when X, Y or Z moves next, and ends the one before; of 0 only that.
     fn record(&self, samples: u16, at_next_move: bool);
     /// Takes the next event of the record.
     fn take_event(&self) -> Option<RecordEvent>;
@@ -50,7 +50,7 @@ pub enum RecordEvent {
     Ended {
         /// Samples a second.
         rate_hz: u16,
-        /// Samples that were lost because nobody took them in time.
+        /// Samples that were lost because they were not taken in time.
         overflows: u32,
     },
 }

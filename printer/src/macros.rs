@@ -78,7 +78,7 @@ impl Call<'_> {
         self.place
     }
 
-    /// Writes the next line; `false`: there is none.
+    /// Writes the next line; `false` after the last.
     ///
     /// # Errors
     /// The call has a word that the macro does not know or lacks one, or the line becomes too long.

@@ -343,7 +343,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     fn take_entry(&self, entry: Entry, stored: &mut Stored) {
         let index = usize::from(entry.index);
         if entry.id == STATISTICS {
-            // A number that is none of ours counts as the nearest that could be.
+            // A number that we do not have counts as the nearest that could be.
             if let Some(number) = stored.statistics.numbers_mut().into_iter().nth(index) {
                 *number = entry.value as u32;
             }

@@ -92,7 +92,7 @@ fn is_l64xx(kind: &str) -> bool {
     kind.starts_with("L64") || kind == "POWERSTEP01"
 }
 
-/// A comparison of two numbers or of two words; `None` if it is none, or one of its sides is not known.
+/// A comparison of two numbers or of two words; `None` for anything else, or if one of its sides is not known.
 fn compared(text: &str, definitions: &Definitions) -> Option<bool> {
     let (sign, [left, right]) = COMPARISONS.into_iter().find_map(|sign| match parts(text, sign)[..] {
         [left, right] => Some((sign, [left.trim(), right.trim()])),

@@ -135,7 +135,7 @@ fn constant(line: &str) -> Option<(&str, &str)> {
     Some((name, value.trim().trim_end_matches(';').trim_end()))
 }
 
-/// The text with spaces where comments are, so that lines keep their numbers. A `//` in a string is none.
+/// The text with spaces where comments are, so that lines keep their numbers. A `//` in a string stays.
 fn without_comments(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;

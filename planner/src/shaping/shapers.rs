@@ -91,7 +91,7 @@ impl AxisShaper {
         self.kernel_beside(0)
     }
 
-    /// The kernel beside a moving average over so many ticks, less than [`MAX_LENGTH_TICKS`], with which it makes one filter.
+    /// The kernel beside a moving average over that number of ticks, less than [`MAX_LENGTH_TICKS`], with which it makes one filter.
     ///
     /// # Errors
     /// [`ShaperError`].

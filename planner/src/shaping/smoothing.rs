@@ -13,7 +13,7 @@ const CELL_BITS: u32 = 22;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PositionSums([i64; 4]);
 
-/// A place of the plan: so many cells after the start of a piece. Only the motors of the mask are summed there.
+/// A place of the plan: a number of cells after the start of a piece. Only the motors of the mask are summed there.
 // Apart from the sums, so that a delay has no gaps in memory.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchor<'a> {

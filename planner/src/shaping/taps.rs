@@ -35,7 +35,7 @@ struct Tap {
     is_end: bool,
     /// Number of the piece that it sees.
     piece: u32,
-    /// For a moving average, what has been passed: so many cells of that piece, and the positions' sums up to there.
+    /// For a moving average, what has been passed: the number of cells of that piece, and the positions' sums up to there.
     cells: u32,
     sums: PositionSums,
 }
