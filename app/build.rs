@@ -25,6 +25,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if board.card.is_some() {
         println!("cargo:rustc-cfg=card");
     }
+    // Tachometers are looked at every millisecond where there are any.
+    println!("cargo:rustc-check-cfg=cfg(tachometers)");
+    if board.fans.iter().any(|fan| fan.tacho.is_some()) {
+        println!("cargo:rustc-cfg=tachometers");
+    }
     if fit::wiring(&board, &profile).iter().any(Option::is_some) {
         println!("cargo:rustc-cfg=drivers");
     }

@@ -1,8 +1,8 @@
 //! The heaters: their control, and what it controls: the board's own, or on the bench their models.
 
-use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
-use ferrostep_printer::{Equipment, HeaterStatus, PidGains, Profile};
+use ferrostep_printer::{Equipment, FanDemand, FanStatus, HeaterStatus, PidGains, Profile};
 use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
 use ferrostep_stm32f4_board::thermal::{self, Converters, Heaters};
@@ -14,7 +14,7 @@ pub const EQUIPMENT: Equipment = Equipment {
     end_stops: true,
     fan: VIRTUAL_SENSORS
         || match THERMAL {
-            Some(pins) => pins.part_fan.is_some(),
+            Some(pins) => pins.fans[0].is_some(),
             None => false,
         },
 };
@@ -77,18 +77,18 @@ impl Heat {
     /// Cold heaters with their first readings, so that the first command finds temperatures.
     pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
         Self(Parts::start(profile, converters, clock).map(|mut parts| {
-            let control = HeatControl::new(profile.nozzle, profile.bed, &mut parts);
+            let control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut parts);
             Controlled { control, parts }
         }))
     }
 
-    /// One sample of control, every [`SAMPLE_MS`]; `fan_power` is what M106 asks of the part-cooling fan, 0 to 255.
+    /// One sample of control, every [`SAMPLE_MS`].
     ///
     /// # Errors
     /// A heater or thermometer has failed: all heaters are off and all fans on. Reported once.
-    pub fn update(&mut self, fan_power: u8) -> Result<(), HeatFault> {
+    pub fn update(&mut self, fans: FanDemand) -> Result<(), HeatFault> {
         let Some(Controlled { control, parts }) = &mut self.0 else { return Ok(()) };
-        control.set_part_fan_power(fan_power);
+        control.set_fan_demand(fans);
         parts.pass();
         control.update(parts)
     }
@@ -133,6 +133,16 @@ impl Heat {
     /// How far the autotune of a heater has come.
     pub fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.as_ref().and_then(|heat| heat.control.relay(heater))
+    }
+
+    /// Power and speed of a fan.
+    pub fn fan(&self, output: FanOutput) -> FanStatus {
+        self.0.as_ref().map_or_else(FanStatus::default, |heat| heat.control.fan(output))
+    }
+
+    /// The first fan that has full power and turns too slowly.
+    pub fn stalled_fan(&self) -> Option<FanOutput> {
+        self.0.as_ref().and_then(|heat| heat.control.stalled_fan())
     }
 
     /// Switches all heaters off, now.

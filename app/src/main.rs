@@ -30,6 +30,7 @@ mod card;
 mod clock;
 mod commands;
 mod drivers;
+mod fans;
 mod fault;
 mod greeting;
 mod heat;
@@ -57,7 +58,7 @@ fn sleep() {
 mod app {
     use core::cell::RefCell;
     use core::mem::MaybeUninit;
-    use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+    use core::sync::atomic::{AtomicBool, Ordering};
 
     use ferrostep_gcode::Emergency;
     use ferrostep_planner::look_ahead::Slot;
@@ -74,6 +75,8 @@ mod app {
     use ferrostep_stm32f4_board::settings_memory;
     use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
+    #[cfg(tachometers)]
+    use ferrostep_stm32f4_board::thermal::FanSpeeds;
     use ferrostep_stm32f4_board::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Usb};
     use ferrostep_tmc2209::DriverBank;
@@ -85,6 +88,7 @@ mod app {
     use crate::clock::Mono;
     use crate::commands;
     use crate::drivers as board_drivers;
+    use crate::fans::SharedDemand;
     use crate::greeting::Start;
     use crate::heat::Heat;
     use crate::host_line::{self, Patience, Reader, SerialInput, Writers};
@@ -105,12 +109,16 @@ mod app {
     /// The drivers' task looks at its line this often, ms: a datagram takes one to ten.
     const DRIVERS_INTERVAL_MS: u32 = 1;
 
+    #[cfg(tachometers)]
+    /// The tachometers' task looks at their lines this often, ms.
+    const TACHOMETERS_INTERVAL_MS: u32 = 1;
+
     /// The reports task looks around this often, ms.
     const REPORTS_INTERVAL_MS: u32 = 100;
 
     static SIGNALS: Signals = Signals::new();
-    /// The fan as the planner task last set it, for the heaters' model.
-    static FAN_POWER: AtomicU8 = AtomicU8::new(0);
+    /// What the planner task last asked of the fans.
+    static FANS: SharedDemand = SharedDemand::new();
     /// Which tasks have run lately.
     static LIFE: LifeSigns = LifeSigns::new();
     /// There is a slot for a memory card, and a clock for it.
@@ -202,6 +210,10 @@ mod app {
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
         #[cfg(drivers)]
         if drivers::spawn().is_err() {
+            unreachable!("init runs once")
+        }
+        #[cfg(tachometers)]
+        if tachometers::spawn().is_err() {
             unreachable!("init runs once")
         }
         (
@@ -321,12 +333,23 @@ mod app {
             if cx.local.vigil.all_alive(&LIFE, SAMPLE_MS) {
                 cx.local.watchdog.feed();
             }
-            let outcome = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
+            let outcome = cx.shared.heat.lock(|heat| heat.update(FANS.load()));
             if outcome.is_err() {
                 SIGNALS.halt();
                 step_timer::stop(STEPS.link());
                 HALTED.writer().write(());
             }
+        }
+    }
+
+    #[cfg(tachometers)]
+    /// Counts the pulses of the fans' tachometers. Must run every few milliseconds: a pulse of a fast fan lasts two.
+    #[task(priority = 8)]
+    async fn tachometers(_: tachometers::Context) {
+        let Some(mut speeds) = FanSpeeds::start() else { return };
+        loop {
+            Mono::delay(TACHOMETERS_INTERVAL_MS.millis()).await;
+            speeds.look();
         }
     }
 
@@ -345,7 +368,7 @@ mod app {
             while cx.shared.machine.lock(|machine| {
                 LIFE.show(Task::Planner);
                 let more = machine.work(silence);
-                FAN_POWER.store(machine.fan_power(), Ordering::Relaxed);
+                FANS.store(&machine.fan_demand());
                 more
             }) {}
             // It looks in either case, woken or after the interval.

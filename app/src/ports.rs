@@ -8,11 +8,11 @@ use core::fmt;
 use core::mem::MaybeUninit;
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::{Heater, StepOutput};
+use ferrostep_hal_shim::{FanOutput, Heater, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::{HeatFault, PidGains, RelayProgress};
 use ferrostep_printer::machine::Machine;
-use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, SharedMachine, Signals};
+use ferrostep_printer::{FanStatus, HeaterRest, HeaterStatus, Heating, Replies, SharedMachine, Signals};
 use ferrostep_step_interrupt::{STEP_QUEUE_SLOTS, STEPS};
 use ferrostep_step_player::StepFeeder;
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
@@ -191,6 +191,14 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
 
     fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.borrow_mut().lock(|heat| heat.relay(heater))
+    }
+
+    fn fan(&self, output: FanOutput) -> FanStatus {
+        self.0.borrow_mut().lock(|heat| heat.fan(output))
+    }
+
+    fn stalled_fan(&self) -> Option<FanOutput> {
+        self.0.borrow_mut().lock(|heat| heat.stalled_fan())
     }
 
     fn restart(&mut self) -> Result<(), HeatFault> {

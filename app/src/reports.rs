@@ -1,8 +1,8 @@
 //! What the firmware says without being asked.
 
 use ferrostep_gcode::Reply;
-use ferrostep_hal_shim::Heater;
-use ferrostep_printer::{FilamentWatch, HeaterTimeout, Heating, Replies, Signals, temperatures};
+use ferrostep_hal_shim::{FanOutput, Heater};
+use ferrostep_printer::{FilamentWatch, HeaterTimeout, Heating, Replies, Signals, tell_stalled_fan, temperatures};
 use ferrostep_stm32f4_board::board::is_triggered;
 use rtic::Mutex;
 
@@ -21,6 +21,8 @@ pub struct Reports<'a, M, H, W> {
     signals: &'a Signals,
     heater_timeout: HeaterTimeout,
     filament: FilamentWatch,
+    /// As it was last reported.
+    stalled_fan: Option<FanOutput>,
     /// As it was last reported.
     overload: Overload,
     /// When temperatures, the card's progress and times were last reported, ms.
@@ -44,6 +46,7 @@ where
             signals,
             heater_timeout: HeaterTimeout::new(),
             filament: FilamentWatch::new(),
+            stalled_fan: None,
             overload: Overload::default(),
             temperatures_ms: 0,
             card_ms: 0,
@@ -72,6 +75,7 @@ where
         if let (Some(pin), Some(sensor)) = (FILAMENT, &PROFILE.filament_sensor) {
             self.filament.look(now_ms, is_triggered(pin), sensor, self.signals);
         }
+        tell_stalled_fan(&mut self.stalled_fan, &PROFILE.fans, &self.heating, self.signals, &self.replies);
         if is_due(&mut self.card_ms, self.signals.card_report_interval_s(), now_ms)
             && let Some((position, size)) = self.signals.card_progress()
         {

@@ -8,7 +8,7 @@ use core::task::{Context, Poll, Waker};
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Planner, PressureAdvance, Request};
@@ -41,7 +41,7 @@ impl Motion for Machine<'_, '_> {
         self.planner.borrow_mut().set_pressure_advance(advance).map_err(MotionError::Move)
     }
 
-    async fn set_fan_power(&mut self, _power: u8) -> Result<(), MotionError> {
+    async fn set_fan_power(&mut self, _fan: FanOutput, _power: u8) -> Result<(), MotionError> {
         Ok(())
     }
 

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::Profile;
 use ferrostep_stm32f4::registers::Registers;
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
@@ -102,10 +103,14 @@ fn thermal(board: &Board) -> String {
         let sensor = board.thermistors.iter().position(|thermistor| thermistor.name == heater.sensor)?;
         Some((output(heater.pin, &heater.timer), sensor))
     };
-    let fan = |name: &str| {
-        let fan = board.fans.iter().find(|fan| fan.name == name).map(|fan| output(fan.pin, &fan.timer));
-        fan.map_or("None".to_owned(), |fan| format!("Some({fan})"))
-    };
+    let fans = FanOutput::ALL.map(|of| {
+        let fan = board.fans.iter().find(|fan| fan.name == of.name());
+        fan.map_or("None".to_owned(), |fan| {
+            let tachometer = fan.tacho.map(|pin| (pin.port, pin.number));
+            format!("Some(FanPins {{ power: {}, tachometer: {tachometer:?} }})", output(fan.pin, &fan.timer))
+        })
+    });
+    let fans = fans.join(", ");
     let pins = match (heater("nozzle"), heater("bed")) {
         (Some((nozzle, nozzle_sensor)), Some((bed, bed_sensor))) => {
             let number = match board.thermistors.first().map(|thermistor| thermistor.channel.converter) {
@@ -113,12 +118,9 @@ fn thermal(board: &Board) -> String {
                 _ => "One",
             };
             format!(
-                "{{ use ferrostep_stm32f4::{{ConverterNumber, OutputPin, TimerChannel}}; \
+                "{{ use ferrostep_stm32f4::{{ConverterNumber, FanPins, OutputPin, TimerChannel}}; \
                  Some(ThermalPins {{ converter: ConverterNumber::{number}, channels: &{channels:?}, \
-                 sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], part_fan: {}, \
-                 hotend_fan: {} }}) }}",
-                fan("part"),
-                fan("hotend"),
+                 sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], fans: [{fans}] }}) }}"
             )
         }
         _ => "None".to_owned(),

@@ -1,7 +1,8 @@
 //! Whether a board has what a profile needs.
 
 use ferrostep_checked_toml::FileError;
-use ferrostep_printer::{HeaterSettings, HomeSensor, Profile};
+use ferrostep_hal_shim::FanOutput;
+use ferrostep_printer::{FanSettings, HeaterSettings, HomeSensor, Profile};
 use ferrostep_profiles::refuse;
 use ferrostep_thermistor::ThermistorType;
 use ferrostep_tmc2209::{CurrentScale, DriverWiring};
@@ -117,6 +118,7 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             check_heater(board, name, settings, profile_name)?;
         }
     }
+    check_fans(board, profile, profile_name)?;
     if profile.filament_sensor.is_some() && filament_pin(board, profile).is_none() {
         let expected = format!("no such table: the board {} has no input `filament`", board.name);
         return Err(refuse(profile_name, "filament_sensor", "a table", &expected));
@@ -132,6 +134,25 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             let inputs: Vec<&str> = board.inputs.iter().map(|(input, _)| *input).collect();
             let expected = format!("a sensor of the board {}, whose inputs are {}", board.name, inputs.join(", "));
             return Err(refuse(profile_name, &format!("homing.{axis}.sensor"), word, &expected));
+        }
+    }
+    Ok(())
+}
+
+/// Each fan of the profile has its output, and its tachometer if it is to be looked at. The two usual ones may be missing: M106 is refused
+/// then.
+fn check_fans(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
+    for (output, (fan, usual)) in FanOutput::ALL.into_iter().zip(profile.fans.iter().zip(FanSettings::USUAL)) {
+        let Some(settings) = fan.as_ref().filter(|_| *fan != usual) else { continue };
+        let key = |key| format!("fans.{}.{key}", settings.name);
+        let Some(wired) = board.fans.iter().find(|wired| wired.name == output.name()) else {
+            let outputs: Vec<&str> = board.fans.iter().map(|fan| fan.name).collect();
+            let expected = format!("an output of the board {}: {}", board.name, outputs.join(", "));
+            return Err(refuse(profile_name, &key("output"), output.name(), &expected));
+        };
+        if settings.least_rpm > 0 && wired.tacho.is_none() {
+            let expected = format!("no such key: the board {} has no tachometer for {}", board.name, output.name());
+            return Err(refuse(profile_name, &key("least_rpm"), &settings.least_rpm.to_string(), &expected));
         }
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! The keys of a board, each read by one line, and the checks that need more than one of them.
 
 use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_hal_shim::FanOutput;
 
 use crate::board::{
     BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Fan, Heater, Motor, SECTORS, Thermistor,
@@ -73,8 +74,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     let names = ["nozzle", "bed", "nozzle1", "nozzle2", "nozzle3"];
     let heaters = some(&heater_tables, names, |name, table| heater(table, name, &thermistors, &mut pins));
     let fan_tables = keys.section_of_defaults("fans", "high = on; not on a timer that switches a heater");
-    let names = ["part", "hotend", "fan2", "fan3", "fan4", "fan5"];
-    let fans = some(&fan_tables, names, |name, table| fan(table, name, &mut pins));
+    let fans = some(&fan_tables, FanOutput::ALL.map(FanOutput::name), |name, table| fan(table, name, &mut pins));
     let input_keys = keys.section_of_defaults("inputs", "end stops of x, y and z, and other sensors");
     let inputs = ["x", "y", "z", "probe", "filament"]
         .into_iter()

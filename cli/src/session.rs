@@ -8,12 +8,12 @@ use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{Remarks, Reply};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
     Accelerometer, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals,
-    tell_driver_event, temperatures,
+    tell_driver_event, tell_stalled_fan, temperatures,
 };
 use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
@@ -55,6 +55,8 @@ pub struct Session<D, R> {
     signals: Signals,
     heater_timeout: Cell<HeaterTimeout>,
     filament: Cell<FilamentWatch>,
+    /// As it was last reported.
+    stalled_fan: Cell<Option<FanOutput>>,
     /// What the filament sensor says.
     is_filament_out: Cell<bool>,
     replies: R,
@@ -123,6 +125,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
             signals: Signals::new(),
             heater_timeout: Cell::default(),
             filament: Cell::default(),
+            stalled_fan: Cell::default(),
             is_filament_out: Cell::new(false),
             replies,
             profile,
@@ -184,6 +187,11 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.heat.borrow_mut().set_failure(heater, failure);
     }
 
+    /// A fan stands still whatever its power, or turns again.
+    pub fn set_fan_stuck(&self, fan: FanOutput, is_stuck: bool) {
+        self.heat.borrow_mut().set_fan_stuck(fan, is_stuck);
+    }
+
     /// The filament runs out, or new one is there.
     pub fn set_filament_out(&self, is_out: bool) {
         self.is_filament_out.set(is_out);
@@ -241,6 +249,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
             self.tell_driver_events();
             self.rest_heaters();
             self.watch_filament();
+            self.watch_fans();
             self.report_temperatures(&mut next_report_ms);
             self.report_card(&mut next_card_report_ms);
             self.tell_samples();
@@ -270,7 +279,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         }
         let now_ns = self.desk.now_ns();
         self.clock.advance_to(now_ns);
-        self.heat.borrow_mut().pass_to(now_ns, self.desk.state().fan_power())
+        self.heat.borrow_mut().pass_to(now_ns, self.desk.state().fan_demand())
     }
 
     /// Reports the events of the motors' drivers. A driver that fails while its motor has current halts the machine.
@@ -307,6 +316,13 @@ impl<D: Desk, R: Replies> Session<D, R> {
         let mut watch = self.filament.get();
         watch.look((&self.clock).now_ms() as u32, self.is_filament_out.get(), sensor, &self.signals);
         self.filament.set(watch);
+    }
+
+    /// Reports a fan that does not turn, as a board does.
+    fn watch_fans(&self) {
+        let mut told = self.stalled_fan.get();
+        tell_stalled_fan(&mut told, &self.profile.fans, &self.heating(), &self.signals, &self.replies);
+        self.stalled_fan.set(told);
     }
 
     /// M956.

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
 
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
@@ -201,7 +201,7 @@ pub(crate) fn record_without(
 fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<bool>) {
     let now_s = session.clock().now_ns() as f64 * 1e-9;
     let state = session.desk().state();
-    let (tick, fan_power) = (state.tick(), state.fan_power());
+    let (tick, fan_power) = (state.tick(), state.fan_demand().powers[FanOutput::Part.index()]);
     let heating = session.heating();
     let status = Heater::ALL.map(|heater| heating.status(heater));
     let temperature = Temperature {

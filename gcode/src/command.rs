@@ -259,13 +259,22 @@ pub enum Command<'a> {
         /// Seconds.
         seconds: u8,
     },
-    /// M106 S (0 to 255; 255 without S). `index` is P.
+    /// M106 S (0 to 255; 255 without S), M107.
     Fan {
-        /// Which fan.
-        index: u8,
+        /// P: which fan; 0 is the part-cooling fan.
+        number: u8,
         /// Power, 0 to 255.
         power: u8,
     },
+    /// SET_FAN_SPEED.
+    NamedFan {
+        /// FAN.
+        name: &'a str,
+        /// SPEED as 0 to 255.
+        power: u8,
+    },
+    /// M123: powers and speeds of the fans.
+    ReportFans,
     /// M108: end a wait.
     EndWait,
     /// M73: how far the print is; without words a query.

@@ -25,9 +25,7 @@ pub enum Remark {
     SecondCommand,
     /// G4 without P and S.
     BareDwell,
-    /// M106 with P and without S; other firmware takes P for the power.
-    FanPower,
-    /// M106 or M107 of a fan that the machine does not have.
+    /// A fan that the machine does not have, by M106 P, M107 P or SET_FAN_SPEED. Some firmware takes P for the power.
     OtherFan,
     /// A number without its letter was ignored.
     NoLetter,
@@ -72,11 +70,11 @@ pub struct Remarks {
 }
 
 /// Texts of the bits of `about_line`.
-const ABOUT_LINE: [&str; 15] = [
+const ABOUT_LINE: [&str; 14] = [
     "one command a line: the second and everything after it is ignored",
     "without P or S: waits until all motion has ended",
-    "P is the number of a fan, and this machine has no such fan; give the power with S",
-    "P: this machine has one fan, 0; no effect",
+    "MAXIMUM: cooling is not waited for; no effect",
+    "this machine has no such fan (P is its number, S the power; the profile's fans); no effect",
     "a number without its letter is ignored",
     "T: this machine has one extruder, 0; no effect",
     "a line with @ is for the host; no effect",
@@ -87,7 +85,6 @@ const ABOUT_LINE: [&str; 15] = [
     "not checked: the profile does not say (nozzle_diameter_mm, model_names)",
     "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J",
     "this machine has the heaters extruder and heater_bed; no effect",
-    "MAXIMUM: cooling is not waited for; no effect",
 ];
 
 impl Remarks {
@@ -121,7 +118,6 @@ impl Remarks {
             Remark::NotExecuted(index) => self.not_executed |= 1 << (index & 127),
             Remark::SecondCommand => self.about_line |= 1,
             Remark::BareDwell => self.about_line |= 1 << 1,
-            Remark::FanPower => self.about_line |= 1 << 2,
             Remark::OtherFan => self.about_line |= 1 << 3,
             Remark::NoLetter => self.about_line |= 1 << 4,
             Remark::OtherTool => self.about_line |= 1 << 5,
@@ -133,7 +129,7 @@ impl Remarks {
             Remark::MachineUnknown => self.about_line |= 1 << 11,
             Remark::CornerLimits => self.about_line |= 1 << 12,
             Remark::OtherHeater => self.about_line |= 1 << 13,
-            Remark::WaitsForHeatOnly => self.about_line |= 1 << 14,
+            Remark::WaitsForHeatOnly => self.about_line |= 1 << 2,
         }
     }
 
@@ -242,8 +238,7 @@ mod tests {
             (Remark::TooLarge(b'S'), "S is too large and becomes the largest value"),
             (Remark::SecondCommand, "one command a line: the second and everything after it is ignored"),
             (Remark::BareDwell, "without P or S: waits until all motion has ended"),
-            (Remark::FanPower, "P is the number of a fan, and this machine has no such fan; give the power with S"),
-            (Remark::OtherFan, "P: this machine has one fan, 0; no effect"),
+            (Remark::OtherFan, "this machine has no such fan (P is its number, S the power; the profile's fans); no effect"),
             (Remark::NoLetter, "a number without its letter is ignored"),
             (Remark::OtherTool, "T: this machine has one extruder, 0; no effect"),
             (Remark::HostCommand, "a line with @ is for the host; no effect"),

@@ -62,12 +62,56 @@ pub trait ThermalBoard {
     fn set_power(&mut self, heater: Heater, power: f32);
 }
 
-/// The fans. A board may lack either; setting it has no effect then.
+/// A board's output for a fan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FanOutput {
+    /// The part-cooling fan's.
+    Part,
+    /// The hot end's own fan's.
+    HotEnd,
+    /// A third one.
+    Fan2,
+    /// A fourth one.
+    Fan3,
+    /// A fifth one.
+    Fan4,
+    /// A sixth one.
+    Fan5,
+}
+
+impl FanOutput {
+    /// Number of outputs that a board may have.
+    pub const COUNT: usize = 6;
+
+    /// All outputs, in the order of their index.
+    pub const ALL: [Self; Self::COUNT] = [Self::Part, Self::HotEnd, Self::Fan2, Self::Fan3, Self::Fan4, Self::Fan5];
+
+    /// Its place in [`Self::ALL`].
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Its name in a board's file: `part`, `hotend`, `fan2` to `fan5`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Part => "part",
+            Self::HotEnd => "hotend",
+            Self::Fan2 => "fan2",
+            Self::Fan3 => "fan3",
+            Self::Fan4 => "fan4",
+            Self::Fan5 => "fan5",
+        }
+    }
+}
+
+/// The fans. Setting one that a board lacks has no effect.
 pub trait Fans {
-    /// Power of the part-cooling fan, 0 to 255.
-    fn set_fan_power(&mut self, power: u8);
-    /// Switches the hot end's own fan.
-    fn set_hotend_fan(&mut self, on: bool);
+    /// Power of a fan, 0 to 255.
+    fn set_fan_power(&mut self, fan: FanOutput, power: u8);
+    /// Pulses that a fan's tachometer has given so far, modulo 2^16: two a turn. `None` where the board has no tachometer.
+    fn tachometer(&self, _fan: FanOutput) -> Option<u16> {
+        None
+    }
 }
 
 /// The queue of step entries, seen from the planner, which fills it; the step interrupt empties it.

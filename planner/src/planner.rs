@@ -251,9 +251,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(())
     }
 
-    /// Changes the fan when the moves taken so far are done; `false` without room.
-    pub fn add_fan_power(&mut self, power: u8) -> bool {
-        self.close_open_block() && self.queue.push_marker(Marker::FanPower { power })
+    /// Changes a fan when the moves taken so far are done; `false` without room.
+    pub fn add_fan_power(&mut self, fan: u8, power: u8) -> bool {
+        self.close_open_block() && self.queue.push_marker(Marker::FanPower { fan, power })
     }
 
     /// Motion ends with the last move taken; everything in the look-ahead ring may leave.
@@ -346,10 +346,10 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     #[cold]
     fn pass_marker(&mut self, marker: &Marker, sink: &mut impl StepSink) {
         match *marker {
-            Marker::FanPower { power } => {
+            Marker::FanPower { fan, power } => {
                 let is_shaped = !self.shaped.is_at_rest();
                 let tick = if is_shaped { self.shaped.notice_tick() } else { self.interpolator.notice_tick() };
-                sink.notice(Notice::FanPower { tick, power });
+                sink.notice(Notice::FanPower { tick, fan, power });
             }
             Marker::PressureAdvance(advance) => {
                 let [.., steps_per_mm] = self.rules.geometry.steps_per_mm;

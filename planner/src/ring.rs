@@ -40,8 +40,10 @@ impl Waiting {
 /// Something that keeps its place among the blocks and takes no time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Marker {
-    /// The fan changes here.
+    /// A fan changes here.
     FanPower {
+        /// Its number, of which only who takes the steps knows the meaning.
+        fan: u8,
         /// Power, 0 to 255.
         power: u8,
     },

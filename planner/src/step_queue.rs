@@ -216,10 +216,12 @@ pub enum Notice {
         /// steps that were handed out compares.
         motor_steps: [i64; 4],
     },
-    /// The fan changes with the motion around it.
+    /// A fan changes with the motion around it.
     FanPower {
         /// When.
         tick: u64,
+        /// Which, as it was asked for.
+        fan: u8,
         /// Power, 0 to 255.
         power: u8,
     },

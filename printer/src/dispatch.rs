@@ -4,7 +4,7 @@ use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, PrintClockCommand, Remarks, Reply,
     SettingsCommand, ShaperWords, WaitTarget,
 };
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{FanOutput, Heater};
 
 use crate::error::CommandError;
 use crate::paused::{PauseReason, PauseWords};
@@ -36,6 +36,7 @@ enum Waiting<'a> {
     },
     Heat(Heater, WaitTarget),
     Fan {
+        output: FanOutput,
         power: u8,
     },
     Autotune {
@@ -116,7 +117,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
             Waiting::Autotune { heater, target, cycles, uses } => self.autotune(heater, target, cycles, uses).await?,
-            Waiting::Fan { power } => self.motion.set_fan_power(power).await?,
+            Waiting::Fan { output, power } => self.motion.set_fan_power(output, power).await?,
             Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
             Waiting::ResumePrint => self.start_print(None).await?,
             Waiting::MotionChoice { interpolation, acceleration } => {
@@ -258,10 +259,18 @@ impl<P: Ports> Printer<'_, P> {
                 let heater = if of_bed { Heater::Bed } else { Heater::Nozzle };
                 return waiting(Waiting::Autotune { heater, target, cycles, uses });
             }
-            Command::Fan { index: 0, power } => {
-                self.needs(self.equipment.fan || power == 0, "fan")?;
-                return waiting(Waiting::Fan { power });
+            Command::Fan { number: 0, power } if !self.equipment.fan && power > 0 => self.needs(false, "fan")?,
+            Command::Fan { number, power } => {
+                if let Some(output) = self.numbered_fan(number) {
+                    return waiting(Waiting::Fan { output, power });
+                }
             }
+            Command::NamedFan { name, power } => {
+                if let Some(output) = self.named_fan(name) {
+                    return waiting(Waiting::Fan { output, power });
+                }
+            }
+            Command::ReportFans => self.report_fans(),
             Command::Stop { longest_ms } => {
                 return pause(PauseReason::Stop, PauseWords { longest_ms, ..PauseWords::default() });
             }
@@ -282,13 +291,11 @@ impl<P: Ports> Printer<'_, P> {
             Command::Settings(command) => self.show_settings(command),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
-            // The drivers' part is all that there is to the first four. Without a display or a second fan the others change
-            // nothing here.
+            // The drivers' part is all that there is to the first four. Without a display the others change nothing here.
             Command::ReportDrivers
             | Command::StealthChop { .. }
             | Command::DriverCurrent(_)
             | Command::StallThreshold(_)
-            | Command::Fan { .. }
             | Command::SetNozzle(None)
             | Command::SetBed(None)
             | Command::Accepted => {}

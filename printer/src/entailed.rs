@@ -5,7 +5,8 @@ use ferrostep_gcode::{Command, Reply};
 use crate::axis_names::AXIS_NAMES;
 use crate::command_kind::moves;
 use crate::error::{CommandError, Failure};
-use crate::filament::CHANGE_FILAMENT;
+use crate::fan_commands::PAUSE;
+use crate::filament::{CHANGE_FILAMENT, lays};
 use crate::modal::Modal;
 use crate::ports::{Ports, Replies};
 use crate::printer::{Answer, Printer, Source};
@@ -53,10 +54,14 @@ impl<P: Ports> Printer<'_, P> {
                 }
                 continue;
             }
-            if !is_of_print || outcome.is_err() || !self.has_run_out(command) {
+            if !is_of_print || outcome.is_err() || !lays(command) {
                 return outcome;
             }
-            command = &CHANGE_FILAMENT;
+            command = match () {
+                () if self.has_run_out() => &CHANGE_FILAMENT,
+                () if self.has_stalled_fan() => &PAUSE,
+                () => return outcome,
+            };
         }
     }
 

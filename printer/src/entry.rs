@@ -5,6 +5,7 @@ use core::fmt::Write;
 
 use ferrostep_gpre::LimitValues;
 use ferrostep_gpre::compact::FrameState;
+use ferrostep_hal_shim::FanOutput;
 use ferrostep_planner::Limits;
 
 use crate::error::CommandError;
@@ -79,7 +80,7 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::other_place(state.position_10nm, stands_10nm));
         }
         self.motion.set_limits(modal.limits.map_or(self.profile.limits, limits));
-        self.motion.set_fan_power(state.fan_power).await?;
+        self.motion.set_fan_power(FanOutput::Part, state.fan_power).await?;
         let [x, y, z] = state.position_10nm;
         self.interpreter.modal.machine_10nm = [x, y, z - modal.lift_10nm];
         self.interpreter.modal.lift_10nm = modal.lift_10nm;

@@ -37,7 +37,7 @@ pub(crate) static CHANGE_FILAMENT: Command<'static> =
     Command::ChangeFilament { park: AxisWords { x: None, y: None, z: None, e: None }, unload: None, load: None };
 
 /// Whether a command lays a line, as only prints do. A person who pushes new filament in moves E alone.
-fn lays(command: &Command<'_>) -> bool {
+pub(crate) fn lays(command: &Command<'_>) -> bool {
     let lays = |axes: &AxisWords| axes.e.is_some() && (axes.x.is_some() || axes.y.is_some());
     match command {
         Command::Linear { axes, .. } | Command::Arc { axes, .. } => lays(axes),
@@ -63,14 +63,14 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether a print's line was laid and the filament has run out, which is reported then. As long as it is missing, each line of a
-    /// print says so.
+    /// Whether the filament of a print that lays lines has run out, which is reported then. As long as it is missing, each line of a print
+    /// says so.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
-    pub(crate) fn has_run_out(&self, command: &Command<'_>) -> bool {
+    pub(crate) fn has_run_out(&self) -> bool {
         let is_out = self.pauses_at_runout && self.signals.is_filament_missing();
         // A print's nozzle is hot; lines without heat are a rehearsal.
-        let is_out = is_out && lays(command) && self.heating.status(Heater::Nozzle).target_celsius > 0.0;
+        let is_out = is_out && self.heating.status(Heater::Nozzle).target_celsius > 0.0;
         if is_out {
             self.replies.say(format_args!("echo:The filament has run out; M412 S0 ignores the sensor"));
         }

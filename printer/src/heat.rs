@@ -4,7 +4,6 @@
 //! sets the power of every heater and fan. Nothing else sets one.
 
 mod gains;
-mod hotend_fan;
 mod pid;
 mod relay;
 pub mod safety;
@@ -15,11 +14,11 @@ mod tuning_rule;
 use core::fmt;
 
 use ferrostep_gcode::Real;
-use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 
+use crate::fans::{FanControl, FanDemand, FanTable, Heated};
 use crate::profile::HeaterSettings;
 pub use gains::PidGains;
-use hotend_fan::HotEndFan;
 use pid::Pid;
 use relay::Relay;
 pub use relay::{RelayFindings, RelayProgress};
@@ -37,6 +36,15 @@ pub struct HeaterStatus {
     pub target_celsius: f32,
     /// Power, 0 to 1.
     pub power: f32,
+}
+
+/// A fan as a report shows it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FanStatus {
+    /// Power, 0 to 255.
+    pub power: u8,
+    /// Turns a minute over the last seconds; `None` without a tachometer.
+    pub rpm: Option<u16>,
 }
 
 /// Why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
@@ -139,16 +147,22 @@ impl Channel {
 pub struct HeatControl {
     channels: [Channel; 2],
     fault: Option<HeatFault>,
-    hotend_fan: HotEndFan,
-    /// Power of the part-cooling fan while nothing has failed, 0 to 255.
-    part_fan_power: u8,
+    fan_table: FanTable,
+    fans: FanControl,
+    /// What fans are to do while nothing has failed.
+    fan_demand: FanDemand,
 }
 
 impl HeatControl {
     /// All heaters off. Takes as many readings as the median needs, so that temperatures are known from the start. The hot
     /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
-    pub fn new(nozzle: HeaterSettings, bed: HeaterSettings, board: &mut (impl ThermalBoard + Fans)) -> Self {
-        board.set_hotend_fan(true);
+    pub fn new(
+        nozzle: HeaterSettings,
+        bed: HeaterSettings,
+        fan_table: FanTable,
+        board: &mut (impl ThermalBoard + Fans),
+    ) -> Self {
+        board.set_fan_power(FanOutput::HotEnd, u8::MAX);
         let mut channel = |heater, settings| {
             board.set_power(heater, 0.0);
             Channel::new(settings, core::array::from_fn(|_| board.reading(heater)))
@@ -156,8 +170,9 @@ impl HeatControl {
         Self {
             channels: [channel(Heater::Nozzle, nozzle), channel(Heater::Bed, bed)],
             fault: None,
-            hotend_fan: HotEndFan::new(),
-            part_fan_power: 0,
+            fan_table,
+            fans: FanControl::new(),
+            fan_demand: FanDemand::default(),
         }
     }
 
@@ -173,28 +188,25 @@ impl HeatControl {
         }
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
-        let mut fan_power = self.part_fan_power;
+        let mut demand = self.fan_demand;
+        if self.channels.iter().any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan())) {
+            demand.powers[FanOutput::Part.index()] = u8::MAX;
+        }
+        let [nozzle, bed] = &self.channels;
+        let heated = Heated {
+            nozzle_celsius: nozzle.thermometer.celsius().ok(),
+            bed_is_on: bed.target > 0.0,
+            // A transistor that has failed closed cannot be switched off; only moving air can cool its heater.
+            has_fault: self.fault.is_some(),
+        };
+        let fan_power = self.fans.update(&self.fan_table, &demand, &heated, board);
         match self.fault {
             Some(_) => self.all_off(),
-            None => {
-                if self
-                    .channels
-                    .iter()
-                    .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
-                {
-                    fan_power = u8::MAX;
-                }
-                self.channels.iter_mut().for_each(|channel| channel.control(fan_power));
-            }
+            None => self.channels.iter_mut().for_each(|channel| channel.control(fan_power)),
         }
         for heater in Heater::ALL {
             board.set_power(heater, self.channels[heater.index()].power);
         }
-        let has_fault = self.fault.is_some();
-        let nozzle_celsius = self.channels[Heater::Nozzle.index()].thermometer.celsius().ok();
-        board.set_hotend_fan(self.hotend_fan.update(nozzle_celsius) || has_fault);
-        // A transistor that has failed closed cannot be switched off; only moving air can cool its heater.
-        board.set_fan_power(if has_fault { u8::MAX } else { fan_power });
         match self.fault {
             Some(fault) if !told => Err(fault),
             _ => Ok(()),
@@ -246,9 +258,19 @@ impl HeatControl {
         }
     }
 
-    /// Sets the power of the part-cooling fan from the next [`Self::update`] on, 0 to 255. After a fault it has full power.
-    pub fn set_part_fan_power(&mut self, power: u8) {
-        self.part_fan_power = power;
+    /// Sets what fans are to do from the next [`Self::update`] on. After a fault all have full power.
+    pub fn set_fan_demand(&mut self, demand: FanDemand) {
+        self.fan_demand = demand;
+    }
+
+    /// Power and speed of a fan.
+    pub fn fan(&self, output: FanOutput) -> FanStatus {
+        FanStatus { power: self.fans.power(output), rpm: self.fans.rpm(output) }
+    }
+
+    /// The first fan that has full power and turns too slowly ([`crate::FanSettings::least_rpm`]).
+    pub fn stalled_fan(&self) -> Option<FanOutput> {
+        self.fans.stalled()
     }
 
     /// Switches all heaters off; the next [`Self::update`] sets the board's outputs.

@@ -15,6 +15,10 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn add_remarks(&self, command: &Command<'_>, remarks: &mut Remarks) {
         match command {
             Command::Junction { corner_velocity, .. } => self.add_unlimited_axes(corner_velocity, remarks),
+            Command::Fan { number, .. } if *number > 0 && self.numbered_fan(*number).is_none() => {
+                remarks.add(Remark::OtherFan);
+            }
+            Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),
             Command::CheckNozzle(_) if self.profile.nozzle_diameter_mm.is_none() => remarks.add(Remark::MachineUnknown),
             Command::CheckModel(_) if self.profile.model_names.is_empty() => remarks.add(Remark::MachineUnknown),
             _ => {}

@@ -9,13 +9,14 @@ mod work;
 mod workload;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::StepOutput;
+use ferrostep_hal_shim::{FanOutput, StepOutput};
 use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, PressureAdvance, Request,
     Standard, StepDigests, TICKS_PER_SECOND,
 };
 
+use crate::fans::FanDemand;
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 use crate::profile::Profile;
 use feeder::{Feeder, Seeking};
@@ -126,18 +127,18 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         Ok(moved)
     }
 
-    /// Changes the fan after the motion taken so far; `false` without room.
-    pub fn add_fan_power(&mut self, power: u8) -> bool {
+    /// Changes a fan after the motion taken so far; `false` without room.
+    pub fn add_fan_power(&mut self, fan: FanOutput, power: u8) -> bool {
         if self.planner.is_look_ahead_empty() {
-            self.feeder.fan.set_now(power);
+            self.feeder.fan.set_now(fan, power);
             return true;
         }
-        self.planner.add_fan_power(power)
+        self.planner.add_fan_power(fan as u8, power)
     }
 
-    /// The fan's power at the present point of the motion, 0 to 255.
-    pub fn fan_power(&self) -> u8 {
-        self.feeder.fan.power()
+    /// What fans are to do at the present point of the motion.
+    pub fn fan_demand(&self) -> FanDemand {
+        FanDemand { powers: self.feeder.fan.powers(), motors_on: self.enabled_motors != 0 }
     }
 
     /// Executes all moves taken.

@@ -69,6 +69,9 @@ impl<P: Ports> Printer<'_, P> {
             self.draw_back(&mut paused).await?;
             self.park(park_10nm).await?;
         }
+        if self.is_hot_end_fan_stalled() {
+            self.heating.set_target(Heater::Nozzle, 0.0);
+        }
         if reason == PauseReason::FilamentChange {
             self.move_filament(-unload_100pm, self.profile.pause.filament_10nm_per_s).await?;
             self.motion.set_motors_enabled(1 << 3, false);

@@ -5,14 +5,14 @@ use core::future::Future;
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use ferrostep_settings::{Slot, StoreError};
 
 use crate::error::Failure;
-use crate::heat::{HeatFault, HeaterStatus, PidGains, RelayProgress};
+use crate::heat::{FanStatus, HeatFault, HeaterStatus, PidGains, RelayProgress};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 
 /// A line of text that is formatted here.
@@ -41,8 +41,8 @@ pub trait Motion {
     fn try_add(&mut self, _request: &impl Request) -> Option<Result<Moved, MotionError>> {
         None
     }
-    /// Changes the fan with the motion queued so far; waits for room.
-    fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
+    /// Changes a fan with the motion queued so far; waits for room.
+    fn set_fan_power(&mut self, fan: FanOutput, power: u8) -> impl Future<Output = Result<(), MotionError>>;
     /// Sets how far the extruder runs ahead from the motion queued so far on; waits for room. `false`, and nothing has changed:
     /// it needs a standstill and [`Self::set_motion_choice`].
     fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> impl Future<Output = Result<bool, MotionError>>;
@@ -150,6 +150,14 @@ pub trait Heating {
     fn begin_relay(&mut self, _heater: Heater, _celsius: f32, _cycles: u8, _has_fan: bool) {}
     /// How far the autotune of a heater has come; `None` without one.
     fn relay(&self, _heater: Heater) -> Option<RelayProgress> {
+        None
+    }
+    /// Power and speed of a fan.
+    fn fan(&self, _output: FanOutput) -> FanStatus {
+        FanStatus::default()
+    }
+    /// The first fan that has full power and turns too slowly.
+    fn stalled_fan(&self) -> Option<FanOutput> {
         None
     }
     /// M999: heaters may be switched on again after a fault.

@@ -2,7 +2,7 @@
 
 use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::{Limits, Moved, Prepared, PreparedMove, Request, Retuned};
 
 use crate::error::{CommandError, Failure};
@@ -263,13 +263,13 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.flow_percent
     }
 
-    /// Changes the fan by an item of a prepared job.
+    /// Changes the part-cooling fan by an item of a prepared job.
     ///
     /// # Errors
     /// Motion was stopped.
     pub async fn prepared_fan(&mut self, line: u32, power: u8) -> Result<(), CommandError> {
         self.line = line;
-        Ok(self.motion.set_fan_power(power).await?)
+        Ok(self.motion.set_fan_power(FanOutput::Part, power).await?)
     }
 
     /// Executes a command of a prepared job as a line, but without an `ok`, because no host has sent it.

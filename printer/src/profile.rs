@@ -6,6 +6,7 @@ use ferrostep_thermistor::Thermistor;
 use ferrostep_tmc2209::DriverSettings;
 use ferrostep_virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe};
 
+use crate::fans::FanTable;
 use crate::heat::PidGains;
 
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
@@ -290,6 +291,8 @@ pub struct Profile {
     pub bed: HeaterSettings,
     /// What a pause does.
     pub pause: PauseSettings,
+    /// The fans.
+    pub fans: FanTable,
     /// The filament sensor, if there is one.
     pub filament_sensor: Option<FilamentSensor>,
     /// Firmware retraction at start-up.

@@ -3,7 +3,7 @@
 use core::future::Future;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::StepOutput;
+use ferrostep_hal_shim::{FanOutput, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, PressureAdvance, Request,
@@ -128,8 +128,8 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.machine.with(|machine| machine.set_bounded_in_time(is_bounded));
     }
 
-    async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
-        self.wait(|machine| machine.add_fan_power(power).then_some(())).await
+    async fn set_fan_power(&mut self, fan: FanOutput, power: u8) -> Result<(), MotionError> {
+        self.wait(|machine| machine.add_fan_power(fan, power).then_some(())).await
     }
 
     async fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MotionError> {

@@ -20,6 +20,7 @@ pub struct Signals {
     host_spoke: AtomicBool,
     is_writing: AtomicBool,
     filament_missing: AtomicBool,
+    fan_stalled: AtomicBool,
     card_report_interval_s: AtomicU8,
     /// Progress of the print from the card, and the file's length, bytes; 0 without a print.
     card_position: AtomicU32,
@@ -46,6 +47,7 @@ impl Signals {
             host_spoke: AtomicBool::new(false),
             is_writing: AtomicBool::new(false),
             filament_missing: AtomicBool::new(false),
+            fan_stalled: AtomicBool::new(false),
             card_report_interval_s: AtomicU8::new(0),
             card_position: AtomicU32::new(0),
             card_size: AtomicU32::new(0),
@@ -137,6 +139,16 @@ impl Signals {
     /// Whether the filament sensor sees no filament; `false` without a sensor.
     pub fn is_filament_missing(&self) -> bool {
         self.filament_missing.load(Ordering::Relaxed)
+    }
+
+    /// A fan does not turn as it must: the print is to pause.
+    pub(crate) fn note_stalled_fan(&self) {
+        self.fan_stalled.store(true, Ordering::Release);
+    }
+
+    /// Takes that note: who goes on with the print knows.
+    pub(crate) fn take_stalled_fan(&self) -> bool {
+        self.fan_stalled.swap(false, Ordering::AcqRel)
     }
 
     pub(crate) fn set_filament_missing(&self, is_missing: bool) {

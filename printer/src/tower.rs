@@ -84,7 +84,7 @@ fn is_live(command: &Command<'_>) -> bool {
         command,
         Command::SetNozzle(_)
             | Command::SetBed(_)
-            | Command::Fan { index: 0, .. }
+            | Command::Fan { number: 0, .. }
             | Command::FeedPercent(_)
             | Command::FlowPercent(_)
             | Command::MaxAcceleration(_)

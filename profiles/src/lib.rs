@@ -9,6 +9,7 @@ mod axes;
 mod drivers;
 pub mod error_budget;
 mod extrusion;
+mod fans;
 mod heaters;
 mod homing;
 mod machine;

@@ -7,7 +7,7 @@ use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
-use crate::{extrusion, heaters, homing, macros, motion, pause};
+use crate::{extrusion, fans, heaters, homing, macros, motion, pause};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -119,6 +119,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         nozzle,
         bed,
         pause: pause::pause(&apart, &travel),
+        fans: fans::fans(&apart),
         filament_sensor: pause::filament_sensor(&apart),
         retraction: extrusion::retraction(&apart),
         driver: timing,

@@ -22,6 +22,7 @@ use ferrostep_gcode::{Emergency, MotionFigures};
 use ferrostep_papers::Papers;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::machine::{Machine, Silence};
 use ferrostep_printer::{Failure, Printer, Profile};
@@ -292,7 +293,7 @@ impl<'a, M: Stepping> Board<'a, M> {
 
     /// The fan's power with the motion that has ended, 0 to 255.
     pub fn fan_power(&self) -> u8 {
-        self.machine.borrow().fan_power()
+        self.machine.borrow().fan_demand().powers[FanOutput::Part.index()]
     }
 
     /// The figures of M797.

@@ -119,7 +119,10 @@ fn the_constants_say_what_heats_and_what_watches_it() {
         // PB1 on TIM3, channel 4, alternate function 2; then PB0.
         "heaters: [OutputPin { port: 1, number: 1, channel: Some(TimerChannel { timer: 1073742848, channel: 4, function: 2, \
          clock_bit: 1, is_fast: false, has_main_switch: false }) }, OutputPin { port: 1, number: 0, ",
-        "part_fan: Some(OutputPin { port: 4, number: 11, channel: Some(TimerChannel { timer: 1073807360, channel: 2, ",
+        "fans: [Some(FanPins { power: OutputPin { port: 4, number: 11, channel: Some(TimerChannel { timer: 1073807360, \
+         channel: 2, ",
+        "}, tachometer: Some((4, 10)) }), Some(FanPins { power: OutputPin { port: 4, number: 9, ",
+        "}, tachometer: Some((4, 14)) }), None, None, None, None]",
     ] {
         assert!(text.contains(part), "{part} in {text}");
     }
@@ -128,7 +131,7 @@ fn the_constants_say_what_heats_and_what_watches_it() {
         // In the order of the names: the nozzle's is the first, the bed's the second.
         "converter: ConverterNumber::Three, channels: &[14, 9, 15, 4, 5], sensors: [0, 1]",
         "heaters: [OutputPin { port: 0, number: 2, channel: None }, OutputPin { port: 0, number: 1, channel: None }]",
-        "hotend_fan: Some(OutputPin { port: 4, number: 5, channel: None })",
+        "Some(FanPins { power: OutputPin { port: 4, number: 5, channel: None }, tachometer: None }), Some(FanPins {",
     ] {
         assert!(text.contains(part), "{part} in {text}");
     }

@@ -2,9 +2,9 @@
 
 use std::cell::RefCell;
 
-use ferrostep_hal_shim::{Heater, ThermalBoard};
+use ferrostep_hal_shim::{FanOutput, Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
-use ferrostep_printer::{HeaterStatus, Heating, PidGains, Profile};
+use ferrostep_printer::{FanDemand, FanStatus, HeaterStatus, Heating, PidGains, Profile};
 use ferrostep_virtual_board::{HeaterFailure, VirtualHeaters};
 
 use super::heat_at_rest::{HeatAtRest, HeaterSample};
@@ -28,7 +28,7 @@ impl DeskHeat {
     pub fn new(profile: &Profile, steps_at_rest: bool) -> Self {
         let mut heaters = profile.virtual_heaters();
         // The first temperatures are there before the first command.
-        let control = HeatControl::new(profile.nozzle, profile.bed, &mut heaters);
+        let control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut heaters);
         Self { control, heaters, at_rest: HeatAtRest::default(), steps_at_rest, samples: 0, next_ns: SAMPLE_NS }
     }
 
@@ -42,18 +42,24 @@ impl DeskHeat {
         self.samples
     }
 
+    /// Lets a fan stand still whatever its power, or mends it.
+    pub fn set_fan_stuck(&mut self, fan: FanOutput, is_stuck: bool) {
+        self.at_rest.disturb();
+        self.heaters.set_fan_stuck(fan, is_stuck);
+    }
+
     /// Lets a heater fail, or mends it.
     pub fn set_failure(&mut self, heater: Heater, failure: Option<HeaterFailure>) {
         self.at_rest.disturb();
         self.heaters.set_failure(heater, failure);
     }
 
-    /// Lets the heaters' time pass, with the part-cooling fan at this power, 0 to 255. Failed ones go on cooling.
+    /// Lets the heaters' time pass, with the fans asked for this. Failed heaters go on cooling.
     ///
     /// # Errors
     /// A heater or thermometer has failed; all heaters are off.
-    pub fn pass_to(&mut self, now_ns: u64, fan_power: u8) -> Result<(), HeatFault> {
-        self.control.set_part_fan_power(fan_power);
+    pub fn pass_to(&mut self, now_ns: u64, fans: FanDemand) -> Result<(), HeatFault> {
+        self.control.set_fan_demand(fans);
         let mut outcome = Ok(());
         while self.next_ns <= now_ns {
             if !self.steps_at_rest {
@@ -127,6 +133,14 @@ impl Heating for DeskHeating<'_> {
 
     fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.borrow().control.relay(heater)
+    }
+
+    fn fan(&self, output: FanOutput) -> FanStatus {
+        self.0.borrow().control.fan(output)
+    }
+
+    fn stalled_fan(&self) -> Option<FanOutput> {
+        self.0.borrow().control.stalled_fan()
     }
 
     fn restart(&mut self) -> Result<(), HeatFault> {

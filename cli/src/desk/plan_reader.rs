@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::Approach;
+use ferrostep_hal_shim::{Approach, FanOutput};
 use ferrostep_papers::Papers;
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::look_ahead::Slot;
@@ -15,7 +15,7 @@ use ferrostep_planner::{
     Progress, Recorded, Request, StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
 };
 use ferrostep_printer::machine::HomingTime;
-use ferrostep_printer::{HomingOutcome, Motion, MotionError, Profile, Signals};
+use ferrostep_printer::{FanDemand, HomingOutcome, Motion, MotionError, Profile, Signals};
 use ferrostep_virtual_board::VirtualMotors;
 
 use super::desk_time::DeskTime;
@@ -81,7 +81,7 @@ struct Plan {
     reading: Reading,
     homing_time: HomingTime,
     enabled_motors: u8,
-    fan_power: u8,
+    fan_powers: [u8; FanOutput::COUNT],
 }
 
 impl Plan {
@@ -232,7 +232,7 @@ impl PlanReader {
             extruder_256ths: 0,
             script: is_written.then(Script::default),
         };
-        let plan = Plan { planner, reading, homing_time: HomingTime::default(), enabled_motors: 0, fan_power: 0 };
+        let plan = Plan { planner, reading, homing_time: HomingTime::default(), enabled_motors: 0, fan_powers: [0; FanOutput::COUNT] };
         let factors = LimitFactors::default();
         Self { plan: RefCell::new(plan), factors, time: DeskTime::default(), drivers, passed_tick: Cell::new(0) }
     }
@@ -289,8 +289,9 @@ impl MotionState for PlanReader {
         self.plan.borrow_mut().read_all();
     }
 
-    fn fan_power(&self) -> u8 {
-        self.plan.borrow().fan_power
+    fn fan_demand(&self) -> FanDemand {
+        let plan = self.plan.borrow();
+        FanDemand { powers: plan.fan_powers, motors_on: plan.enabled_motors != 0 }
     }
 
     fn enabled_motors(&self) -> u8 {
@@ -349,12 +350,12 @@ impl Motion for PlannedMotion<'_> {
         self.act(LEAP_TICKS, |plan| plan.add(&request)).await
     }
 
-    async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
+    async fn set_fan_power(&mut self, fan: FanOutput, power: u8) -> Result<(), MotionError> {
         self.act(LEAP_TICKS, |plan| {
             if plan.planner.is_look_ahead_empty() {
-                plan.fan_power = power;
+                plan.fan_powers[fan.index()] = power;
             } else {
-                while !plan.planner.add_fan_power(power) && plan.makes_room() {}
+                while !plan.planner.add_fan_power(fan as u8, power) && plan.makes_room() {}
             }
             Ok(())
         })

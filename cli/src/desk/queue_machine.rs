@@ -6,7 +6,7 @@ use std::rc::Rc;
 use ferrostep_papers::Papers;
 use ferrostep_planner::StepDigests;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::Profile;
+use ferrostep_printer::{FanDemand, Profile};
 use ferrostep_printer::machine::{Machine, Silence};
 
 use super::drivers::DeskDrivers;
@@ -45,8 +45,8 @@ impl<O: Observer> MotionState for RefCell<QueueMachine<O>> {
         machine.work(Silence::default());
     }
 
-    fn fan_power(&self) -> u8 {
-        self.borrow().fan_power()
+    fn fan_demand(&self) -> FanDemand {
+        self.borrow().fan_demand()
     }
 
     fn enabled_motors(&self) -> u8 {

@@ -1,6 +1,6 @@
 //! The motion of a session, as traits.
 
-use ferrostep_printer::{Motion, Signals};
+use ferrostep_printer::{FanDemand, Motion, Signals};
 
 use super::figures::Figures;
 
@@ -10,8 +10,8 @@ pub trait MotionState {
     fn tick(&self) -> u64;
     /// Stops motion at once.
     fn stop(&self);
-    /// Power of the part-cooling fan at the present point of the motion, 0 to 255.
-    fn fan_power(&self) -> u8;
+    /// What fans are to do at the present point of the motion.
+    fn fan_demand(&self) -> FanDemand;
     /// Mask of the motors that have current.
     fn enabled_motors(&self) -> u8;
     /// For comparison: see [`ferrostep_planner::Planner::plan_block_by_block`].

@@ -115,7 +115,7 @@ impl Script {
         self.now = match parse(text) {
             Ok(Command::Linear { .. } | Command::Arc { .. }) => Now::Moves { counts: true },
             Ok(Command::Retract | Command::Recover) => Now::Moves { counts: false },
-            Ok(Command::Fan { index: 0, power }) => Now::Fan { line, power },
+            Ok(Command::Fan { number: 0, power }) => Now::Fan { line, power },
             _ => Now::Text,
         };
         match self.now {

@@ -3,14 +3,14 @@
 use std::str::FromStr;
 use std::time::Duration;
 
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_host_line::damage::{LineFault, share};
 use ferrostep_virtual_board::HeaterFailure;
 
 /// The kinds of faults, for help and errors.
 pub const KINDS: &str = "nozzle-HOW or bed-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
-                         drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out or \
-                         filament-back";
+                         drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out, \
+                         filament-back, hotend-fan-stuck or hotend-fan-turns";
 
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +36,8 @@ pub enum FaultKind {
     FilamentOut,
     /// New filament is there.
     FilamentBack,
+    /// A fan stands still whatever its power (`true`), or turns again.
+    Fan(FanOutput, bool),
 }
 
 impl FaultKind {
@@ -76,6 +78,8 @@ impl FromStr for FaultKind {
             "card-back" => return Ok(Self::CardPutBack),
             "filament-out" => return Ok(Self::FilamentOut),
             "filament-back" => return Ok(Self::FilamentBack),
+            "hotend-fan-stuck" => return Ok(Self::Fan(FanOutput::HotEnd, true)),
+            "hotend-fan-turns" => return Ok(Self::Fan(FanOutput::HotEnd, false)),
             _ => {}
         }
         let (heater, how) = text.split_once('-').unwrap_or((text, ""));

@@ -102,6 +102,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         117 => Ok(Command::Display(code.free_text())),
         118 => Ok(echo(code.free_text())),
         119 => Ok(Command::ReportEndStops),
+        123 => code.without_words(Command::ReportFans, remarks),
         122 => code.without_words(Command::ReportDrivers, remarks),
         155 => {
             let mut words = code.words(remarks)?;
@@ -376,18 +377,9 @@ fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<Driv
 /// M106 and M107. Slicers write powers such as 252.45, which are rounded.
 fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
-    let index = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
-    if code.number != 106 {
-        if index > 0 {
-            words.remark(Remark::OtherFan);
-        }
-        return Ok(Command::Fan { index, power: 0 });
-    }
-    let power = words.nearest_byte(b'S')?;
-    if index > 0 {
-        words.remark(if power.is_none() { Remark::FanPower } else { Remark::OtherFan });
-    }
-    Ok(Command::Fan { index, power: power.unwrap_or(u8::MAX) })
+    let number = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
+    let power = if code.number == 106 { words.nearest_byte(b'S')?.unwrap_or(u8::MAX) } else { 0 };
+    Ok(Command::Fan { number, power })
 }
 
 /// M200: whether E is a length of filament or a volume.

@@ -9,6 +9,9 @@ use crate::{AdvanceWords, AxisWords, Command, Decimal, NotExecuted, ParseError, 
 
 mod tower;
 
+/// 1 as [`Decimal::nanos`] has it.
+const ONE: i64 = 1_000_000_000;
+
 /// A heater or thermometer by Klipper's name.
 enum Heater {
     Nozzle,
@@ -133,7 +136,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 10] = [
+const EXECUTED: [(&str, &str); 11] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
@@ -146,6 +149,7 @@ const EXECUTED: [(&str, &str); 10] = [
     ("SET_PRESSURE_ADVANCE", "ADVANCE or SMOOTH_TIME with a number"),
     ("TURN_OFF_HEATERS", ""),
     ("TUNING_TOWER", tower::FORM),
+    ("SET_FAN_SPEED", "FAN with a name, and SPEED with a number from 0 to 1"),
     ("PAUSE", ""),
     ("RESUME", ""),
 ];
@@ -178,9 +182,23 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         5 => pressure_advance(&words, remarks)?,
         6 => Command::HeatersOff,
         7 => Command::Tower(tower::parse(&words)?),
-        8 => Command::Pause(AxisWords::default()),
+        8 => fan(&words)?,
+        9 => Command::Pause(AxisWords::default()),
         _ => Command::ResumePrint,
     })
+}
+
+/// SET_FAN_SPEED.
+#[inline(never)]
+fn fan<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
+    let (name, speed) = (words.value_text("FAN"), words.number("SPEED")?);
+    let (Some(name), Some(speed)) = (name.filter(|name| !name.is_empty()), speed) else { return Err(words.expected()) };
+    // A share of full power.
+    let power = match speed.nanos() {
+        nanos @ 0..=ONE => (nanos * 255 + ONE / 2) / ONE,
+        _ => return Err(words.expected()),
+    };
+    Ok(Command::NamedFan { name, power: power as u8 })
 }
 
 /// TEMPERATURE_WAIT.

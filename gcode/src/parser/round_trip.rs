@@ -125,8 +125,8 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::SetBed(target) => (140, given([('S', target)])),
         Command::WaitBed(target) => (190, wait(target)),
         Command::AutoReportTemperatures { seconds } => (155, given([('S', Some(whole(seconds.into())))])),
-        Command::Fan { index, power } => {
-            (106, given([('P', Some(whole(index.into()))), ('S', Some(whole(power.into())))]))
+        Command::Fan { number, power } => {
+            (106, given([('P', Some(whole(number.into()))), ('S', Some(whole(power.into())))]))
         }
         Command::SetLineNumber(number) => (110, given([('N', number.map(whole))])),
         Command::KeepAlive(seconds) => (113, given([('S', seconds.map(|value| whole(value.into())))])),
@@ -473,7 +473,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         of(any::<bool>()).prop_map(Command::FilamentSensor),
         any_autotune(),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
-        any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
+        any::<(u8, u8)>().prop_map(|(number, power)| Command::Fan { number, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),
         proptest::sample::select(&TEXTS[..]).prop_map(Command::Display),
         (any::<bool>(), any::<bool>(), proptest::sample::select(&TEXTS[..]))

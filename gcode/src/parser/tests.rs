@@ -119,22 +119,20 @@ fn heaters_and_fans() {
     reads("M190", Command::WaitBed(WaitTarget::Current));
     assert_eq!(refused("M104 S-5"), "S: -5 is out of range, expected 0 or more");
     assert_eq!(refused("M190 R-0.5"), "R: -0.5 is out of range, expected 0 or more");
-    reads("M106", Command::Fan { index: 0, power: 255 });
-    reads("M106 S252.45", Command::Fan { index: 0, power: 252 });
-    let no_fan = "P: this machine has one fan, 0; no effect";
-    reads_with("M106 P2 S249.9", Command::Fan { index: 2, power: 250 }, no_fan);
-    reads_with("M107 P1", Command::Fan { index: 1, power: 0 }, no_fan);
-    let full = Command::Fan { index: 0, power: 255 };
+    reads("M106", Command::Fan { number: 0, power: 255 });
+    reads("M106 S252.45", Command::Fan { number: 0, power: 252 });
+    reads("M106 P2 S249.9", Command::Fan { number: 2, power: 250 });
+    reads("M107 P1", Command::Fan { number: 1, power: 0 });
+    reads("M123", Command::ReportFans);
+    reads_with("M123 S5", Command::ReportFans, "S has no effect");
+    let full = Command::Fan { number: 0, power: 255 };
     reads_with("M106 S300", full, "S is too large and becomes the largest value");
     reads_with("M106 S", full, "S without a number is ignored");
     assert_eq!(refused("M106 S-.3"), "S: -0.3 is out of range, expected 0 to 255");
     // Other machines' slicers write the power as P.
-    let other_fan = Command::Fan { index: 127, power: 255 };
-    let says = "P must be whole, the fraction is dropped; P is the number of a fan, and this machine has no such fan; \
-                give the power with S";
-    reads_with("M106 P127.5", other_fan, says);
-    let says = format!("P must be whole, the fraction is dropped; {no_fan}");
-    reads_with("M106 P1.5 S3", Command::Fan { index: 1, power: 3 }, &says);
+    let says = "P must be whole, the fraction is dropped";
+    reads_with("M106 P127.5", Command::Fan { number: 127, power: 255 }, says);
+    reads_with("M106 P1.5 S3", Command::Fan { number: 1, power: 3 }, says);
     assert_eq!(refused("M106 P256"), "P: 256 is out of range, expected 0 to 255");
     // ANCHOR: m302
     reads("M302 S170 P1", Command::ColdExtrusion { minimum: some("170"), allow: Some(true) });

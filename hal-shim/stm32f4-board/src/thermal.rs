@@ -3,6 +3,8 @@
 use core::sync::atomic::AtomicU16;
 
 use ferrostep_stm32f4::clock_tree::Clock;
+use ferrostep_hal_shim::FanOutput;
+use ferrostep_stm32f4::tachometers::{PulseCounts, Tachometers};
 use ferrostep_stm32f4::{BoardHeaters, CONVERSIONS, PwmClocks};
 
 use crate::board::{THERMAL, THERMISTORS};
@@ -14,6 +16,9 @@ pub type Heaters = BoardHeaters<Volatile>;
 
 /// Where DMA lays conversions: in RAM that it reaches.
 static MEMORY: [AtomicU16; THERMISTORS * CONVERSIONS] = [const { AtomicU16::new(0) }; THERMISTORS * CONVERSIONS];
+
+/// Pulses of the fans' tachometers.
+static PULSES: PulseCounts = [const { AtomicU16::new(0) }; FanOutput::COUNT];
 
 /// What measures.
 pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
@@ -30,5 +35,28 @@ pub fn start(_converters: Converters, clock: &Clock) -> Option<Heaters> {
     let registers = unsafe { Volatile::new() };
     // Addresses have 32 bits here.
     let address = MEMORY.as_ptr() as u32;
-    Some(BoardHeaters::start(&pins, &MEMORY, address, clocks, registers))
+    Some(BoardHeaters::start(&pins, &MEMORY, address, &PULSES, clocks, registers))
+}
+
+/// The fans' tachometers; `None` on a board without any.
+pub struct FanSpeeds(Tachometers);
+
+impl FanSpeeds {
+    /// Makes their pins inputs. After [`BoardPins::new`](crate::board::BoardPins::new).
+    pub fn start() -> Option<Self> {
+        let fans = THERMAL?.fans;
+        if !fans.iter().flatten().any(|fan| fan.tachometer.is_some()) {
+            return None;
+        }
+        // SAFETY: pins that the board's file gives to tachometers alone. Other pins of their ports are set up in `init`, as these are.
+        let mut registers = unsafe { Volatile::new() };
+        Some(Self(Tachometers::start(&fans, &mut registers)))
+    }
+
+    /// Counts pulses. To be called every millisecond.
+    pub fn look(&mut self) {
+        // SAFETY: it reads the ports' inputs.
+        let mut registers = unsafe { Volatile::new() };
+        self.0.look(&PULSES, &mut registers);
+    }
 }

@@ -1,11 +1,12 @@
 //! A printer board's heaters, thermistors and fans.
 
-use core::sync::atomic::AtomicU16;
+use core::sync::atomic::{AtomicU16, Ordering};
 
 use super::converter::{Converter, ConverterNumber};
 use super::pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput};
 use crate::registers::Registers;
-use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use crate::tachometers::PulseCounts;
+use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 
 /// A board's heaters, fans and thermistors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,10 +19,17 @@ pub struct ThermalPins {
     pub sensors: [u8; 2],
     /// Heaters of nozzle and bed.
     pub heaters: [OutputPin; 2],
-    /// The part-cooling fan.
-    pub part_fan: Option<OutputPin>,
-    /// The hot end's own fan.
-    pub hotend_fan: Option<OutputPin>,
+    /// The fans by their outputs.
+    pub fans: [Option<FanPins>; FanOutput::COUNT],
+}
+
+/// A fan's pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FanPins {
+    /// What switches it.
+    pub power: OutputPin,
+    /// Port and number of its tachometer's input.
+    pub tachometer: Option<(u8, u8)>,
 }
 
 /// The board's heaters, thermistors and fans, at work.
@@ -31,11 +39,12 @@ pub struct BoardHeaters<R> {
     converter: Converter,
     sensors: [u8; 2],
     heaters: [PwmOutput; 2],
-    part_fan: Option<PwmOutput>,
-    hotend_fan: Option<PwmOutput>,
+    fans: [Option<PwmOutput>; FanOutput::COUNT],
     /// The fans' last powers; heaters are set in each sample.
-    part_power: u8,
-    hotend_is_on: bool,
+    fan_powers: [u8; FanOutput::COUNT],
+    /// Which fans have a tachometer, and its pulses.
+    has_tachometer: [bool; FanOutput::COUNT],
+    pulses: &'static PulseCounts,
 }
 
 impl<R: Registers> BoardHeaters<R> {
@@ -45,21 +54,23 @@ impl<R: Registers> BoardHeaters<R> {
         pins: &ThermalPins,
         memory: &'static [AtomicU16],
         memory_address: u32,
+        pulses: &'static PulseCounts,
         clocks: PwmClocks,
         mut registers: R,
     ) -> Self {
         let mut output = |pin, hz| PwmOutput::start(pin, hz, clocks, &mut registers);
         let heaters = pins.heaters.map(|pin| output(pin, HEATER_HZ));
-        let [part_fan, hotend_fan] = [pins.part_fan, pins.hotend_fan].map(|pin| pin.map(|pin| output(pin, FAN_HZ)));
+        let fans = pins.fans.map(|fan| fan.map(|fan| output(fan.power, FAN_HZ)));
+        let has_tachometer = pins.fans.map(|fan| fan.is_some_and(|fan| fan.tachometer.is_some()));
         let converter = Converter::start(pins.converter, pins.channels, memory, memory_address, &mut registers);
         let sensors = pins.sensors;
-        Self { registers, converter, sensors, heaters, part_fan, hotend_fan, part_power: 0, hotend_is_on: false }
+        let fan_powers = [0; FanOutput::COUNT];
+        Self { registers, converter, sensors, heaters, fans, fan_powers, has_tachometer, pulses }
     }
 
     /// To be called every 10 ms, for pins without a timer.
     pub fn tick(&mut self) {
-        let fans = self.part_fan.iter_mut().chain(&mut self.hotend_fan);
-        self.heaters.iter_mut().chain(fans).for_each(|output| output.tick(&mut self.registers));
+        self.heaters.iter_mut().chain(self.fans.iter_mut().flatten()).for_each(|output| output.tick(&mut self.registers));
     }
 }
 
@@ -75,28 +86,22 @@ impl<R: Registers> ThermalBoard for BoardHeaters<R> {
 }
 
 impl<R: Registers> Fans for BoardHeaters<R> {
-    fn set_fan_power(&mut self, power: u8) {
-        if let Some(fan) = &mut self.part_fan
-            && core::mem::replace(&mut self.part_power, power) != power
+    fn set_fan_power(&mut self, fan: FanOutput, power: u8) {
+        if let Some(output) = &mut self.fans[fan.index()]
+            && core::mem::replace(&mut self.fan_powers[fan.index()], power) != power
         {
-            fan.set(f32::from(power) / 255.0, &mut self.registers);
+            output.set(f32::from(power) / 255.0, &mut self.registers);
         }
     }
 
-    fn set_hotend_fan(&mut self, on: bool) {
-        if let Some(fan) = &mut self.hotend_fan
-            && core::mem::replace(&mut self.hotend_is_on, on) != on
-        {
-            fan.set(if on { 1.0 } else { 0.0 }, &mut self.registers);
-        }
+    fn tachometer(&self, fan: FanOutput) -> Option<u16> {
+        self.has_tachometer[fan.index()].then(|| self.pulses[fan.index()].load(Ordering::Relaxed))
     }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use core::sync::atomic::Ordering;
-
     use super::*;
     use crate::registers::recorder::Recorder;
     use crate::{CONVERSIONS, TimerChannel};
@@ -106,16 +111,24 @@ mod tests {
     /// The Octopus: heaters PA2 and PA1, fans PA8 (TIM1, channel 1) and PE5.
     fn octopus() -> (BoardHeaters<Recorder>, &'static [AtomicU16]) {
         let pin = |port, number| OutputPin { port, number, channel: None };
+        let fan = |power| FanPins { power, tachometer: None };
         let pins = ThermalPins {
             converter: ConverterNumber::Three,
             channels: &[14, 9],
             sensors: [0, 1],
             heaters: [pin(0, 2), pin(0, 1)],
-            part_fan: Some(OutputPin { channel: TimerChannel::named("TIM1_CH1"), ..pin(0, 8) }),
-            hotend_fan: Some(pin(4, 5)),
+            fans: [
+                Some(fan(OutputPin { channel: TimerChannel::named("TIM1_CH1"), ..pin(0, 8) })),
+                Some(fan(pin(4, 5))),
+                None,
+                None,
+                None,
+                None,
+            ],
         };
         let memory: &'static [AtomicU16] = (0..2 * CONVERSIONS).map(|_| AtomicU16::new(0)).collect::<Vec<_>>().leak();
-        (BoardHeaters::start(&pins, memory, 0x2000_8000, CLOCKS, Recorder::default()), memory)
+        static PULSES: PulseCounts = [const { AtomicU16::new(0) }; FanOutput::COUNT];
+        (BoardHeaters::start(&pins, memory, 0x2000_8000, &PULSES, CLOCKS, Recorder::default()), memory)
     }
 
     fn levels(board: &BoardHeaters<Recorder>, bsrr: u32) -> Vec<u32> {
@@ -143,14 +156,15 @@ mod tests {
     fn fans_are_their_own() {
         let (mut board, _) = octopus();
         board.registers.stores.clear();
-        board.set_fan_power(255);
+        board.set_fan_power(FanOutput::Part, 255);
         assert_eq!(board.registers.stores, [(0x4001_0034, 1000)]);
-        board.set_fan_power(51);
+        board.set_fan_power(FanOutput::Part, 51);
         assert_eq!(board.registers.value(0x4001_0034), 200);
-        board.set_hotend_fan(true);
+        board.set_fan_power(FanOutput::HotEnd, 255);
         (0..20).for_each(|_| board.tick());
         assert_eq!(levels(&board, 0x4002_1018), [1 << 5]);
-        board.set_hotend_fan(false);
+        board.set_fan_power(FanOutput::HotEnd, 0);
+        board.set_fan_power(FanOutput::Fan2, 255);
         assert_eq!(levels(&board, 0x4002_1018).last(), Some(&(1 << 21)));
     }
 }

@@ -30,6 +30,7 @@ pub mod sector_flash;
 pub mod sensor_lines;
 mod software_pwm;
 pub mod software_serial;
+pub mod tachometers;
 pub mod usb_controller;
 pub mod watchdog;
 
@@ -38,7 +39,7 @@ pub use clock_setup::{ClockRegisters, ClockSettings};
 pub use converter::{CONVERSIONS, Converter, ConverterNumber};
 pub use family::ChipFamily;
 pub use half_duplex::HalfDuplexLine;
-pub use heaters::{BoardHeaters, ThermalPins};
+pub use heaters::{BoardHeaters, FanPins, ThermalPins};
 pub use pin_lines::PinLines;
 pub use pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput, TimerChannel};
 pub use reset_cause::ResetCause;

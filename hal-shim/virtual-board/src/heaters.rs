@@ -3,8 +3,11 @@
 use super::heater_failure::HeaterFailure;
 use super::thermal_model::AMBIENT_CELSIUS;
 use super::{HeatedMass, ThermalModel};
-use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use ferrostep_thermistor::Thermistor;
+
+/// Speed of a fan at full power, turns a minute.
+const FULL_RPM: f32 = 5_000.0;
 
 /// A thermistor that has fallen out takes the air's temperature with this time constant, s.
 const FALLEN_OUT_S: f32 = 3.0;
@@ -65,21 +68,35 @@ impl VirtualHeater {
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
     heaters: [VirtualHeater; 2],
-    fan_power: u8,
-    hotend_fan: bool,
+    fan_powers: [u8; FanOutput::COUNT],
+    /// Half turns of the fans so far.
+    fan_pulses: [f32; FanOutput::COUNT],
+    stuck_fans: [bool; FanOutput::COUNT],
 }
 
 impl VirtualHeaters {
     /// Heaters that are off and cold: what the nozzle's and the bed's heat, and their thermistors.
     pub const fn new(nozzle: (HeatedMass, Thermistor), bed: (HeatedMass, Thermistor)) -> Self {
         let heaters = [VirtualHeater::new(nozzle), VirtualHeater::new(bed)];
-        Self { heaters, fan_power: 0, hotend_fan: false }
+        Self {
+            heaters,
+            fan_powers: [0; FanOutput::COUNT],
+            fan_pulses: [0.0; FanOutput::COUNT],
+            stuck_fans: [false; FanOutput::COUNT],
+        }
     }
 
     /// Lets the heaters and what they heat run for a while, at most a second or so at a time.
     pub fn advance(&mut self, seconds: f32) {
         for heater in &mut self.heaters {
-            heater.advance(self.fan_power, seconds);
+            heater.advance(self.fan_powers[FanOutput::Part.index()], seconds);
+        }
+        for ((pulses, power), is_stuck) in self.fan_pulses.iter_mut().zip(self.fan_powers).zip(self.stuck_fans) {
+            if !is_stuck {
+                let turns = f32::from(power) / 255.0 * FULL_RPM / 60.0 * seconds;
+                // As the count of a chip, and so that no turn is lost in a long print.
+                *pulses = (*pulses + 2.0 * turns) % 65_536.0;
+            }
         }
     }
 
@@ -103,14 +120,14 @@ impl VirtualHeaters {
         self.heaters[heater.index()].power
     }
 
-    /// Power of the part-cooling fan, 0 to 255.
-    pub const fn fan_power(&self) -> u8 {
-        self.fan_power
+    /// Lets a fan stand still whatever its power, or mends it.
+    pub fn set_fan_stuck(&mut self, fan: FanOutput, is_stuck: bool) {
+        self.stuck_fans[fan.index()] = is_stuck;
     }
 
-    /// Whether the hot end's own fan turns.
-    pub const fn hotend_fan(&self) -> bool {
-        self.hotend_fan
+    /// Power of a fan, 0 to 255.
+    pub const fn fan_power(&self, fan: FanOutput) -> u8 {
+        self.fan_powers[fan.index()]
     }
 }
 
@@ -125,12 +142,13 @@ impl ThermalBoard for VirtualHeaters {
 }
 
 impl Fans for VirtualHeaters {
-    fn set_fan_power(&mut self, power: u8) {
-        self.fan_power = power;
+    fn set_fan_power(&mut self, fan: FanOutput, power: u8) {
+        self.fan_powers[fan.index()] = power;
     }
 
-    fn set_hotend_fan(&mut self, on: bool) {
-        self.hotend_fan = on;
+    fn tachometer(&self, fan: FanOutput) -> Option<u16> {
+        // Below 2^16.
+        Some(self.fan_pulses[fan.index()] as u16)
     }
 }
 
@@ -161,8 +179,8 @@ mod tests {
         assert_eq!(read(&mut heaters, Heater::Bed), cold);
         heaters.set_power(Heater::Nozzle, 0.0);
         let mut fanned = heaters.clone();
-        fanned.set_fan_power(255);
-        assert_eq!(fanned.fan_power(), 255);
+        fanned.set_fan_power(FanOutput::Part, 255);
+        assert_eq!(FanOutput::ALL.map(|fan| fanned.fan_power(fan)), [255, 0, 0, 0, 0, 0]);
         heaters.advance(1.0);
         fanned.advance(1.0);
         assert!(fanned.true_celsius(Heater::Nozzle) < heaters.true_celsius(Heater::Nozzle));

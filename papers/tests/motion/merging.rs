@@ -15,7 +15,7 @@ fn plan(geometry: Geometry, moves: &[Move], apart: bool) -> (Planner<Vec<Slot>, 
     let mut player = Player::default();
     for each in moves {
         planner.add(each).unwrap();
-        assert!(!apart || planner.add_fan_power(1));
+        assert!(!apart || planner.add_fan_power(0, 1));
         while !planner.has_room() {
             assert_eq!(advance(&mut planner, &mut player), Progress::Worked);
         }

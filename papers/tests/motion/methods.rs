@@ -224,7 +224,7 @@ proptest! {
         let mut step = Player::default();
         for each in &apart {
             planner.add(each).unwrap();
-            prop_assert!(planner.add_fan_power(1));
+            prop_assert!(planner.add_fan_power(0, 1));
         }
         planner.flush();
         while planner.advance(&mut step) == Progress::Worked {}

@@ -48,7 +48,7 @@ proptest! {
             let corner = Speed::from_mm_per_s(junction.sqrt());
             prop_assert!(ring.push(&block, &BlockStart::after_corner(corner, &block)));
             if markers >> (i % 64) & 1 == 1 {
-                let pushed = ring.push_marker(Marker::FanPower { power: 7 });
+                let pushed = ring.push_marker(Marker::FanPower { fan: 0, power: 7 });
                 prop_assert!(pushed);
             }
         }

@@ -18,8 +18,10 @@ pub enum Recorded {
         /// What the corner and both nominal speeds allow.
         bound: SquaredSpeed,
     },
-    /// The fan changes.
+    /// A fan changes.
     FanPower {
+        /// Which.
+        fan: u8,
         /// Power, 0 to 255.
         power: u8,
     },
@@ -38,8 +40,8 @@ impl Recorder {
         loop {
             let notes = planner.queue.oldest_bound_and_next_entry();
             let released = planner.release_next()?;
-            if let Released::Marker(Marker::FanPower { power }) = released {
-                return Some(Recorded::FanPower { power });
+            if let Released::Marker(Marker::FanPower { fan, power }) = released {
+                return Some(Recorded::FanPower { fan, power });
             }
             // Who plays the job advances by what its commands say.
             let Some(planned) = planner.pass_over(&released) else { continue };

@@ -7,7 +7,7 @@ use ferrostep_hal_shim::card::CardError;
 use super::state::{Job, Selected, Writing, is_a};
 use crate::error::CommandError;
 use crate::paused::PauseReason;
-use crate::ports::{Heating, Motion, Ports, Replies};
+use crate::ports::{Heating, Ports, Replies};
 use crate::printer::{Printer, Source};
 
 impl<P: Ports> Printer<'_, P> {
@@ -236,9 +236,9 @@ impl<P: Ports> Printer<'_, P> {
     /// M524, when the print has noticed it: planned motion ends, and nothing stays hot.
     pub(super) async fn end_aborted_print(&mut self) {
         self.heating.all_off();
-        let _ = self.motion.set_fan_power(0).await;
+        self.commanded_fans_off().await;
         self.replies.send(Reply::Text("//action:cancel"));
-        self.replies.send(Reply::Text("echo:card: the print was ended, heaters and fan are off"));
+        self.replies.send(Reply::Text("echo:card: the print was ended, heaters and fans are off"));
     }
 
     fn report_progress(&self) {

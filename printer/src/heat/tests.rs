@@ -9,6 +9,7 @@ use ferrostep_thermistor::{Thermistor, ThermistorType};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
 use super::*;
+use crate::FanSettings;
 use crate::profile::HeaterWatch;
 
 /// Samples a second.
@@ -61,7 +62,7 @@ impl Rig {
     fn new() -> Self {
         let [nozzle, bed] = Heater::ALL.map(settings);
         let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
-        Self { control: HeatControl::new(nozzle, bed, &mut board), board, samples: 0 }
+        Self { control: HeatControl::new(nozzle, bed, FanSettings::USUAL, &mut board), board, samples: 0 }
     }
 
     /// At its usual target for a while.
@@ -116,7 +117,7 @@ fn heating_up_overshoots_by_less_than_three_degrees_and_stays() {
     for further in [0.0, 10.0] {
         for fan_power in [0, 255] {
             let mut rig = Rig::new();
-            rig.control.set_part_fan_power(fan_power);
+            rig.control.set_fan_demand(FanDemand::part(fan_power));
             let targets = Heater::ALL.map(|heater| usual_target(heater) + further);
             for heater in Heater::ALL {
                 rig.control.set_target(heater, targets[heater.index()]);

@@ -1,6 +1,6 @@
 //! From the planner's entries to the step queue, with the ledger of what was queued.
 
-use ferrostep_hal_shim::{Approach, StepOutput};
+use ferrostep_hal_shim::{Approach, FanOutput, StepOutput};
 use ferrostep_planner::{Notice, StepEntry, StepLedger, StepSink};
 use ferrostep_step_player::DroppedSteps;
 
@@ -27,26 +27,38 @@ pub enum Seeking {
 /// Fan changes that take effect when the entries before them have been played.
 #[derive(Debug, Default)]
 pub struct FanChanges {
-    /// Slots that must have been played, modulo 2^32, and the power from then on.
-    waiting: heapless::Deque<(u32, u8), FAN_CHANGES>,
-    power: u8,
+    /// Slots that must have been played, modulo 2^32, the fan, and its power from then on.
+    waiting: heapless::Deque<(u32, u8, u8), FAN_CHANGES>,
+    powers: [u8; FanOutput::COUNT],
 }
 
 impl FanChanges {
     /// Applies the changes that are due when this many slots have been played, modulo 2^32.
     pub fn advance(&mut self, played: u32) {
-        while let Some(&(due, power)) = self.waiting.front()
+        while let Some(&(due, fan, power)) = self.waiting.front()
             && played.wrapping_sub(due) as i32 >= 0
         {
-            self.power = power;
+            self.set(fan, power);
             self.waiting.pop_front();
         }
     }
 
-    /// Sets the power now, in place of all changes that wait.
-    pub fn set_now(&mut self, power: u8) {
-        self.forget();
-        self.power = power;
+    /// Sets a fan's power now, in place of its changes that wait.
+    pub fn set_now(&mut self, fan: FanOutput, power: u8) {
+        let fan = fan as u8;
+        for _ in 0..self.waiting.len() {
+            if let Some(change) = self.waiting.pop_front().filter(|(_, other, _)| *other != fan) {
+                // There is room: as many were taken.
+                self.waiting.push_back(change).ok();
+            }
+        }
+        self.set(fan, power);
+    }
+
+    fn set(&mut self, fan: u8, power: u8) {
+        if let Some(place) = self.powers.get_mut(usize::from(fan)) {
+            *place = power;
+        }
     }
 
     /// Forgets the changes that wait.
@@ -59,9 +71,9 @@ impl FanChanges {
         self.waiting.is_full()
     }
 
-    /// The power now, 0 to 255.
-    pub fn power(&self) -> u8 {
-        self.power
+    /// The powers now, 0 to 255, by output.
+    pub fn powers(&self) -> [u8; FanOutput::COUNT] {
+        self.powers
     }
 }
 
@@ -74,7 +86,7 @@ pub struct Feeder<Q> {
     pub ledger: StepLedger,
     /// How much motion is in the queue.
     pub timeline: Timeline,
-    /// The fan, which changes with the motion.
+    /// The fans, which change with the motion.
     pub fan: FanChanges,
     /// Tick at which the last move ends.
     pub last_move_end: u64,
@@ -212,10 +224,10 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
                 }
             }
             Notice::BlockEnded { .. } => {}
-            Notice::FanPower { power, .. } => {
-                if self.fan.waiting.push_back((self.queue.queued(), power)).is_err() {
+            Notice::FanPower { fan, power, .. } => {
+                if self.fan.waiting.push_back((self.queue.queued(), fan, power)).is_err() {
                     // There is room whenever the planner advances. If there were none, an early change is better than a lost one.
-                    self.fan.power = power;
+                    self.fan.set(fan, power);
                 }
             }
         }

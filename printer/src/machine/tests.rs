@@ -6,6 +6,7 @@ use core::cell::{Cell, RefCell};
 
 use super::work::MAX_MISSED_UPDATES;
 use super::*;
+use crate::fans::FanSettings;
 use crate::heat::PidGains;
 use crate::profile::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
@@ -78,6 +79,7 @@ pub(crate) fn profile() -> Profile {
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,
         bed: heater,
+        fans: FanSettings::USUAL,
         filament_sensor: None,
         pause: crate::profile::PauseSettings {
             place_10nm: [1_000_000, 19_000_000],
@@ -444,20 +446,21 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
 #[test]
 fn the_fan_changes_between_the_moves_around_it() {
     with_machine(8, |mut machine, mut interrupt| {
-        assert!(machine.add_fan_power(10));
-        assert_eq!(machine.fan_power(), 10);
+        assert!(machine.add_fan_power(FanOutput::Part, 10));
+        assert_eq!(machine.fan_demand().powers, [10, 0, 0, 0, 0, 0]);
+        assert!(machine.add_fan_power(FanOutput::Fan3, 77));
         let _ = machine.add(&travel(1, 0)).unwrap();
-        assert!(machine.add_fan_power(200));
+        assert!(machine.add_fan_power(FanOutput::Part, 200));
         let _ = machine.add(&travel(2, 0)).unwrap();
         machine.flush();
         machine.work(NO_SILENCE);
         let mut before = 0;
-        while machine.fan_power() == 10 {
+        while machine.fan_demand().powers[0] == 10 {
             interrupt.update();
             machine.work(NO_SILENCE);
             before = interrupt.motor_steps()[0];
         }
-        assert_eq!(machine.fan_power(), 200);
+        assert_eq!(machine.fan_demand(), FanDemand { powers: [200, 0, 0, 77, 0, 0], motors_on: true });
         assert!((1..=80).contains(&before), "{before}");
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!(interrupt.motor_steps()[0], 160);

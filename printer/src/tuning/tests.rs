@@ -35,7 +35,7 @@ impl World {
             profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
         });
         let mut heaters = rig.profile.virtual_heaters();
-        let control = HeatControl::new(rig.profile.nozzle, rig.profile.bed, &mut heaters);
+        let control = HeatControl::new(rig.profile.nozzle, rig.profile.bed, rig.profile.fans, &mut heaters);
         let heat = RefCell::new((control, heaters));
         Self { heat, now_ms: Cell::new(0), signals: Signals::new(), texts: RefCell::default(), rig }
     }
@@ -222,7 +222,7 @@ fn an_autotune_reports_its_cycles_and_the_gains_and_sets_them_only_with_u() {
 #[test]
 fn the_bed_is_tuned_without_a_fan() {
     let world = World::new();
-    world.heat.borrow_mut().0.set_part_fan_power(10);
+    world.heat.borrow_mut().0.set_fan_demand(crate::FanDemand::part(10));
     let said = say(&world, "M303 E-1 S60 C3");
     assert!(said.iter().any(|text| text.starts_with("#define DEFAULT_bedKp ")), "{said:?}");
     assert!(said.iter().any(|text| text.starts_with("echo:M304 P")), "{said:?}");

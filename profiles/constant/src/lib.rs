@@ -23,7 +23,7 @@ mod names {
         MotionChoice, PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
-        AxisHoming, DriverTiming, ExtrusionSettings, FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch,
+        AxisHoming, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch,
         HomeEnd::*, HomeSensor::*, PauseSettings, PidGains, Profile, SafeHoming,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};

@@ -5,7 +5,7 @@ mod ordinary;
 mod plant;
 
 use ferrostep_hal_shim::Heater;
-use ferrostep_printer::Profile;
+use ferrostep_printer::{FanDemand, Profile};
 use ferrostep_printer::heat::{HeatControl, HeatFault};
 use ferrostep_profiles::load;
 
@@ -21,7 +21,7 @@ impl Mini {
     fn new(profile: &Profile, nozzle_dead_s: f32, weather: Weather, seed: u64) -> Self {
         let thermistors = [profile.nozzle.thermistor, profile.bed.thermistor];
         let mut plant = Plant::new(thermistors, nozzle_dead_s, weather, seed);
-        Self { control: HeatControl::new(profile.nozzle, profile.bed, &mut plant), plant }
+        Self { control: HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut plant), plant }
     }
 
     fn run(&mut self, seconds: f32) -> Result<(), HeatFault> {
@@ -54,7 +54,7 @@ fn the_nozzle_overshoots_by_less_than_five_degrees() {
                 assert!(highest < 5.0 && settled_s < 180, "{case}");
                 // The fan at full power at once, and off again. The hottest targets are not held with it.
                 for power in [255, 0].into_iter().filter(|_| target <= 240.0) {
-                    mini.control.set_part_fan_power(power);
+                    mini.control.set_fan_demand(FanDemand::part(power));
                     mini.run(240.0).unwrap();
                     let off = mini.plant.celsius[0] - target;
                     assert!(off.abs() < 1.0, "{case}, fan {power}: off by {off}");
@@ -88,7 +88,7 @@ fn a_short_pause_costs_little() {
     for pause_s in [2.0, 4.0, 6.0, 8.0, 10.0, 12.0] {
         let weather = Weather { supply: [0.92; 2], ..Weather::STILL };
         let mut mini = Mini::new(&profile, 5.6, weather, 1);
-        mini.control.set_part_fan_power(128);
+        mini.control.set_fan_demand(FanDemand::part(128));
         mini.control.set_target(Heater::Nozzle, 245.0);
         mini.run(300.0).unwrap();
         mini.control.set_target(Heater::Nozzle, 0.0);

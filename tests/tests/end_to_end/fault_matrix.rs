@@ -2,7 +2,7 @@
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_checked_toml::book;
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_printer::{FilamentSensor, Profile};
 use ferrostep_tests::host_side::numbered;
 use ferrostep_virtual_board::{HeaterFailure, VirtualDelay};
@@ -240,7 +240,7 @@ fn halted(trial: &mut Trial<'_>, is_off: bool) -> String {
     if fault == Fault::EmergencyStop {
         return "halts".to_owned();
     }
-    assert_eq!(machine.heaters().fan_power(), 255, "{fault:?}");
+    assert_eq!(machine.heaters().fan_power(FanOutput::Part), 255, "{fault:?}");
     let error = trial.said.iter().find_map(|line| line.strip_prefix("Error:")?.split_once(','));
     let (error, _) = error.unwrap_or_else(|| panic!("{fault:?}: {:#?}", trial.said));
     format!("halts: {error}")

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_virtual_board::HeaterFailure;
 use serde_json::Value;
 
@@ -127,7 +127,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             for heater in Heater::ALL {
                 assert_eq!(machine.heaters().power(heater), 0.0);
             }
-            assert_eq!(machine.heaters().fan_power(), 255);
+            assert_eq!(machine.heaters().fan_power(FanOutput::Part), 255);
 
             // M999 has no effect while the thermistor is broken; once it is mended, the machine goes on, cold.
             let broken = matches!(failure, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted);

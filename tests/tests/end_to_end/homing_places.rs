@@ -8,7 +8,7 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
@@ -153,7 +153,7 @@ impl Motion for PlacesMotion<'_> {
         Ok(false)
     }
 
-    async fn set_fan_power(&mut self, _: u8) -> Result<(), MotionError> {
+    async fn set_fan_power(&mut self, _: FanOutput, _: u8) -> Result<(), MotionError> {
         Ok(())
     }
 

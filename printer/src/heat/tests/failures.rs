@@ -34,9 +34,9 @@ fn nothing_trips_while_nothing_fails() {
         for target in [usual_target(heater) + 20.0, 40.0, usual_target(heater), 0.0, 25.0, usual_target(heater)] {
             rig.control.set_target(heater, target);
             rig.run(150.0).unwrap();
-            rig.control.set_part_fan_power(255);
+            rig.control.set_fan_demand(FanDemand::part(255));
             rig.run(150.0).unwrap();
-            rig.control.set_part_fan_power(0);
+            rig.control.set_fan_demand(FanDemand::part(0));
         }
         // A day of holding, and a step after a reading that has long been the same.
         for step in [1.0, -1.0, 0.5, -0.5] {
@@ -210,8 +210,7 @@ fn bad_readings_between_good_ones_change_nothing() {
         }
     }
     impl Fans for Sparks {
-        fn set_fan_power(&mut self, _: u8) {}
-        fn set_hotend_fan(&mut self, _: bool) {}
+        fn set_fan_power(&mut self, _: FanOutput, _: u8) {}
     }
     for bad in [[0, 0], [u16::MAX, u16::MAX], [0, u16::MAX], [1, 65_000]] {
         let Rig { control, board, .. } = Rig::new();
@@ -294,8 +293,14 @@ fn m999_ends_no_fault_of_a_heater() {
 }
 
 /// The fans as the board has them: the part's power, and whether the hot end's turns.
+fn of_board(board: &VirtualHeaters) -> (u8, bool) {
+    let hot_end = board.fan_power(FanOutput::HotEnd);
+    assert!([0, 255].contains(&hot_end));
+    (board.fan_power(FanOutput::Part), hot_end > 0)
+}
+
 fn fans(rig: &Rig) -> (u8, bool) {
-    (rig.board.fan_power(), rig.board.hotend_fan())
+    of_board(&rig.board)
 }
 
 /// With a transistor that has failed closed, moving air is all that is left.
@@ -311,14 +316,14 @@ fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
             HeaterFailure::ThermistorFrozen,
         ] {
             let mut rig = Rig::holding(heater);
-            rig.control.set_part_fan_power(51);
+            rig.control.set_fan_demand(FanDemand::part(51));
             rig.sample().unwrap();
             assert_eq!(fans(&rig), (51, heater == Heater::Nozzle));
             rig.control.set_target(heater, usual_target(heater) + 1.0);
             rig.fail(heater, failure).fault_after(600.0);
             assert_eq!(fans(&rig), (255, true), "{heater:?} {failure:?}: in the sample of the fault");
             // Whatever M107 says, and whatever the temperature.
-            rig.control.set_part_fan_power(0);
+            rig.control.set_fan_demand(FanDemand::part(0));
             rig.run(600.0).unwrap();
             assert_eq!(fans(&rig), (255, true), "{heater:?} {failure:?}");
             rig.board.set_failure(heater, None);
@@ -336,17 +341,17 @@ fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
     let [nozzle, bed] = Heater::ALL.map(settings);
     let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
     board.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
-    let mut control = HeatControl::new(nozzle, bed, &mut board);
-    assert!(board.hotend_fan(), "before the first sample");
+    let mut control = HeatControl::new(nozzle, bed, FanSettings::USUAL, &mut board);
+    assert!(of_board(&board).1, "before the first sample");
     assert!(control.update(&mut board).is_err());
-    assert_eq!((board.fan_power(), board.hotend_fan()), (255, true));
+    assert_eq!(of_board(&board), (255, true));
     assert_eq!(control.status(Heater::Nozzle).celsius, 0.0, "too cold to extrude");
     // The plug goes back in: M999, and the first reading says that the nozzle is cold.
     board.set_failure(Heater::Nozzle, None);
     (0..5).for_each(|_| assert!(control.update(&mut board).is_ok()));
     assert_eq!(control.restart(), Ok(()));
     assert!(control.update(&mut board).is_ok());
-    assert_eq!((board.fan_power(), board.hotend_fan()), (0, false));
+    assert_eq!(of_board(&board), (0, false));
     // A sound machine: on at the start, off with the first reading.
     let mut rig = Rig::new();
     assert_eq!(fans(&rig), (0, true));

@@ -3,12 +3,21 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::FanRule;
+
+/// The usual fans, one by command and a controller's.
+const FANS: FanTable = {
+    let mut fans = FanSettings::USUAL;
+    fans[2] = Some(FanSettings { rule: FanRule::Commanded { number: Some(1) }, ..FanSettings::PART });
+    fans[3] = Some(FanSettings { rule: FanRule::Controller { power: 99, idle_s: 9 }, ..FanSettings::PART });
+    fans
+};
 
 /// A board whose readings a test sets.
 struct AnyBoard {
     readings: [u16; 2],
     powers: [f32; 2],
-    fans: (u8, bool),
+    fans: [u8; FanOutput::COUNT],
 }
 
 impl ThermalBoard for AnyBoard {
@@ -21,11 +30,8 @@ impl ThermalBoard for AnyBoard {
 }
 
 impl Fans for AnyBoard {
-    fn set_fan_power(&mut self, power: u8) {
-        self.fans.0 = power;
-    }
-    fn set_hotend_fan(&mut self, on: bool) {
-        self.fans.1 = on;
+    fn set_fan_power(&mut self, fan: FanOutput, power: u8) {
+        self.fans[fan.index()] = power;
     }
 }
 
@@ -68,8 +74,8 @@ proptest! {
         events in prop::collection::vec(event(), 1..60),
     ) {
         let [nozzle, bed] = Heater::ALL.map(settings);
-        let mut board = AnyBoard { readings: start, powers: [9.0; 2], fans: (0, false) };
-        let mut control = HeatControl::new(nozzle, bed, &mut board);
+        let mut board = AnyBoard { readings: start, powers: [9.0; 2], fans: [0; FanOutput::COUNT] };
+        let mut control = HeatControl::new(nozzle, bed, FANS, &mut board);
         prop_assert_eq!(board.powers, [0.0; 2]);
         let mut tripped = false;
         for event in events {
@@ -84,7 +90,7 @@ proptest! {
                         prop_assert!(board.powers.iter().all(|power| (0.0..=1.0).contains(power)));
                         if tripped {
                             prop_assert_eq!(board.powers, [0.0; 2]);
-                            prop_assert_eq!(board.fans, (255, true));
+                            prop_assert_eq!(board.fans, [255, 255, 255, 255, 0, 0], "all that there are");
                         }
                     }
                 }
@@ -113,8 +119,8 @@ proptest! {
     ) {
         let [nozzle, bed] = Heater::ALL.map(settings);
         let room = Heater::ALL.map(|heater| settings(heater).thermistor.reading(22.0));
-        let mut board = AnyBoard { readings: room, powers: [0.0; 2], fans: (0, false) };
-        let mut control = HeatControl::new(nozzle, bed, &mut board);
+        let mut board = AnyBoard { readings: room, powers: [0.0; 2], fans: [0; FanOutput::COUNT] };
+        let mut control = HeatControl::new(nozzle, bed, FANS, &mut board);
         control.set_target(heater, target);
         prop_assert!(control.update(&mut board).is_ok());
         prop_assert!(board.powers[heater.index()] > 0.0);

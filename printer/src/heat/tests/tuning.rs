@@ -50,12 +50,8 @@ impl ThermalBoard for Noisy {
 }
 
 impl Fans for Noisy {
-    fn set_fan_power(&mut self, power: u8) {
-        self.board.set_fan_power(power);
-    }
-
-    fn set_hotend_fan(&mut self, on: bool) {
-        self.board.set_hotend_fan(on);
+    fn set_fan_power(&mut self, fan: FanOutput, power: u8) {
+        self.board.set_fan_power(fan, power);
     }
 }
 
@@ -74,7 +70,7 @@ impl<'a> Bench<'a> {
         (own.mass, own.max_celsius) = (model.mass, if model.heater == Heater::Nozzle { 295.0 } else { 125.0 });
         let [nozzle, bed] = all;
         let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
-        let control = HeatControl::new(nozzle, bed, &mut board);
+        let control = HeatControl::new(nozzle, bed, FanSettings::USUAL, &mut board);
         Self { model, control, board: Noisy { board, deviation, random: 7 }, samples: 0 }
     }
 
@@ -150,7 +146,7 @@ fn use_gains(model: &Model, deviation: f32, gains: PidGains, target: f32) -> Out
     let mut fan = 0.0_f32;
     if has_fan {
         for power in [255, 0] {
-            bench.control.set_part_fan_power(power);
+            bench.control.set_fan_demand(FanDemand::part(power));
             let part = bench.follow(target, 80);
             fan = ends(&part).map(f32::abs).into_iter().fold(fan, f32::max);
             all.extend(part);
@@ -375,12 +371,12 @@ fn a_target_or_an_end_of_all_heat_ends_the_relay() {
 #[test]
 fn the_relay_turns_the_fan_and_gives_it_back() {
     let mut bench = Bench::new(&MODELS[2], 0.0);
-    bench.control.set_part_fan_power(100);
+    bench.control.set_fan_demand(FanDemand::part(100));
     bench.begin_relay();
     let mut powers = Vec::new();
     for _ in 0..200 * SAMPLES_A_S {
         bench.sample().unwrap();
-        powers.push(bench.board.board.fan_power());
+        powers.push(bench.board.board.fan_power(FanOutput::Part));
     }
     assert!(matches!(bench.control.relay(Heater::Nozzle), Some(RelayProgress::Found(_))));
     powers.dedup();

@@ -5,7 +5,7 @@ use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
@@ -217,7 +217,7 @@ impl Motion for RigMotion<'_> {
         Ok(false)
     }
 
-    async fn set_fan_power(&mut self, _: u8) -> Result<(), MotionError> {
+    async fn set_fan_power(&mut self, _: FanOutput, _: u8) -> Result<(), MotionError> {
         Ok(())
     }
 

@@ -8,6 +8,7 @@
 //! ```
 
 use ferrostep_hal_shim::Heater;
+use ferrostep_printer::FanDemand;
 use ferrostep_profiles::load;
 
 use super::Mini;
@@ -121,7 +122,7 @@ impl Life {
 
     fn fan(&mut self, power: f32) {
         self.report.fan_changes += 1;
-        self.mini.control.set_part_fan_power(power as u8);
+        self.mini.control.set_fan_demand(FanDemand::part(power as u8));
     }
 
     /// A print, from cold or from where the one before has ended.

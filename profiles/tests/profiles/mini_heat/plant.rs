@@ -6,7 +6,7 @@
 //! to hold a temperature, of 255: (0.422 d + 0.00027 d^2 (1 - fan)) sqrt(1 + 4 fan), at d degrees above the room. Of the bed
 //! nothing is published: 80 W, and 350 J/K; at full power it does not quite reach 110 C.
 
-use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use ferrostep_thermistor::Thermistor;
 
 /// Parts of the dead time; a sample is a part.
@@ -190,8 +190,9 @@ impl ThermalBoard for Plant {
 }
 
 impl Fans for Plant {
-    fn set_fan_power(&mut self, power: u8) {
-        self.fan = power;
+    fn set_fan_power(&mut self, fan: FanOutput, power: u8) {
+        if fan == FanOutput::Part {
+            self.fan = power;
+        }
     }
-    fn set_hotend_fan(&mut self, _: bool) {}
 }

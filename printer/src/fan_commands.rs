@@ -1,0 +1,101 @@
+//! M106, M107, M123, SET_FAN_SPEED, and the pause when a fan does not turn.
+
+use core::fmt;
+
+use ferrostep_gcode::{AxisWords, Command};
+use ferrostep_hal_shim::{FanOutput, Heater};
+
+use crate::fans::{self, FanRule, FanSettings, FanTable};
+use crate::ports::{Heating, Motion, Ports, Replies};
+use crate::printer::Printer;
+use crate::signals::Signals;
+
+/// What a print does when a fan does not turn: M125.
+pub(crate) static PAUSE: Command<'static> = Command::Pause(AxisWords { x: None, y: None, z: None, e: None });
+
+/// Says that a fan does not turn, and lets the next line of a print pause it. To be called several times a second; `told` is the fan
+/// that was reported last.
+pub fn tell_stalled_fan(
+    told: &mut Option<FanOutput>,
+    table: &FanTable,
+    heating: &impl Heating,
+    signals: &Signals,
+    replies: &impl Replies,
+) {
+    let stalled = heating.stalled_fan();
+    if stalled == *told {
+        return;
+    }
+    *told = stalled;
+    let Some(output) = stalled else { return };
+    if let Some(Some(fan)) = table.get(output.index()) {
+        let rpm = heating.fan(output).rpm.unwrap_or(0);
+        replies.say(format_args!(
+            "echo:fan {}: {rpm} turns a minute at full power, at least {} are expected; a print pauses",
+            fan.name, fan.least_rpm
+        ));
+        signals.note_stalled_fan();
+    }
+}
+
+/// A fan as M123 shows it.
+struct Line<'a>(&'a FanSettings, crate::heat::FanStatus);
+
+impl fmt::Display for Line<'_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(FanSettings { name, .. }, status) = self;
+        match status.rpm {
+            Some(rpm) => write!(out, "{name}:{rpm} RPM {name}@:{}", status.power),
+            None => write!(out, "{name}@:{}", status.power),
+        }
+    }
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// The output of the fan that M106 calls by this P.
+    pub(crate) fn numbered_fan(&self, number: u8) -> Option<FanOutput> {
+        fans::find(&self.profile.fans, |fan| fan.rule == FanRule::Commanded { number: Some(number) })
+    }
+
+    /// The output of the fan with this name that commands may set.
+    pub(crate) fn named_fan(&self, name: &str) -> Option<FanOutput> {
+        let is_commanded = |fan: &FanSettings| matches!(fan.rule, FanRule::Commanded { .. });
+        fans::find(&self.profile.fans, |fan| is_commanded(fan) && fan.name.eq_ignore_ascii_case(name))
+    }
+
+    /// M123: every fan's power, 0 to 255, and its speed where it has a tachometer, as Prusa's firmware writes them.
+    pub(crate) fn report_fans(&self) {
+        for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
+            if let Some(fan) = fan {
+                self.replies.say(format_args!("{}", Line(fan, self.heating.fan(output))));
+            }
+        }
+    }
+
+    /// All fans that commands set are off, after the motion so far.
+    pub(crate) async fn commanded_fans_off(&mut self) {
+        for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
+            if matches!(fan, Some(FanSettings { rule: FanRule::Commanded { .. }, .. })) {
+                // A stop has switched no fan on.
+                let _ = self.motion.set_fan_power(output, 0).await;
+            }
+        }
+    }
+
+    /// Whether a print is to pause because a fan does not turn. Who goes on with the print has seen it: it pauses once for each time
+    /// that a fan stands.
+    #[inline(never)]
+    pub(crate) fn has_stalled_fan(&self) -> bool {
+        self.heating.status(Heater::Nozzle).target_celsius > 0.0 && self.signals.take_stalled_fan()
+    }
+
+    /// Whether the hot end's own fan is one that does not turn: the nozzle must not stay hot while nobody looks.
+    pub(crate) fn is_hot_end_fan_stalled(&self) -> bool {
+        let Some(output) = self.heating.stalled_fan() else { return false };
+        matches!(self.profile.fans.get(output.index()), Some(Some(FanSettings { rule: FanRule::HotEnd, .. })))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

@@ -1,0 +1,116 @@
+//! The fans: their outputs, what makes them turn, and how slow they may be.
+
+use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_hal_shim::FanOutput;
+use ferrostep_printer::{FanRule, FanSettings, FanTable};
+
+const NUMBER: Range = range(0.0, 255.0, "");
+const POWER: Range = range(0.0, 1.0, "of full power");
+const KICK_START: Range = range(0.0, 10.0, "s");
+const IDLE: Range = range(0.0, 3_600.0, "s");
+const SPEED: Range = range(0.0, 30_000.0, "turns/min");
+/// Longest name, bytes.
+const MAX_NAME: usize = 32;
+
+/// What makes a fan turn, before its other keys are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Turns {
+    ByCommand,
+    HotEnd,
+    Controller,
+}
+
+/// 0 to 1 as 0 to 255.
+fn byte(share: f64) -> u8 {
+    (share * 255.0).round() as u8
+}
+
+/// The fans by their outputs.
+pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
+    let sections = keys.named_sections(
+        "fans",
+        "NAME",
+        "`part` and `hotend`, at the outputs of these names",
+        "[fans](fans.md); `part` and `hotend` exist without a table",
+        "a fan of this name, for SET_FAN_SPEED and M123",
+    );
+    let mut table = FanSettings::USUAL;
+    let mut names: [Option<&str>; FanOutput::COUNT] = [None; FanOutput::COUNT];
+    for (name, section) in &sections {
+        let (output, settings) = fan(name, section);
+        let is_name = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_';
+        if name.len() > MAX_NAME || !name.bytes().all(is_name) {
+            keys.refuse(&format!("fans.{name}"), format!("a name of letters, digits and _, at most {MAX_NAME}"));
+        }
+        let (Some(output), index) = (output, output.map_or(0, FanOutput::index)) else { continue };
+        if let Some(other) = names[index].replace(name) {
+            let expected = format!("another output: {} is the fan {other}'s", output.name());
+            section.refuse("output", expected);
+        }
+        table[index] = Some(settings);
+    }
+    for (at, fan) in table.iter().enumerate() {
+        let Some(FanSettings { name, rule: FanRule::Commanded { number: Some(number) }, .. }) = fan else { continue };
+        let is_same = |other: &&FanSettings| other.rule == FanRule::Commanded { number: Some(*number) };
+        if let Some(other) = table.iter().take(at).flatten().find(is_same) {
+            let expected = format!("another number: {number} is the fan {}'s", other.name);
+            keys.refuse(&format!("fans.{name}.number"), expected);
+        }
+    }
+    if !table.iter().flatten().any(|fan| fan.rule == FanRule::HotEnd) {
+        let place = names[FanOutput::HotEnd.index()].unwrap_or("hotend");
+        let expected = "\"hotend\" for one fan: without it the filament melts on its way to the nozzle";
+        keys.refuse(&format!("fans.{place}.turns"), expected);
+    }
+    table
+}
+
+/// A fan and its output; `None` for what is refused.
+fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSettings) {
+    let output = keys
+        .word("output", FanOutput::ALL.map(|output| (output.name(), output)))
+        .optional("the one of that name", "the board's output")
+        .or_else(|| FanOutput::ALL.into_iter().find(|output| output.name() == name));
+    if output.is_none() {
+        keys.refuse("output", "an output of the board: part, hotend or fan2 to fan5");
+    }
+    let usual = if output == Some(FanOutput::HotEnd) { Turns::HotEnd } else { Turns::ByCommand };
+    let turns = keys
+        .word("turns", [("command", Turns::ByCommand), ("hotend", Turns::HotEnd), ("controller", Turns::Controller)])
+        .optional(
+            "`\"hotend\"` at the output `hotend`, else `\"command\"`",
+            "by M106 and SET_FAN_SPEED; above a hot nozzle; or while motors have current or the bed heats",
+        )
+        .unwrap_or(usual);
+    let number = keys
+        .whole("number", NUMBER)
+        .optional("0 for `part`, else none", "P of M106 and M107, of a fan that turns by command")
+        .map(|number| number as u8);
+    let power = keys.number("power", POWER).or(1.0, "power of a controller's fan");
+    let idle_s = keys.number("idle_s", IDLE).or(60.0, "for how long a controller's fan goes on");
+    let settings = FanSettings {
+        name,
+        rule: match turns {
+            Turns::ByCommand if name == "part" => FanRule::Commanded { number: Some(number.unwrap_or(0)) },
+            Turns::ByCommand => FanRule::Commanded { number },
+            Turns::HotEnd => FanRule::HotEnd,
+            Turns::Controller => FanRule::Controller { power: byte(power), idle_s: idle_s.round() as u16 },
+        },
+        kick_start_ms: (keys.number("kick_start_s", KICK_START).or(0.0, "full power for so long when it starts") * 1e3)
+            .round() as u16,
+        least_power: byte(
+            keys.number("least_power", POWER).or(0.0, "what it gets where less is asked for, but not where nothing is"),
+        ),
+        least_rpm: keys
+            .number("least_rpm", SPEED)
+            .or(0.0, "slower than this at full power [a print pauses](fans.md#a-fan-that-does-not-turn); 0 = not looked at")
+            .round() as u16,
+    };
+    if number.is_some() && turns != Turns::ByCommand {
+        keys.refuse("number", "no such key: this fan does not turn by command");
+    }
+    if turns == Turns::Controller && byte(power) == 0 {
+        keys.refuse("power", "above 0: it would never turn");
+    }
+    (output, settings)
+}
