@@ -238,7 +238,10 @@ mod tests {
             (Remark::TooLarge(b'S'), "S is too large and becomes the largest value"),
             (Remark::SecondCommand, "one command a line: the second and everything after it is ignored"),
             (Remark::BareDwell, "without P or S: waits until all motion has ended"),
-            (Remark::OtherFan, "this machine has no such fan (P is its number, S the power; the profile's fans); no effect"),
+            (
+                Remark::OtherFan,
+                "this machine has no such fan (P is its number, S the power; the profile's fans); no effect",
+            ),
             (Remark::NoLetter, "a number without its letter is ignored"),
             (Remark::OtherTool, "T: this machine has one extruder, 0; no effect"),
             (Remark::HostCommand, "a line with @ is for the host; no effect"),

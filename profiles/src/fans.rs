@@ -103,7 +103,10 @@ fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSetting
         ),
         least_rpm: keys
             .number("least_rpm", SPEED)
-            .or(0.0, "slower than this at full power [a print pauses](fans.md#a-fan-that-does-not-turn); 0 = not looked at")
+            .or(
+                0.0,
+                "slower than this at full power [a print pauses](fans.md#a-fan-that-does-not-turn); 0 = not looked at",
+            )
             .round() as u16,
     };
     if number.is_some() && turns != Turns::ByCommand {

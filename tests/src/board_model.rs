@@ -19,10 +19,10 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{Emergency, MotionFigures};
+use ferrostep_hal_shim::FanOutput;
 use ferrostep_papers::Papers;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::machine::{Machine, Silence};
 use ferrostep_printer::{Failure, Printer, Profile};

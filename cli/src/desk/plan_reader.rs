@@ -232,7 +232,13 @@ impl PlanReader {
             extruder_256ths: 0,
             script: is_written.then(Script::default),
         };
-        let plan = Plan { planner, reading, homing_time: HomingTime::default(), enabled_motors: 0, fan_powers: [0; FanOutput::COUNT] };
+        let plan = Plan {
+            planner,
+            reading,
+            homing_time: HomingTime::default(),
+            enabled_motors: 0,
+            fan_powers: [0; FanOutput::COUNT],
+        };
         let factors = LimitFactors::default();
         Self { plan: RefCell::new(plan), factors, time: DeskTime::default(), drivers, passed_tick: Cell::new(0) }
     }

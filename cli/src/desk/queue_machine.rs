@@ -6,8 +6,8 @@ use std::rc::Rc;
 use ferrostep_papers::Papers;
 use ferrostep_planner::StepDigests;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::{FanDemand, Profile};
 use ferrostep_printer::machine::{Machine, Silence};
+use ferrostep_printer::{FanDemand, Profile};
 
 use super::drivers::DeskDrivers;
 use super::figures::{Figures, seconds};

@@ -55,6 +55,9 @@ impl Passed {
                     | Command::FeedPercent(_)
                     | Command::HomeOffset(_)
                     | Command::PrintClock(_)
+                    // The frame has the part-cooling fan only.
+                    | Command::Fan { number: 1.., .. }
+                    | Command::NamedFan { .. }
                     | Command::AutoReportTemperatures { .. }
                     | Command::KeepAlive(Some(_))
                     | Command::IdleTimeout { .. }
@@ -67,7 +70,7 @@ impl Passed {
                     | Command::WaitNozzle(_)
                     | Command::SetBed(_)
                     | Command::WaitBed(_)
-                    | Command::Fan { .. }
+                    | Command::Fan { number: 0, .. }
                     | Command::MaxAcceleration(_)
                     | Command::MaxFeed(_)
                     | Command::Acceleration { .. }
@@ -97,6 +100,7 @@ impl Passed {
                     | Command::Pause(_)
                     | Command::ChangeFilament { .. }
                     | Command::ResumePrint
+                    | Command::ReportFans
                     | Command::FilamentSensor(None)
                     | Command::Autotune { .. }
                     | Command::PromptAnswer(_)

@@ -2,8 +2,8 @@
 
 use core::sync::atomic::AtomicU16;
 
-use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_hal_shim::FanOutput;
+use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4::tachometers::{PulseCounts, Tachometers};
 use ferrostep_stm32f4::{BoardHeaters, CONVERSIONS, PwmClocks};
 

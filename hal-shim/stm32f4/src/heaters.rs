@@ -70,7 +70,10 @@ impl<R: Registers> BoardHeaters<R> {
 
     /// To be called every 10 ms, for pins without a timer.
     pub fn tick(&mut self) {
-        self.heaters.iter_mut().chain(self.fans.iter_mut().flatten()).for_each(|output| output.tick(&mut self.registers));
+        self.heaters
+            .iter_mut()
+            .chain(self.fans.iter_mut().flatten())
+            .for_each(|output| output.tick(&mut self.registers));
     }
 }
 

@@ -28,7 +28,10 @@ fn world() -> World {
 fn fans_are_found_by_number_and_by_name() {
     let world = world();
     let printer = world.printer();
-    assert_eq!([0, 1, 2].map(|number| printer.numbered_fan(number)), [Some(FanOutput::Part), None, Some(FanOutput::Fan2)]);
+    assert_eq!(
+        [0, 1, 2].map(|number| printer.numbered_fan(number)),
+        [Some(FanOutput::Part), None, Some(FanOutput::Fan2)]
+    );
     let by_name = ["part", "Exhaust", "hotend", "board", "exhaus", ""].map(|name| printer.named_fan(name));
     assert_eq!(by_name, [Some(FanOutput::Part), Some(FanOutput::Fan2), None, None, None, None]);
 }

@@ -78,10 +78,8 @@ fn the_hot_end_s_fan_turns_above_a_hot_nozzle() {
 
 #[test]
 fn a_fan_starts_with_a_kick_and_gets_its_least_power() {
-    let mut world = World::new(&[(
-        FanOutput::Part,
-        FanSettings { kick_start_ms: 25, least_power: 40, ..FanSettings::PART },
-    )]);
+    let mut world =
+        World::new(&[(FanOutput::Part, FanSettings { kick_start_ms: 25, least_power: 40, ..FanSettings::PART })]);
     let mut powers = |power: u8, samples| {
         world.demand = FanDemand::part(power);
         world.powers(FanOutput::Part, samples)

@@ -4,6 +4,7 @@
 mod book;
 mod builtin;
 mod error_budget;
+mod fans;
 mod heater_keys;
 mod heaters;
 mod input_shaper;

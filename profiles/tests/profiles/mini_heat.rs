@@ -5,8 +5,8 @@ mod ordinary;
 mod plant;
 
 use ferrostep_hal_shim::Heater;
-use ferrostep_printer::{FanDemand, Profile};
 use ferrostep_printer::heat::{HeatControl, HeatFault};
+use ferrostep_printer::{FanDemand, Profile};
 use ferrostep_profiles::load;
 
 use plant::{Plant, SAMPLE_S, Weather};

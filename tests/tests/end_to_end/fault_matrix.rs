@@ -16,11 +16,12 @@ use crate::hosts::{Conversation, Machine, machine};
 enum Fault {
     Heater(Heater, HeaterFailure),
     FilamentRunsOut,
+    HotEndFanStands,
     HostGoes,
     EmergencyStop,
 }
 
-const FAULTS: [(&str, Fault); 9] = [
+const FAULTS: [(&str, Fault); 10] = [
     ("the nozzle's thermistor breaks", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorOpen)),
     ("the nozzle's thermistor is shorted", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorShorted)),
     ("the nozzle's thermistor falls out", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorFellOut)),
@@ -28,6 +29,7 @@ const FAULTS: [(&str, Fault); 9] = [
     ("the nozzle's heater cannot be switched off", Fault::Heater(Heater::Nozzle, HeaterFailure::StuckOn)),
     ("the bed's thermistor breaks", Fault::Heater(Heater::Bed, HeaterFailure::ThermistorOpen)),
     ("the filament runs out", Fault::FilamentRunsOut),
+    ("the hot end's fan stands", Fault::HotEndFanStands),
     ("the host is gone for 35 minutes", Fault::HostGoes),
     ("M112", Fault::EmergencyStop),
 ];
@@ -93,7 +95,7 @@ struct Trial<'a> {
     /// When the present pause began.
     paused_s: Option<f64>,
     pauses: u32,
-    /// A person mends the filament in this pause.
+    /// A person mends filament and fan in this pause.
     mended_in: u32,
 }
 
@@ -116,6 +118,7 @@ impl Trial<'_> {
             let waited_s = now_s(machine) - *paused_s.get_or_insert_with(|| now_s(machine));
             if waited_s > patience_s && *pauses >= *mended_in {
                 machine.set_filament_out(false);
+                machine.set_fan_stuck(FanOutput::HotEnd, false);
             }
             if waited_s > patience_s + 2.0 {
                 machine.signals().end_wait();
@@ -153,6 +156,7 @@ fn happen(machine: &Machine, fault: Fault, at_s: &mut f64) {
     match fault {
         Fault::Heater(heater, failure) => machine.set_heater_failure(heater, Some(failure)),
         Fault::FilamentRunsOut => machine.set_filament_out(true),
+        Fault::HotEndFanStands => machine.set_fan_stuck(FanOutput::HotEnd, true),
         Fault::HostGoes => {}
         Fault::EmergencyStop => machine.halt(),
     }
@@ -221,8 +225,13 @@ fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
     };
     match (off, trial.count("//action:paused") > own_pauses) {
         (true, _) => format!("switches the heaters off{goes_on}"),
-        (false, true) if at == At::Printing => "pauses to change it".to_owned(),
-        (false, true) => "pauses to change it, with the next line of the print".to_owned(),
+        (false, true) => {
+            let what =
+                if fault == Fault::FilamentRunsOut { "pauses to change it" } else { "pauses, with a cold nozzle" };
+            let when = if at == At::Printing { "" } else { ", with the next line of the print" };
+            format!("{what}{when}")
+        }
+        (false, false) if trial.count("echo:fan hotend: ") > 0 => "is reported".to_owned(),
         (false, false) => "none".to_owned(),
     }
 }
@@ -259,7 +268,7 @@ fn each_fault_at_each_time_is_in_the_book() {
                 Fault::EmergencyStop => true,
                 Fault::Heater(_, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted) => true,
                 Fault::Heater(..) => *at != At::Idle,
-                Fault::FilamentRunsOut | Fault::HostGoes => false,
+                Fault::FilamentRunsOut | Fault::HotEndFanStands | Fault::HostGoes => false,
             };
             assert!(!must_halt || cell.starts_with("halts"), "{name}, {at:?}: {cell}");
         }
