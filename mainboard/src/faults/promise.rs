@@ -226,7 +226,7 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
                 What::GoesOn,
                 2_000,
                 &[],
-                "tachometers are not read; heat does not depend on motion",
+                "heat does not depend on motion; a fan that stands is reported after seconds, and pauses a print",
             )];
             &ROWS
         }

@@ -1,6 +1,7 @@
-//! 1.4: cooling after a fault and after a reset.
+//! 1.4: cooling after a fault and after a reset, and a fan that stands.
 
 use ferrostep_mainboard::chip::Halt;
+use ferrostep_mainboard::parts::fan::FanFault;
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
 use ferrostep_mainboard::run::Turn;
 use rigless::time::VirtualNanos;
@@ -120,4 +121,65 @@ fn the_hot_end_fan_turns_after_a_reset_in_mid_print() {
 #[test]
 fn both_fans_turn_after_a_reset_with_unknown_temperature() {
     cools_within(Event::ResetWithOpenThermistor, 200 * MS);
+}
+
+/// A hot nozzle whose fan stops, or goes on.
+struct HotEndFan {
+    stops: bool,
+    /// The next of the times at which something happens, s.
+    times: std::vec::IntoIter<u64>,
+    next_ns: u64,
+    stopped_ns: u64,
+}
+
+impl HotEndFan {
+    fn new(stops: bool) -> Self {
+        Self { stops, times: vec![9, 17, 18].into_iter(), next_ns: 0, stopped_ns: 0 }
+    }
+}
+
+impl Scenario for HotEndFan {
+    fn turn(&mut self, stage: &mut Stage<'_>) -> Turn {
+        let now_ns = stage.now_ns;
+        if now_ns < self.next_ns || !stage.talk.has_started(1) {
+            return Turn::Continue;
+        }
+        if self.next_ns == 0 {
+            let nozzle = stage.machine.plant.heaters.iter_mut().find(|place| place.name == "nozzle").unwrap();
+            nozzle.heater.set_temperature(now_ns, 200.0);
+            stage.talk.say("M104 S200");
+        } else {
+            stage.talk.say("M123");
+        }
+        if self.next_ns == 9 * S && self.stops {
+            let fan = stage.machine.plant.fans.iter_mut().find(|fan| fan.name == "hotend").unwrap();
+            fan.fan.set_fault(now_ns, Some(FanFault::Stuck));
+            self.stopped_ns = now_ns;
+        }
+        let Some(next_s) = self.times.next() else { return Turn::Stop };
+        self.next_ns = next_s * S;
+        Turn::Continue
+    }
+}
+
+/// What the image says of its fans: how long after the one stopped it reported it, s, and all that was heard.
+fn watched(stops: bool) -> (Option<f64>, String) {
+    let done = run_scenario(&Setting::default(), 25 * S, HotEndFan::new(stops));
+    let (scenario, talk) = (&done.operator.scenario, &done.operator.talk);
+    let reported_ns = talk.heard("echo:fan hotend: ");
+    (reported_ns.map(|reported_ns| reported_ns.saturating_sub(scenario.stopped_ns) as f64 * 1e-9), talk.text())
+}
+
+#[test]
+fn a_hot_end_fan_that_stands_is_reported_and_one_that_turns_is_not() {
+    let (reported_s, text) = watched(true);
+    println!("reported {reported_s:?} s after it stopped\n{text}");
+    assert!(reported_s.is_some_and(|reported_s| (1.0..7.0).contains(&reported_s)), "{reported_s:?}{text}");
+    assert!(text.contains(" turns a minute at full power, at least 1000 are expected"), "{text}");
+    let (reported_s, text) = watched(false);
+    assert_eq!(reported_s, None, "{text}");
+    let speed = |line: &str| line.split("hotend:").nth(1)?.split(' ').next()?.parse::<f64>().ok();
+    let speeds: Vec<f64> = text.lines().filter_map(speed).collect();
+    // The model's fan has 6000 turns a minute.
+    assert!(speeds.len() == 2 && speeds.iter().all(|rpm| (5_900.0..=6_100.0).contains(rpm)), "{speeds:?}{text}");
 }
