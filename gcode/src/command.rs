@@ -275,6 +275,22 @@ pub enum Command<'a> {
     },
     /// M123: powers and speeds of the fans.
     ReportFans,
+    /// M603: what filament changes draw out and push in; without words a query.
+    FilamentLengths {
+        /// U.
+        unload: Option<Decimal>,
+        /// L.
+        load: Option<Decimal>,
+    },
+    /// M701 pushes filament in, M702 draws it out.
+    LoadFilament {
+        /// M701.
+        loads: bool,
+        /// L of M701, U of M702.
+        length: Option<Decimal>,
+        /// Z: by how much the nozzle rises meanwhile.
+        rise: Option<Decimal>,
+    },
     /// M108: end a wait.
     EndWait,
     /// M73: how far the print is; without words a query.

@@ -204,7 +204,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(605), "M605", "how two nozzles work together", NO_TWIN),
     unknown((b'M', 620, 629), "M620 to M629", "filament of an AMS (Bambu)", NO_UNIT),
     unknown((b'M', 665, 666), "M665 and M666", "geometry of a delta", "the profile's kinematics stay"),
-    unknown((b'M', 701, 710), "M701 to M710", "load and unload filament", NO_UNIT),
+    unknown((b'M', 703, 710), "M703 to M710", "filament of a multi-material unit", NO_UNIT),
     unknown((b'M', 800, 801), "M800 and M801", "begin and end of a job", "a job needs no such beginning"),
     unknown(m(808), "M808", "repeat a part of the file", "the part is printed once"),
     accepted(m(862), "M862", "checks of the printer's number, firmware, G-code level and features (M862.1 and M862.3: see above)", "not checked"),

@@ -46,6 +46,11 @@ enum Waiting<'a> {
         uses: bool,
     },
     Pause(PauseReason, PauseWords),
+    LoadFilament {
+        loads: bool,
+        length: Option<Decimal>,
+        rise: Option<Decimal>,
+    },
     ResumePrint,
     MotionChoice {
         interpolation: Option<u8>,
@@ -119,6 +124,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Autotune { heater, target, cycles, uses } => self.autotune(heater, target, cycles, uses).await?,
             Waiting::Fan { output, power } => self.motion.set_fan_power(output, power).await?,
             Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
+            Waiting::LoadFilament { loads, length, rise } => self.load_filament(loads, length, rise).await?,
             Waiting::ResumePrint => self.start_print(None).await?,
             Waiting::MotionChoice { interpolation, acceleration } => {
                 self.choose_motion(interpolation, acceleration).await?;
@@ -277,6 +283,10 @@ impl<P: Ports> Printer<'_, P> {
             Command::Pause(park) => return pause(PauseReason::Pause, PauseWords { park, ..PauseWords::default() }),
             Command::ChangeFilament { park, unload, load } => {
                 return pause(PauseReason::FilamentChange, PauseWords { park, unload, load, longest_ms: None });
+            }
+            Command::FilamentLengths { unload, load } => self.filament_lengths(unload, load)?,
+            Command::LoadFilament { loads, length, rise } => {
+                return waiting(Waiting::LoadFilament { loads, length, rise });
             }
             Command::MotionChoice { interpolation, acceleration } => {
                 return waiting(Waiting::MotionChoice { interpolation, acceleration });

@@ -4,7 +4,7 @@
 //! (M0, M600, ...) do all of it before their `ok`, because until then a host sends no more of its print; a reader that can wait
 //! by itself looks at [`Printer::is_paused`].
 
-use ferrostep_gcode::{AxisWords, Decimal, Reply};
+use ferrostep_gcode::{AxisWords, Decimal, Real, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Move, filament_100pm};
 
@@ -184,14 +184,67 @@ impl<P: Ports> Printer<'_, P> {
 
     /// How much filament is drawn out, and pushed in, units of 0.1 nm.
     fn filament_to_change_100pm(&self, words: &PauseWords) -> Result<[i64; 2], CommandError> {
-        let PauseSettings { unload_10nm, load_10nm, .. } = self.profile.pause;
-        let length_100pm = |letter, word: Option<Decimal>, otherwise_10nm| {
-            let word = word.map(|value| Decimal::from_nanos(value.nanos().saturating_abs()));
-            let length_10nm = self.length_within_10nm(letter, word, [0, PauseSettings::MAX_FILAMENT_10NM])?;
-            let length_100pm = filament_100pm(length_10nm.unwrap_or(otherwise_10nm), 100);
+        let [unload_10nm, load_10nm] = self.filament_lengths_10nm(words.unload, words.load)?;
+        let length_100pm = |length_10nm| {
+            let length_100pm = filament_100pm(length_10nm, 100);
             self.interpreter.check_filament(length_100pm).map(|()| length_100pm)
         };
-        Ok([length_100pm('U', words.unload, unload_10nm)?, length_100pm('L', words.load, load_10nm)?])
+        Ok([length_100pm(unload_10nm)?, length_100pm(load_10nm)?])
+    }
+
+    /// The words U and L, whose signs say nothing, or what M603 and the profile say, units of 10 nm.
+    fn filament_lengths_10nm(&self, unload: Option<Decimal>, load: Option<Decimal>) -> Result<[i64; 2], CommandError> {
+        let length_10nm = |letter, word: Option<Decimal>| {
+            let word = word.map(|value| Decimal::from_nanos(value.nanos().saturating_abs()));
+            self.length_within_10nm(letter, word, [0, PauseSettings::MAX_FILAMENT_10NM])
+        };
+        let [unload_10nm, load_10nm] = self.filament_10nm;
+        Ok([length_10nm('U', unload)?.unwrap_or(unload_10nm), length_10nm('L', load)?.unwrap_or(load_10nm)])
+    }
+
+    /// M603; without words a query.
+    pub(crate) fn filament_lengths(
+        &mut self,
+        unload: Option<Decimal>,
+        load: Option<Decimal>,
+    ) -> Result<(), CommandError> {
+        if unload.is_none() && load.is_none() {
+            let [unload_mm, load_mm] = self.filament_10nm.map(|length| Real::short(length as f64 / MM as f64, 5));
+            self.replies.say(format_args!("echo:M603 U{unload_mm} L{load_mm}"));
+            return Ok(());
+        }
+        self.filament_10nm = self.filament_lengths_10nm(unload, load)?;
+        Ok(())
+    }
+
+    /// M701 and M702: pushes filament in, or draws it out, where the nozzle stands, or `rise` above.
+    pub(crate) async fn load_filament(
+        &mut self,
+        loads: bool,
+        length: Option<Decimal>,
+        rise: Option<Decimal>,
+    ) -> Result<(), CommandError> {
+        let words = if loads {
+            PauseWords { load: length, ..PauseWords::default() }
+        } else {
+            PauseWords { unload: length, ..PauseWords::default() }
+        };
+        let [unload_100pm, load_100pm] = self.filament_to_change_100pm(&words)?;
+        let rise_10nm = self.length_within_10nm('Z', rise, [0, PauseSettings::MAX_RISE_10NM])?.unwrap_or(0);
+        let filament_100pm = if loads { load_100pm } else { -unload_100pm };
+        if filament_100pm == 0 {
+            let letter = if loads { 'L' } else { 'U' };
+            self.replies.say(format_args!("echo:no filament moves: give a length ({letter}, or M603 {letter})"));
+            return Ok(());
+        }
+        self.check_extrusion_temperature()?;
+        self.motion.finish().await?;
+        let [x, y, z] = self.motion.position_10nm();
+        if self.interpreter.modal.homed[2] && rise_10nm > 0 {
+            self.go([x, y, (z + rise_10nm).min(self.profile.size_10nm[2]).max(z)]).await?;
+        }
+        self.move_filament(filament_100pm, self.profile.pause.filament_10nm_per_s).await?;
+        self.go([x, y, z]).await
     }
 
     /// A word's length, units of 10 nm, which must lie between two others.

@@ -98,6 +98,8 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) told_halted: bool,
     /// A print pauses when its filament has run out (M412).
     pub(crate) pauses_at_runout: bool,
+    /// What a filament change draws out and pushes in, units of 10 nm (M603).
+    pub(crate) filament_10nm: [i64; 2],
     /// What changes with the height (TUNING_TOWER).
     pub(crate) tower: Option<Tower>,
     pub(crate) print_clock: PrintClock,
@@ -138,6 +140,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             targets_celsius: [0.0; 2],
             told_halted: false,
             pauses_at_runout: profile.filament_sensor.is_some(),
+            filament_10nm: profile.pause.filament_10nm(),
             tower: None,
             print_clock: PrintClock::new(),
             is_in_macro: false,

@@ -180,6 +180,11 @@ impl PauseSettings {
 
     /// The most filament that is drawn out or pushed in, units of 10 nm: 2 m.
     pub const MAX_FILAMENT_10NM: i64 = 200_000_000;
+
+    /// What a filament change draws out and pushes in, units of 10 nm.
+    pub const fn filament_10nm(&self) -> [i64; 2] {
+        [self.unload_10nm, self.load_10nm]
+    }
 }
 
 /// A sensor that sees whether there is filament.

@@ -1,8 +1,9 @@
 //! M500 to M504: settings that survive the power.
 //!
-//! A memory keeps the values that differ from the profile's ([`values::GROUPS`]): where a new image brings a better profile, that one's
+//! A memory keeps the values that differ from the profile's ([`groups::GROUPS`]): where a new image brings a better profile, that one's
 //! values come into force wherever no others were set.
 
+mod groups;
 mod values;
 
 use core::fmt;
@@ -17,7 +18,8 @@ use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
 use crate::print_clock::Statistics;
 use crate::printer::Printer;
 
-use values::{GROUPS, Group, Setting, Shown, Values, advance_numbers};
+use groups::{GROUPS, Group, Setting, Shown};
+use values::{Values, advance_numbers};
 
 /// What a look at the memory has found.
 struct Stored {
@@ -191,6 +193,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             retraction: modal.retraction,
             home_offset_10nm: modal.home_offset_10nm,
             probe_offset_10nm: self.has_probe().then_some(modal.probe_offset_10nm),
+            filament_10nm: self.filament_10nm,
             shapers,
             advance: advance_numbers(&pressure_advance),
             drivers,
@@ -442,6 +445,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.motion.set_limits(values.limits);
         self.interpreter.modal.retraction = values.retraction;
         self.interpreter.modal.set_home_offset(values.home_offset_10nm);
+        self.filament_10nm = values.filament_10nm;
         if let Some(offset_10nm) = values.probe_offset_10nm {
             self.interpreter.modal.probe_offset_10nm = offset_10nm;
         }

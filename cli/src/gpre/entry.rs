@@ -53,6 +53,7 @@ impl Passed {
                     | Command::AdaptiveExtrusion { .. }
                     // What B has kept is in no frame; what S has set is set again by the frame.
                     | Command::FeedPercent(_)
+                    | Command::FilamentLengths { .. }
                     | Command::HomeOffset(_)
                     | Command::PrintClock(_)
                     // The frame has the part-cooling fan only.
@@ -99,6 +100,7 @@ impl Passed {
                     | Command::Stop { .. }
                     | Command::Pause(_)
                     | Command::ChangeFilament { .. }
+                    | Command::LoadFilament { .. }
                     | Command::ResumePrint
                     | Command::ReportFans
                     | Command::FilamentSensor(None)

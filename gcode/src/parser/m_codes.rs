@@ -45,6 +45,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         0 | 1 => stop(code, remarks),
         602 => code.without_words(Command::ResumePrint, remarks),
         125 | 600 | 601 => pause(code, remarks),
+        603 => {
+            let mut words = code.words(remarks)?;
+            Ok(Command::FilamentLengths { unload: words.value(b'U'), load: words.value(b'L') })
+        }
+        701 | 702 => load_filament(code, remarks),
         // With P it waits for a pin, of which this machine has none to name.
         226 if code.words(&mut Remarks::default())?.has(b'P') => Ok(code.unknown()),
         226 => pause(code, remarks),
@@ -350,6 +355,14 @@ fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     }
     // Marlin's words, with either sign.
     Ok(Command::ChangeFilament { park, unload: words.value(b'U'), load: words.value(b'L') })
+}
+
+/// M701 and M702.
+fn load_filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let loads = code.number == 701;
+    let mut words = code.words(remarks)?;
+    let length = words.value(if loads { b'L' } else { b'U' });
+    Ok(Command::LoadFilament { loads, length, rise: words.value(b'Z') })
 }
 
 /// M569. With P it is the M569 of another firmware, which sets a driver's direction by its number.

@@ -160,6 +160,10 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         ),
         Command::Stop { longest_ms } => (0, given([('P', longest_ms.map(|milliseconds| whole(milliseconds as i64)))])),
         Command::Pause(park) => (601, axes(park)),
+        Command::ReportFans => (123, vec![]),
+        Command::FilamentLengths { unload, load } => (603, given([('U', unload), ('L', load)])),
+        Command::LoadFilament { loads: true, length, rise } => (701, given([('L', length), ('Z', rise)])),
+        Command::LoadFilament { loads: false, length, rise } => (702, given([('U', length), ('Z', rise)])),
         Command::ChangeFilament { park, unload, load } => {
             (600, [axes(park), given([('U', unload), ('L', load)])].concat())
         }
@@ -460,6 +464,13 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             unload,
             load
         }),
+        (of(any_number()), of(any_number())).prop_map(|(unload, load)| Command::FilamentLengths { unload, load }),
+        (any::<bool>(), of(any_number()), of(any_number())).prop_map(|(loads, length, rise)| Command::LoadFilament {
+            loads,
+            length,
+            rise
+        }),
+        Just(Command::ReportFans),
         Just(Command::ResumePrint),
         any::<u8>().prop_map(Command::PromptAnswer),
         any_stealth_chop(),

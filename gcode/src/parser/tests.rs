@@ -358,6 +358,12 @@ fn pauses() {
     reads_with("M601 U5", Command::Pause(AxisWords::default()), "U has no effect");
     assert_eq!(refused("M601 Z-5"), "Z: -5 is out of range, expected 0 or more");
     assert_eq!(parse("M226 P2 S1"), Ok(Command::Unknown("M226 P2 S1")));
+    reads("M603", Command::FilamentLengths { unload: None, load: None });
+    reads("M603 U400 L50.5", Command::FilamentLengths { unload: some("400"), load: some("50.5") });
+    let filament = |loads, length, rise| Command::LoadFilament { loads, length, rise };
+    reads("M701", filament(true, None, None));
+    reads("M702 U-300 Z5", filament(false, some("-300"), some("5")));
+    reads_with("M701 U5 L6", filament(true, some("6"), None), "U has no effect");
     reads("M602", Command::ResumePrint);
     reads("M876 S0", Command::PromptAnswer(0));
     reads("M876 P1", Command::Accepted);

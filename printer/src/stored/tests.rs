@@ -5,7 +5,8 @@ use core::cell::{Cell, RefCell};
 use ferrostep_settings::{Entry, MemoryFlash, RecordWriter, Slot, Store, StoreError, id_of};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
-use super::values::{GROUPS, Values};
+use super::groups::GROUPS;
+use super::values::Values;
 use crate::homing::tests::rig::{MM, Rig, RigPrinter, execute};
 use crate::ports::{MotorDrivers, SettingsMemory};
 use crate::print_clock::Statistics;
@@ -122,13 +123,14 @@ fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
 }
 
 /// Commands that change every setting to a value that the profile does not have.
-const CHANGES: [&str; 18] = [
+const CHANGES: [&str; 19] = [
     "M203 X111 Y112.5 Z13.25 E14.123456",
     "M201 X1111 Y1112 Z113 E1114",
     "M204 P1234 R2345 T3456",
     "M205 J0.012345 Z1.25 E3.5",
     "M207 S1.5 F1000 Z0.3",
     "M208 S-0.25 F1234",
+    "M603 U412.5 L50.25",
     "M593 X P\"mzv\" F52.8 D0.06",
     "M593 Y P\"mzv(5,1.999)\" F37 D0.123456",
     "M572 S0.0456 W0.03 L0.02 T4.5",
@@ -182,6 +184,7 @@ fn reported_lines_work_when_sent_back() {
             "M205 J0.012345 Z1.25 E3.50",
             "M207 S1.50 F999.9996 Z0.30",
             "M208 S-0.25 F1233.9996",
+            "M603 U412.50 L50.25",
             "M593 X P\"mzv\" F52.80 D0.06",
             "M593 Y P\"mzv(5,1.999)\" F37.00 D0.123456",
             "M572 S0.0456 W0.03 L0.02 T4.50",
@@ -218,7 +221,7 @@ fn a_machine_without_probe_and_drivers_reports_what_it_has() {
     let codes: Vec<&str> = lines.iter().filter_map(|line| line["echo:  ".len()..].split(' ').next()).collect();
     assert_eq!(
         codes,
-        ["G21", "M203", "M201", "M204", "M205", "M207", "M208", "M593", "M593", "M572", "M206", "M301", "M304"]
+        ["G21", "M203", "M201", "M204", "M205", "M207", "M208", "M603", "M593", "M593", "M572", "M206", "M301", "M304"]
     );
     let before = printer.live_values();
     for line in &lines {
@@ -234,7 +237,7 @@ fn settings_survive_the_power() {
     let mut before = printer(&rig_before, &bank, Some(&memory));
     let values = changed(&rig_before, &mut before);
     let said = says(&rig_before, &mut before, "M500");
-    assert_eq!(said, ["echo:Settings Stored (586 bytes: 53 values that differ from the profile's)"]);
+    assert_eq!(said, ["echo:Settings Stored (608 bytes: 55 values that differ from the profile's)"]);
     // Switched off and on.
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
@@ -441,6 +444,8 @@ fn names_are_distinct_and_stay() {
         "nozzle.fan_gain",
         "nozzle.integral",
         "nozzle.proportional",
+        "pause.load_mm",
+        "pause.unload_mm",
         "pressure_advance.above.filament_mm_per_s",
         "pressure_advance.above.seconds",
         "pressure_advance.seconds",

@@ -106,6 +106,40 @@ fn a_filament_change_goes_aside_waits_and_goes_back() {
 }
 
 #[test]
+fn filament_is_drawn_out_and_pushed_in_by_the_lengths_of_m603() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    let before = (print.conversation.position_mm(), machine.desk().motor_steps());
+    let says = print.say("M702");
+    assert!(says[0].contains("no filament moves: give a length (U, or M603 U)"), "{says:?}");
+    assert_eq!(print.say("M603 U400 L50.5"), ["ok"]);
+    assert_eq!(print.say("M603"), ["echo:M603 U400 L50.5", "ok"]);
+    let mut moved_mm = |line: &str| {
+        let [.., from] = machine.desk().motor_steps();
+        print.say(line);
+        let [x, y, z, e] = machine.desk().motor_steps();
+        assert_eq!(
+            ([x, y, z], print.conversation.position_mm()),
+            ([before.1[0], before.1[1], before.1[2]], before.0),
+            "{line}"
+        );
+        (e - from) as f64 / 95.0
+    };
+    let near = |found: f64, expected: f64| assert!((found - expected).abs() < 0.02, "{found} for {expected}");
+    near(moved_mm("M702"), -400.0);
+    near(moved_mm("M701"), 50.5);
+    near(moved_mm("M702 U-20 Z10"), -20.0);
+    near(moved_mm("M701 L33 Z3"), 33.0);
+    // Nothing is set by a word out of range, and cold filament does not move.
+    let says = print.say("M603 U5 L2001");
+    assert!(says[0].contains("L: 2001 is out of range, expected 0 to 2000"), "{says:?}");
+    assert_eq!(print.say("M603")[0], "echo:M603 U400 L50.5");
+    print.say("M109 R40");
+    let says = print.say("M701");
+    assert!(says[0].contains("cold"), "{says:?}");
+}
+
+#[test]
 fn m0_waits_where_it_is_until_it_is_answered_or_its_time_is_over() {
     let machine = machine(&profile("cartesian"));
     let mut print = Print::begun(&machine);
