@@ -266,11 +266,11 @@ pub enum Command<'a> {
         /// Power, 0 to 255.
         power: u8,
     },
-    /// SET_FAN_SPEED.
+    /// SET_FAN_SPEED, SET_PIN: a fan, or what else a fan's output switches.
     NamedFan {
-        /// FAN.
+        /// FAN, PIN.
         name: &'a str,
-        /// SPEED as 0 to 255.
+        /// SPEED, VALUE as 0 to 255.
         power: u8,
     },
     /// M123: powers and speeds of the fans.

@@ -221,7 +221,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     accepted(named(2), "START_PRINT, PRINT_START", "a macro that homes and heats (Klipper)", "nothing is homed and nothing heats: write G28, M190 and M109 into the slicer's start code"),
     accepted(named(3), "END_PRINT, PRINT_END", "a macro that switches off (Klipper)", "heaters, fan and motors stay on: write M104 S0, M140 S0, M107 and M84 into the slicer's end code"),
     accepted(named(4), "Z_TILT_ADJUST, QUAD_GANTRY_LEVEL", "align several Z motors (Klipper)", "there is one Z motor"),
-    accepted(named(5), "SET_PIN, SET_LED", "other outputs (Klipper)", NO_OUTPUT),
+    accepted(named(5), "SET_LED", "colour of a light (Klipper)", NO_OUTPUT),
     accepted(named(6), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
     accepted(named(7), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
     refused(named(8), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),

@@ -136,7 +136,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 11] = [
+const EXECUTED: [(&str, &str); 12] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
@@ -150,6 +150,7 @@ const EXECUTED: [(&str, &str); 11] = [
     ("TURN_OFF_HEATERS", ""),
     ("TUNING_TOWER", tower::FORM),
     ("SET_FAN_SPEED", "FAN with a name, and SPEED with a number from 0 to 1"),
+    ("SET_PIN", "PIN with a name, and VALUE with a number from 0 to 1"),
     ("PAUSE", ""),
     ("RESUME", ""),
 ];
@@ -182,23 +183,28 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         5 => pressure_advance(&words, remarks)?,
         6 => Command::HeatersOff,
         7 => Command::Tower(tower::parse(&words)?),
-        8 => fan(&words)?,
-        9 => Command::Pause(AxisWords::default()),
+        8 => fan(&words, "FAN", "SPEED", remarks)?,
+        9 => fan(&words, "PIN", "VALUE", remarks)?,
+        10 => Command::Pause(AxisWords::default()),
         _ => Command::ResumePrint,
     })
 }
 
-/// SET_FAN_SPEED.
+/// SET_FAN_SPEED and SET_PIN. Klipper's pins may have another full value than 1 (`scale`): more is full power, with a remark.
 #[inline(never)]
-fn fan<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
-    let (name, speed) = (words.value_text("FAN"), words.number("SPEED")?);
+fn fan<'a>(words: &NamedWords<'a>, name: &str, value: &str, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let (name, speed) = (words.value_text(name), words.number(value)?);
     let (Some(name), Some(speed)) = (name.filter(|name| !name.is_empty()), speed) else { return Err(words.expected()) };
     // A share of full power.
     let power = match speed.nanos() {
-        nanos @ 0..=ONE => (nanos * 255 + ONE / 2) / ONE,
-        _ => return Err(words.expected()),
+        ..0 => return Err(words.expected()),
+        nanos @ ..=ONE => ((nanos * 255 + ONE / 2) / ONE) as u8,
+        _ => {
+            remarks.add(Remark::TooLarge(value.as_bytes().first().copied().unwrap_or(b'S')));
+            u8::MAX
+        }
     };
-    Ok(Command::NamedFan { name, power: power as u8 })
+    Ok(Command::NamedFan { name, power })
 }
 
 /// TEMPERATURE_WAIT.

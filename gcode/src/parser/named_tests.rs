@@ -29,6 +29,11 @@ fn limits_heat_layers_and_pauses_are_executed() {
     reads("TURN_OFF_HEATERS", Command::HeatersOff);
     reads("SET_PRINT_STATS_INFO TOTAL_LAYER=50", Command::Layer { current: None, total: Some(50) });
     reads("SET_PRINT_STATS_INFO CURRENT_LAYER=3", Command::Layer { current: Some(3), total: None });
+    let fan = |name, power| Command::NamedFan { name, power };
+    reads("SET_FAN_SPEED FAN=exhaust SPEED=0.5", fan("exhaust", 128));
+    reads("SET_FAN_SPEED SPEED=1 FAN=Part", fan("Part", 255));
+    reads("SET_PIN PIN=light VALUE=0", fan("light", 0));
+    reads_with("SET_PIN PIN=light VALUE=200", fan("light", 255), "V is too large and becomes the largest value");
     reads("PAUSE", Command::Pause(AxisWords::default()));
     reads("Resume", Command::ResumePrint);
 }
@@ -46,6 +51,9 @@ fn what_is_missing_or_malformed_is_refused() {
             "HEATER=extruder or heater_bed, and TARGET with a number",
         ),
         ("TEMPERATURE_WAIT SENSOR=extruder", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
+        ("SET_FAN_SPEED SPEED=1", "FAN with a name, and SPEED with a number from 0 to 1"),
+        ("SET_FAN_SPEED FAN=a SPEED=-0.1", "FAN with a name, and SPEED with a number from 0 to 1"),
+        ("SET_PIN PIN=light", "PIN with a name, and VALUE with a number from 0 to 1"),
         ("SET_PRINT_STATS_INFO CURRENT_LAYER=-1", "TOTAL_LAYER or CURRENT_LAYER with a number"),
     ] {
         let command = text.split(' ').next().unwrap();

@@ -3,11 +3,12 @@
 use std::cell::RefCell;
 use std::io::Read;
 
-use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS};
+use ferrostep::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, MotionState};
 use ferrostep::gpre;
 use ferrostep::job::{self, JobError, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
+use ferrostep_hal_shim::FanOutput;
 use ferrostep_planner::StepObserver;
 use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
 use ferrostep_printer::{Profile, Tally};
@@ -30,6 +31,8 @@ pub struct Ended {
     pub logical_10nm: [i64; 4],
     /// Counts of the printer.
     pub tally: Tally,
+    /// What fans have been asked for, 0 to 255, by output.
+    pub fan_powers: [u8; FanOutput::COUNT],
     /// Lines for a person.
     pub notices: Vec<String>,
     /// The trace, as a file would hold it.
@@ -97,9 +100,10 @@ fn run_either(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace
         (outcome, printer.tally(), printer.logical_10nm())
     };
     let figures = session.figures();
+    let fan_powers = session.desk().state().fan_demand().powers;
     let trace = session.into_observer().bytes;
     let notices = notices.take();
-    Ended { outcome, lines: progress.lines, figures, logical_10nm, tally, notices, trace }
+    Ended { outcome, lines: progress.lines, figures, logical_10nm, tally, fan_powers, notices, trace }
 }
 
 /// The trace format in memory, written from its definition.

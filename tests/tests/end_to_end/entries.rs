@@ -32,7 +32,7 @@ fn starts(job: &[u8]) -> Vec<FrameState> {
 }
 
 /// The frames after the first at which a job can be entered.
-fn entries(job: &[u8]) -> Vec<(u32, FrameState)> {
+pub fn entries(job: &[u8]) -> Vec<(u32, FrameState)> {
     (0..).zip(starts(job)).skip(1).filter(|(_, start)| start.can_be_entered).collect()
 }
 

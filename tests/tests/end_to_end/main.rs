@@ -15,6 +15,7 @@ mod entries;
 mod estimates;
 mod exactness;
 mod extrusion;
+mod fans;
 mod fault_matrix;
 mod hazards;
 mod heater_faults;

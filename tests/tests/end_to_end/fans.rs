@@ -1,0 +1,70 @@
+//! Fans by number and by name, in prints and prepared jobs.
+
+use ferrostep_gpre::Encoding;
+use ferrostep_hal_shim::FanOutput;
+use ferrostep_printer::Profile;
+use ferrostep_profiles::{builtin_text, parse};
+
+use crate::desk::{rehearse_from, rehearse_traced};
+use crate::entries::entries;
+use crate::hosts::{Conversation, Machine, machine};
+use crate::prepared::prepared;
+
+const FANS: &str = "\n[fans.exhaust]\noutput = \"fan2\"\nnumber = 2\n[fans.electronics]\noutput = \"fan5\"\n\
+                    turns = \"controller\"\npower = 0.5\n[fans.light]\noutput = \"fan3\"\n";
+
+fn with_fans() -> Profile {
+    parse(&format!("{}{FANS}", builtin_text("cartesian").unwrap()), "fans.toml").unwrap()
+}
+
+fn powers(machine: &Machine) -> [u8; FanOutput::COUNT] {
+    FanOutput::ALL.map(|fan| machine.heaters().fan_power(fan))
+}
+
+#[test]
+fn each_fan_turns_as_its_rule_says_and_with_the_motion() {
+    let machine = machine(&with_fans());
+    let mut conversation = Conversation::new(&machine);
+    let mut say = |line: &str| {
+        let replies = conversation.say(line);
+        assert_eq!(replies.last().map(String::as_str), Some("ok"), "{line}: {replies:?}");
+        powers(&machine)
+    };
+    say("G4 P100");
+    assert_eq!(powers(&machine), [0; 6]);
+    say("G28");
+    say("M106 P2 S100");
+    say("SET_PIN PIN=light VALUE=1");
+    say("G4 P100");
+    assert_eq!(powers(&machine), [0, 0, 100, 255, 0, 128], "motors are on");
+    // Ten seconds of motion, then the exhaust stops: not before.
+    say("G1 X100 F600");
+    say("M107 P2");
+    say("SET_FAN_SPEED FAN=part SPEED=0.2");
+    assert_eq!(powers(&machine), [0, 0, 100, 255, 0, 128]);
+    say("M400");
+    say("G4 P100");
+    assert_eq!(powers(&machine), [51, 0, 0, 255, 0, 128]);
+    say("M104 S210");
+    say("M84");
+    say("G4 S70");
+    assert_eq!(powers(&machine), [51, 255, 0, 255, 0, 0], "the electronics' fan has gone on for a minute");
+}
+
+#[test]
+fn a_prepared_job_sets_every_fan_also_when_it_is_entered() {
+    let profile = with_fans();
+    let mut text = "M302 P1\nG28\nM83\nM106 P2 S77\nM106 S40\nSET_PIN PIN=light VALUE=0.2\n".to_owned();
+    for line in 0..6000 {
+        let [x, y] = [50 + line % 7 * 10, 50 + line % 5 * 10];
+        text += &format!("G1 X{x} Y{y} E0.1 F3000\n");
+    }
+    let printed = rehearse_traced(&profile, &mut text.as_bytes());
+    assert_eq!(printed.fan_powers, [40, 0, 77, 51, 0, 0]);
+    let job = prepared(&profile, text.as_bytes(), Encoding::Compact).unwrap();
+    let whole = rehearse_from(&profile, 0, &mut &job[..]);
+    assert_eq!((whole.fan_powers, whole.figures.motor_steps), (printed.fan_powers, printed.figures.motor_steps));
+    let (frame, _) = *entries(&job).last().unwrap();
+    assert!(frame > 0);
+    assert_eq!(rehearse_from(&profile, frame, &mut &job[..]).fan_powers, printed.fan_powers);
+}
