@@ -357,10 +357,15 @@ fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     Ok(Command::ChangeFilament { park, unload: words.value(b'U'), load: words.value(b'L') })
 }
 
-/// M701 and M702.
+/// M701 and M702. `M702 C`, at the end of prints for Prusa's MK3, unloads where there is a multi-material unit, and nothing without one.
 fn load_filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let loads = code.number == 701;
     let mut words = code.words(remarks)?;
+    if !loads && words.has(b'C') {
+        words.forgive();
+        words.remark(Remark::NoEffect(b'C'));
+        return Ok(Command::Accepted);
+    }
     let length = words.value(if loads { b'L' } else { b'U' });
     Ok(Command::LoadFilament { loads, length, rise: words.value(b'Z') })
 }

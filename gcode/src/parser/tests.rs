@@ -363,6 +363,7 @@ fn pauses() {
     let filament = |loads, length, rise| Command::LoadFilament { loads, length, rise };
     reads("M701", filament(true, None, None));
     reads("M702 U-300 Z5", filament(false, some("-300"), some("5")));
+    reads_with("M702 C", Command::Accepted, "C has no effect");
     reads_with("M701 U5 L6", filament(true, some("6"), None), "U has no effect");
     reads("M602", Command::ResumePrint);
     reads("M876 S0", Command::PromptAnswer(0));
