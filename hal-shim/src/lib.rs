@@ -3,8 +3,10 @@
 //! embedded-hal's traits are used where they exist: waits are `embedded_hal_async::delay::DelayNs`.
 #![cfg_attr(not(test), no_std)]
 
+mod accelerometer;
 pub mod card;
 
+pub use accelerometer::{AccelerometerChip, AccelerometerFault, WaitingSamples};
 use ferrostep_planner::{Move, StepDigests, StepEntry, StepObserver};
 pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 

@@ -31,6 +31,7 @@ pub mod sensor_lines;
 mod software_pwm;
 pub mod software_serial;
 pub mod tachometers;
+mod software_spi;
 pub mod usb_controller;
 pub mod watchdog;
 
@@ -44,4 +45,5 @@ pub use pin_lines::PinLines;
 pub use pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput, TimerChannel};
 pub use reset_cause::ResetCause;
 pub use software_pwm::{SOFTWARE_PERIOD_TICKS, SoftwarePwm};
+pub use software_spi::{SoftwareSpi, SpiPins};
 pub use watchdog::{FASTEST_TIMEOUT_MS, SLOWEST_TIMEOUT_MS, UnderDebugger, Watchdog};

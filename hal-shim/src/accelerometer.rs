@@ -1,0 +1,68 @@
+//! An accelerometer whose samples wait in its own memory until they are read.
+
+/// Why an accelerometer gives no samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AccelerometerFault {
+    /// Its bus has failed.
+    Bus,
+    /// What should be its identity is another number: no chip is there, or another one, or a wire is loose.
+    Identity {
+        /// The number that was read.
+        read: u8,
+        /// The chip's.
+        expected: u8,
+    },
+    /// A setting that was written reads otherwise.
+    Settings,
+    /// It says that more samples wait than its memory holds.
+    Count(u8),
+    /// It answers, and takes no samples.
+    Silent,
+}
+
+/// What waits in an accelerometer's memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WaitingSamples {
+    /// Number of samples.
+    pub samples: u8,
+    /// The memory has been full since a sample was read last: samples may be missing after these.
+    pub overflowed: bool,
+}
+
+/// An accelerometer with a memory. Each call takes some ten to a hundred microseconds on its bus.
+pub trait AccelerometerChip {
+    /// What its maker calls it.
+    const NAME: &'static str;
+    /// Samples a second that it can take, rising.
+    const RATES_HZ: &'static [u16];
+    /// Bits that a sample can have, rising.
+    const RESOLUTION_BITS: &'static [u8];
+
+    /// Asks for its identity.
+    ///
+    /// # Errors
+    /// It does not answer as it should.
+    fn check(&mut self) -> Result<(), AccelerometerFault>;
+
+    /// Empties its memory and begins to sample, at a rate and with a resolution of [`Self::RATES_HZ`] and
+    /// [`Self::RESOLUTION_BITS`].
+    ///
+    /// # Errors
+    /// It does not answer as it should; then it may be sampling or not.
+    fn begin(&mut self, rate_hz: u16, resolution_bits: u8) -> Result<(), AccelerometerFault>;
+
+    /// Ends sampling. A chip that is gone has ended as well.
+    fn end(&mut self);
+
+    /// Asks what waits in its memory.
+    ///
+    /// # Errors
+    /// It does not answer as it should.
+    fn waiting(&mut self) -> Result<WaitingSamples, AccelerometerFault>;
+
+    /// Takes the oldest sample: accelerations along the chip's x, y and z, millionths of standard gravity.
+    ///
+    /// # Errors
+    /// Its bus has failed.
+    fn take(&mut self) -> Result<[i32; 3], AccelerometerFault>;
+}
