@@ -29,14 +29,21 @@ pub struct WaitingSamples {
     pub overflowed: bool,
 }
 
+/// A type of accelerometer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AccelerometerType {
+    /// What its maker calls it.
+    pub name: &'static str,
+    /// Samples a second that it can take, rising.
+    pub rates_hz: &'static [u16],
+    /// Bits that a sample can have, rising.
+    pub resolution_bits: &'static [u8],
+}
+
 /// An accelerometer with a memory. Each call takes some ten to a hundred microseconds on its bus.
 pub trait AccelerometerChip {
-    /// What its maker calls it.
-    const NAME: &'static str;
-    /// Samples a second that it can take, rising.
-    const RATES_HZ: &'static [u16];
-    /// Bits that a sample can have, rising.
-    const RESOLUTION_BITS: &'static [u8];
+    /// Its type.
+    const TYPE: AccelerometerType;
 
     /// Asks for its identity.
     ///
@@ -44,8 +51,7 @@ pub trait AccelerometerChip {
     /// It does not answer as it should.
     fn check(&mut self) -> Result<(), AccelerometerFault>;
 
-    /// Empties its memory and begins to sample, at a rate and with a resolution of [`Self::RATES_HZ`] and
-    /// [`Self::RESOLUTION_BITS`].
+    /// Empties its memory and begins to sample, at a rate and with a resolution of its [type](Self::TYPE).
     ///
     /// # Errors
     /// It does not answer as it should; then it may be sampling or not.

@@ -6,7 +6,7 @@
 mod accelerometer;
 pub mod card;
 
-pub use accelerometer::{AccelerometerChip, AccelerometerFault, WaitingSamples};
+pub use accelerometer::{AccelerometerChip, AccelerometerFault, AccelerometerType, WaitingSamples};
 use ferrostep_planner::{Move, StepDigests, StepEntry, StepObserver};
 pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 

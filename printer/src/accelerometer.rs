@@ -1,8 +1,13 @@
 //! M955 and M956: an accelerometer, and its records for a host.
 
+mod recorder;
+
 use core::fmt;
 
 use ferrostep_gcode::Real;
+use ferrostep_hal_shim::{AccelerometerFault, AccelerometerType};
+
+pub use recorder::Recorder;
 
 use crate::error::CommandError;
 use crate::ports::{Ports, Replies};
@@ -11,16 +16,16 @@ use crate::printer::Printer;
 /// An accelerometer at the nozzle or the bed. Machines may do without. Whoever owns it samples at its rate, whatever commands do,
 /// and sends the events as lines.
 pub trait Accelerometer: fmt::Debug {
-    /// Sets the rate, the nearest that it has, and the resolution, where they are given; returns what is in force. A change ends a
-    /// record.
+    /// Sets rate and resolution, the nearest that it has, where they are given; returns what is in force. A change ends a record.
     ///
     /// # Errors
-    /// [`CommandError::OutOfRange`]; nothing has changed.
+    /// [`CommandError::OutOfRange`], [`CommandError::Accelerometer`]; nothing has changed.
     fn set(&self, rate_hz: Option<u16>, resolution_bits: Option<u8>) -> Result<AccelerometerSettings, CommandError>;
     /// Begins a record of this many samples, now or when X, Y or Z moves next, and ends the one before; of 0 only that.
-    fn record(&self, samples: u16, at_next_move: bool);
-    /// Takes the next event of the record.
-    fn take_event(&self) -> Option<RecordEvent>;
+    ///
+    /// # Errors
+    /// [`CommandError::Accelerometer`]; the record before has ended.
+    fn record(&self, samples: u16, at_next_move: bool) -> Result<(), CommandError>;
 }
 
 /// What an accelerometer is and does.
@@ -32,6 +37,46 @@ pub struct AccelerometerSettings {
     pub rate_hz: u16,
     /// Bits of a sample.
     pub resolution_bits: u8,
+}
+
+impl AccelerometerSettings {
+    /// Of a type that has not been set: the values nearest to these.
+    pub fn new(of: &AccelerometerType, rate_hz: u16, resolution_bits: u8) -> Self {
+        let unset = Self { name: of.name, rate_hz, resolution_bits };
+        unset.nearest(of, Some(rate_hz), Some(resolution_bits))
+    }
+
+    /// With another rate and resolution, the nearest that the type has, where they are given.
+    ///
+    /// # Errors
+    /// [`CommandError::OutOfRange`]: beyond the type's least and most.
+    pub fn changed(
+        self,
+        of: &AccelerometerType,
+        rate_hz: Option<u16>,
+        resolution_bits: Option<u8>,
+    ) -> Result<Self, CommandError> {
+        in_range('S', rate_hz.map(f64::from), of.rates_hz.iter().copied().map(f64::from))?;
+        in_range('R', resolution_bits.map(f64::from), of.resolution_bits.iter().copied().map(f64::from))?;
+        Ok(self.nearest(of, rate_hz, resolution_bits))
+    }
+
+    fn nearest(self, of: &AccelerometerType, rate_hz: Option<u16>, resolution_bits: Option<u8>) -> Self {
+        let rate = rate_hz.and_then(|asked| of.rates_hz.iter().copied().min_by_key(|known| known.abs_diff(asked)));
+        let bits = resolution_bits
+            .and_then(|asked| of.resolution_bits.iter().copied().min_by_key(|known| known.abs_diff(asked)));
+        Self { rate_hz: rate.unwrap_or(self.rate_hz), resolution_bits: bits.unwrap_or(self.resolution_bits), ..self }
+    }
+}
+
+/// Refuses a value that is beyond the first and the last of what there is.
+fn in_range(word: char, value: Option<f64>, known: impl Iterator<Item = f64> + Clone) -> Result<(), CommandError> {
+    match (value, known.clone().next(), known.last()) {
+        (Some(value), Some(minimum), Some(maximum)) if !(minimum..=maximum).contains(&value) => {
+            Err(CommandError::OutOfRange { word, value, minimum, maximum })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A line of a record, in RepRapFirmware's form, which `ferrostep calibrate shaper` reads.
@@ -50,9 +95,39 @@ pub enum RecordEvent {
     Ended {
         /// Samples a second.
         rate_hz: u16,
-        /// Samples that were lost because they were not taken in time.
+        /// Samples that were lost because they were not taken in time, or at least how often some were.
         overflows: u32,
     },
+    /// A record has ended before its time and is of no use.
+    Failed(RecordFault),
+}
+
+/// Why a record has ended before its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecordFault {
+    /// The chip gives no samples.
+    Chip(AccelerometerFault),
+    /// The host has not read its lines.
+    Unread,
+}
+
+/// Why an accelerometer gives no samples, and what to do.
+pub(crate) struct FaultText(pub AccelerometerFault);
+
+impl fmt::Display for FaultText {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str("the accelerometer ")?;
+        match self.0 {
+            AccelerometerFault::Bus => out.write_str("cannot be asked, its bus has failed")?,
+            AccelerometerFault::Identity { read, expected } => {
+                write!(out, "does not answer: its identity reads {read:#04x}, expected {expected:#04x}")?;
+            }
+            AccelerometerFault::Settings => out.write_str("does not keep its settings")?,
+            AccelerometerFault::Count(samples) => write!(out, "does not answer: it says that {samples} samples wait")?,
+            AccelerometerFault::Silent => out.write_str("takes no samples")?,
+        }
+        out.write_str(": check its plug, its wires and its supply")
+    }
 }
 
 impl fmt::Display for RecordEvent {
@@ -64,6 +139,10 @@ impl fmt::Display for RecordEvent {
                 write!(out, "{number},{x},{y},{z}")
             }
             Self::Ended { rate_hz, overflows } => write!(out, "Rate {rate_hz}, overflows {overflows}"),
+            Self::Failed(RecordFault::Chip(fault)) => write!(out, "Error:record ended, {}", FaultText(*fault)),
+            Self::Failed(RecordFault::Unread) => {
+                out.write_str("Error:record ended, its lines are not read: send M956 again when the host reads")
+            }
         }
     }
 }
@@ -76,7 +155,8 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The accelerometer.
     pub(crate) fn needed_accelerometer(&self) -> Result<&'a dyn Accelerometer, CommandError> {
-        let what = "accelerometer (the virtual board of `serve` has one where its profile has frame.x and frame.y)";
+        let what = "accelerometer: a board has one where its file has the table [accelerometer], the printer of `serve` where its \
+                    profile has frame.x and frame.y";
         self.accelerometer.ok_or(CommandError::NotEquipped(what))
     }
 

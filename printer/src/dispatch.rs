@@ -144,7 +144,7 @@ impl<P: Ports> Printer<'_, P> {
                         self.keep_statistics();
                     }
                     Then::Record { samples, at_next_move } => {
-                        self.needed_accelerometer()?.record(samples, at_next_move);
+                        self.needed_accelerometer()?.record(samples, at_next_move)?;
                     }
                 }
             }

@@ -3,10 +3,12 @@
 use core::fmt;
 
 use ferrostep_gcode::{ParseError, Real, ShortText};
+use ferrostep_hal_shim::AccelerometerFault;
 use ferrostep_planner::look_ahead::PlanFault;
 use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, ShaperError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
+use crate::accelerometer::FaultText;
 use crate::advance_refusal::AdvanceRefusal;
 use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
@@ -142,6 +144,8 @@ pub enum CommandError {
     },
     /// This board does not have what the command needs: `heaters`, `thermometers`, `end stops`, `fan`.
     NotEquipped(&'static str),
+    /// The accelerometer gives no samples.
+    Accelerometer(AccelerometerFault),
     /// The memory card is in use: it prints, or a file is being written to it.
     CardInUse,
     /// A host's line would move the head of a print from the card.
@@ -347,6 +351,7 @@ impl fmt::Display for CommandError {
             Self::CardPrints => out
                 .write_str("the memory card is printing, and this line would move its print: pause it first with M25"),
             Self::NotEquipped(what) => write!(out, "this board has no {what}"),
+            Self::Accelerometer(fault) => write!(out, "{}", FaultText(*fault)),
             Self::MotionChoice(ChoiceError::NotContained) => {
                 write!(out, "M796: this image contains only step-bresenham (I0) with trapezoid (A0) or s-curve (A1)")
             }

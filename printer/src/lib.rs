@@ -56,7 +56,7 @@ mod tuning;
 mod waits;
 mod z_offset;
 
-pub use accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent};
+pub use accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent, RecordFault, Recorder};
 pub use axis_names::AXIS_NAMES;
 pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;

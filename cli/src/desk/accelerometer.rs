@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::rc::Rc;
 
+use ferrostep_adxl345::TYPE;
 use ferrostep_planner::{Geometry, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{Accelerometer, AccelerometerSettings, CommandError, RecordEvent};
 use ferrostep_simulator::frame::Mode;
@@ -15,10 +16,7 @@ use crate::record::Observer;
 /// Standard gravity, mm/s^2.
 const GRAVITY_MM_PER_S2: f64 = 9806.65;
 
-/// What an ADXL345 can do, by its data sheet: samples a second, bits over +-16 g, and samples that wait in its memory.
-const NAME: &str = "ADXL345";
-const RATES_HZ: [u16; 8] = [25, 50, 100, 200, 400, 800, 1600, 3200];
-const RESOLUTION_BITS: [u8; 2] = [10, 13];
+/// The range of an ADXL345, by its data sheet, and the samples that wait in its memory.
 const RANGE_MICRO_G: i32 = 16_000_000;
 const WAITING_SAMPLES: usize = 32;
 
@@ -47,8 +45,7 @@ struct State {
     tick: u64,
     /// How far the board's time is ahead of the motion clock, which stands between motions; modulo 2^64.
     ahead_ticks: u64,
-    rate_hz: u16,
-    resolution_bits: u8,
+    settings: AccelerometerSettings,
     record: Option<Record>,
     waiting: VecDeque<RecordEvent>,
     random: u64,
@@ -84,7 +81,7 @@ impl State {
                 self.end();
                 break;
             }
-            let due = since_tick + u64::from(taken) * u64::from(TICKS_PER_SECOND) / u64::from(self.rate_hz);
+            let due = since_tick + u64::from(taken) * u64::from(TICKS_PER_SECOND) / u64::from(self.settings.rate_hz);
             if due > tick {
                 break;
             }
@@ -103,7 +100,7 @@ impl State {
 
     /// What the chip measures now.
     fn sample(&mut self) -> [i32; 3] {
-        let unit = (2 * RANGE_MICRO_G) >> self.resolution_bits;
+        let unit = (2 * RANGE_MICRO_G) >> self.settings.resolution_bits;
         let [x, y] = [0, 1].map(|axis: usize| self.frame[axis].acceleration_mm_per_s2(self.command[axis]));
         [x, y, GRAVITY_MM_PER_S2].map(|mm_per_s2| {
             let micro_g = mm_per_s2 / GRAVITY_MM_PER_S2 * 1e6 + NOISE_MICRO_G * self.normal();
@@ -115,7 +112,7 @@ impl State {
     /// Ends the record.
     fn end(&mut self) {
         if let Some(Record { overflows, since_tick: Some(_), .. }) = self.record.take() {
-            self.waiting.push_back(RecordEvent::Ended { rate_hz: self.rate_hz, overflows });
+            self.waiting.push_back(RecordEvent::Ended { rate_hz: self.settings.rate_hz, overflows });
         }
     }
 
@@ -160,8 +157,7 @@ impl DeskAccelerometer {
             frame,
             tick: 0,
             ahead_ticks: 0,
-            rate_hz: 1600,
-            resolution_bits: 13,
+            settings: AccelerometerSettings::new(&TYPE, 1600, 13),
             record: None,
             waiting: VecDeque::new(),
             random: 0x9E37_79B9_7F4A_7C15,
@@ -177,32 +173,25 @@ impl DeskAccelerometer {
     pub fn pass_to(&self, board_tick: u64) {
         self.0.borrow_mut().pass_to(board_tick);
     }
+
+    /// Takes the next event of the record.
+    pub fn take_event(&self) -> Option<RecordEvent> {
+        self.0.borrow_mut().waiting.pop_front()
+    }
 }
 
 impl Accelerometer for DeskAccelerometer {
     fn set(&self, rate_hz: Option<u16>, resolution_bits: Option<u8>) -> Result<AccelerometerSettings, CommandError> {
         let mut state = self.0.borrow_mut();
-        let in_range = |word, value: Option<f64>, [minimum, maximum]: [f64; 2]| match value {
-            Some(value) if !(minimum..=maximum).contains(&value) => {
-                Err(CommandError::OutOfRange { word, value, minimum, maximum })
-            }
-            _ => Ok(()),
-        };
-        let rates_hz = [RATES_HZ[0], RATES_HZ[RATES_HZ.len() - 1]].map(f64::from);
-        in_range('S', rate_hz.map(f64::from), rates_hz)?;
-        in_range('R', resolution_bits.map(f64::from), RESOLUTION_BITS.map(f64::from))?;
+        let settings = state.settings.changed(&TYPE, rate_hz, resolution_bits)?;
         if rate_hz.is_some() || resolution_bits.is_some() {
             state.end();
         }
-        if let Some(rate_hz) = rate_hz {
-            let nearest = RATES_HZ.into_iter().min_by_key(|known| known.abs_diff(rate_hz));
-            state.rate_hz = nearest.unwrap_or(state.rate_hz);
-        }
-        state.resolution_bits = resolution_bits.unwrap_or(state.resolution_bits);
-        Ok(AccelerometerSettings { name: NAME, rate_hz: state.rate_hz, resolution_bits: state.resolution_bits })
+        state.settings = settings;
+        Ok(settings)
     }
 
-    fn record(&self, samples: u16, at_next_move: bool) {
+    fn record(&self, samples: u16, at_next_move: bool) -> Result<(), CommandError> {
         let mut state = self.0.borrow_mut();
         state.end();
         if samples > 0 {
@@ -212,10 +201,7 @@ impl Accelerometer for DeskAccelerometer {
                 state.begin(tick);
             }
         }
-    }
-
-    fn take_event(&self) -> Option<RecordEvent> {
-        self.0.borrow_mut().waiting.pop_front()
+        Ok(())
     }
 }
 

@@ -6,7 +6,14 @@
 #![cfg_attr(not(test), no_std)]
 
 use embedded_hal::spi::SpiDevice;
-use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, WaitingSamples};
+use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, AccelerometerType, WaitingSamples};
+
+/// The type: its faster rates, and its two resolutions of +-16 g.
+pub const TYPE: AccelerometerType = AccelerometerType {
+    name: "ADXL345",
+    rates_hz: &[25, 50, 100, 200, 400, 800, 1600, 3200],
+    resolution_bits: &[10, 13],
+};
 
 /// Fastest clock at which samples may follow each other without a pause, Hz.
 pub const MAX_CLOCK_HZ: u32 = 1_600_000;
@@ -72,9 +79,7 @@ impl<S: SpiDevice> Adxl345<S> {
 }
 
 impl<S: SpiDevice> AccelerometerChip for Adxl345<S> {
-    const NAME: &'static str = "ADXL345";
-    const RATES_HZ: &'static [u16] = &[25, 50, 100, 200, 400, 800, 1600, 3200];
-    const RESOLUTION_BITS: &'static [u8] = &[10, 13];
+    const TYPE: AccelerometerType = TYPE;
 
     fn check(&mut self) -> Result<(), AccelerometerFault> {
         match self.read(DEVICE_ID)? {
@@ -85,11 +90,11 @@ impl<S: SpiDevice> AccelerometerChip for Adxl345<S> {
 
     fn begin(&mut self, rate_hz: u16, resolution_bits: u8) -> Result<(), AccelerometerFault> {
         self.check()?;
-        let faster = Self::RATES_HZ.iter().position(|known| *known >= rate_hz).unwrap_or(Self::RATES_HZ.len() - 1);
+        let doublings = TYPE.rates_hz.iter().position(|known| *known >= rate_hz).unwrap_or(TYPE.rates_hz.len() - 1);
         self.is_full = resolution_bits > COARSE_BITS;
         // At rest, as the data sheet advises for a change of settings.
         let settings = [
-            (BANDWIDTH_RATE, CODE_OF_25_HZ + faster as u8),
+            (BANDWIDTH_RATE, CODE_OF_25_HZ + doublings as u8),
             (DATA_FORMAT, if self.is_full { FULL_RESOLUTION | RANGE_16_G } else { RANGE_16_G }),
             (FIFO_CONTROL, STREAM),
         ];

@@ -30,7 +30,7 @@ fn micro_g(event: &RecordEvent) -> [i32; 3] {
 #[test]
 fn a_frame_at_rest_measures_gravity_and_noise() {
     let accelerometer = accelerometer(Kinematics::Cartesian);
-    accelerometer.record(2000, false);
+    accelerometer.record(2000, false).unwrap();
     let mut taken = Vec::new();
     for tick in (0..=2 * SECOND).step_by(SECOND as usize / 100) {
         accelerometer.pass_to(tick);
@@ -56,7 +56,7 @@ fn a_step_swings_the_axes_that_it_moves() {
         let accelerometer = accelerometer(kinematics);
         // The motion clock stood at 500 when the board's time was 1 s.
         accelerometer.set_time(SECOND, 500);
-        accelerometer.record(20, true);
+        accelerometer.record(20, true).unwrap();
         accelerometer.pass_to(SECOND);
         assert_eq!(events(&accelerometer), [], "it waits for a move");
         let accelerometer = Rc::new(accelerometer);
@@ -79,7 +79,7 @@ fn a_step_swings_the_axes_that_it_moves() {
 #[test]
 fn samples_that_nobody_takes_are_counted() {
     let accelerometer = accelerometer(Kinematics::Cartesian);
-    accelerometer.record(100, false);
+    accelerometer.record(100, false).unwrap();
     accelerometer.pass_to(SECOND);
     let taken = events(&accelerometer);
     let samples = taken.iter().filter(|event| matches!(event, RecordEvent::Sample { .. })).count();
@@ -100,10 +100,10 @@ fn settings_are_the_chips() {
     let settings = AccelerometerSettings { name: "ADXL345", rate_hz: 3200, resolution_bits: 10 };
     assert_eq!(accelerometer.set(None, Some(10)).unwrap(), settings, "what was refused has changed nothing");
     // A change ends a record, whose rate it would be.
-    accelerometer.record(10, false);
+    accelerometer.record(10, false).unwrap();
     accelerometer.set(Some(400), None).unwrap();
     assert_eq!(events(&accelerometer), [RecordEvent::Begun, RecordEvent::Ended { rate_hz: 3200, overflows: 0 }]);
-    accelerometer.record(10, true);
-    accelerometer.record(0, false);
+    accelerometer.record(10, true).unwrap();
+    accelerometer.record(0, false).unwrap();
     assert_eq!(events(&accelerometer), [], "one that has not begun ends silently");
 }
