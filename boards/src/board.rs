@@ -89,6 +89,8 @@ pub struct Board {
     pub usb: Option<[Pin; 2]>,
     /// The slot for a memory card.
     pub card: Option<CardSlot>,
+    /// The plug for an accelerometer.
+    pub accelerometer: Option<Accelerometer>,
     /// What a user of the board should know: one sentence each.
     pub notes: Vec<String>,
 }
@@ -100,6 +102,33 @@ pub struct CardSlot {
     pub lines: [Pin; 6],
     /// Low while a card is in it.
     pub detect: Option<Pin>,
+}
+
+/// An accelerometer's type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AccelerometerChip {
+    /// Analog Devices ADXL345.
+    Adxl345,
+}
+
+impl AccelerometerChip {
+    /// All types by the words that a board's file has for them.
+    pub const ALL: [(&'static str, Self); 1] = [("adxl345", Self::Adxl345)];
+}
+
+/// An accelerometer on four wires (SPI).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Accelerometer {
+    /// Its type.
+    pub chip: AccelerometerChip,
+    /// The clock.
+    pub sck: Pin,
+    /// What the chip says.
+    pub miso: Pin,
+    /// What the chip hears.
+    pub mosi: Pin,
+    /// Low while the chip is asked.
+    pub cs: Pin,
 }
 
 /// A motor's pins.

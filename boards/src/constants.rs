@@ -6,7 +6,7 @@ use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::Profile;
 use ferrostep_stm32f4::registers::Registers;
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
-use ferrostep_stm32f4::{OutputPin, TimerChannel};
+use ferrostep_stm32f4::{OutputPin, SpiPins, TimerChannel};
 
 use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
@@ -28,6 +28,10 @@ pub fn rust(board: &Board) -> String {
     let has_usb = board.usb.is_some();
     let has_card = board.card.is_some();
     let card_detect = board.card.and_then(|card| card.detect).map(|pin| (pin.port, pin.number));
+    let accelerometer = board.accelerometer.map(|plug| {
+        let [sck, miso, mosi, cs] = [plug.sck, plug.miso, plug.mosi, plug.cs].map(|pin| (pin.port, pin.number));
+        SpiPins { sck, miso, mosi, cs }
+    });
     let family = board.chip.family;
     // The core is as fast with either oscillator: each constant below holds for both.
     let Clock { core_hz, apb1_divider, apb2_divider, flash_wait_states, .. } = *clock;
@@ -59,6 +63,8 @@ pub fn rust(board: &Board) -> String {
          /// There is a slot for a memory card.\npub const CARD: bool = {has_card};\n\
          /// Port and number of the pin that is low while a card is in it.\n\
          pub const CARD_DETECT: Option<(u8, u8)> = {card_detect:?};\n\
+         /// Pins of the bus to an accelerometer.\n\
+         pub const ACCELEROMETER: Option<SpiPins> = {accelerometer:?};\n\
          /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
          /// Its chip's registers.\npub const FAMILY: ChipFamily = ChipFamily::{family:?};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\

@@ -4,7 +4,8 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_hal_shim::FanOutput;
 
 use crate::board::{
-    BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Fan, Heater, Motor, SECTORS, Thermistor,
+    Accelerometer, AccelerometerChip, BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Fan, Heater,
+    Motor, SECTORS, Thermistor,
 };
 use crate::chip::Chip;
 use crate::clock::{CRYSTALS_MHZ, Clock, INTERNAL_HZ};
@@ -88,6 +89,14 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     let card = keys
         .optional_section("card", "no slot", "a slot for a memory card, at the SDIO")
         .map(|table| card(&table, &mut pins));
+    let accelerometer = keys
+        .optional_section(
+            "accelerometer",
+            "M955 and M956 are refused",
+            "a plug for one, on four wires (SPI), which the firmware moves itself: [any pins](calibration.md#on-a-board). Its x, y and z \
+             are the machine's",
+        )
+        .map(|table| accelerometer(&table, &mut pins));
     let board = Board {
         name: board_name,
         title,
@@ -112,6 +121,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         serial,
         usb,
         card,
+        accelerometer,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);
@@ -132,6 +142,17 @@ fn card(table: &Section<'_>, pins: &mut Pins<'_>) -> CardSlot {
     let about = "low while a card is in the slot";
     let detect = pins.take_some(table, "detect", Use::Any, "a card is looked for by asking it", about);
     CardSlot { lines, detect }
+}
+
+/// The plug for an accelerometer.
+fn accelerometer(table: &Section<'_>, pins: &mut Pins<'_>) -> Accelerometer {
+    Accelerometer {
+        chip: table.word("chip", AccelerometerChip::ALL).required("its type"),
+        sck: pins.take(table, "sck", Use::Any, "output; the clock (SCL)"),
+        miso: pins.take(table, "miso", Use::Any, "input; the chip's data (SDO)"),
+        mosi: pins.take(table, "mosi", Use::Any, "output; data for the chip (SDA)"),
+        cs: pins.take(table, "cs", Use::Any, "output; low while the chip is asked"),
+    }
 }
 
 /// The checks that need more than one part of the board.

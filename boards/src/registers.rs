@@ -4,7 +4,7 @@ use ferrostep_stm32f4::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPE
 use ferrostep_stm32f4::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
 use ferrostep_stm32f4::usb_controller;
 
-use crate::board::Board;
+use crate::board::{Accelerometer, Board};
 use crate::pin::Pin;
 use crate::start::as_after_reset;
 use crate::store::Store;
@@ -114,6 +114,26 @@ fn card(board: &Board) -> Vec<Store> {
     .concat()
 }
 
+/// The pins to an accelerometer, and those of them that the board drives.
+fn accelerometer_pins(board: &Board) -> Vec<Pin> {
+    board.accelerometer.iter().flat_map(|plug| [plug.sck, plug.mosi, plug.cs, plug.miso]).collect()
+}
+
+/// The bus at rest: clock and select high before they are outputs. What nobody says is ones.
+fn accelerometer(board: &Board) -> Vec<Store> {
+    let Some(Accelerometer { sck, miso, mosi, cs, .. }) = board.accelerometer else { return Vec::new() };
+    let driven = [sck, mosi, cs];
+    [
+        levels(&[sck, cs], &[mosi]),
+        push_pull(&driven),
+        fields(&driven, OSPEEDR, 2, LOW_SPEED),
+        fields(&driven, MODER, 2, OUTPUT),
+        fields(&[miso], PUPDR, 2, PULL_UP),
+        fields(&[miso], MODER, 2, 0),
+    ]
+    .concat()
+}
+
 /// Outputs that drive both levels, without pulls: a boot loader may have had them otherwise.
 fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
@@ -129,6 +149,7 @@ fn heaters_off(board: &Board) -> Vec<Store> {
 pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
     let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board)).chain(card_pins(board));
+    let others = others.chain(accelerometer_pins(board));
     let ports = outputs.into_iter().chain(others).fold(0, |ports, pin| ports | 1 << pin.port);
     // Twice: the second time reads the first back (`Registers::switch_clocks_on` says why).
     let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }; 2];
@@ -191,6 +212,7 @@ pub fn pins(board: &Board) -> Vec<Store> {
         fields(&[receiver], PUPDR, 2, PULL_UP),
         fields(&board.serial, MODER, 2, ALTERNATE),
         card(board),
+        accelerometer(board),
     ]
     .concat()
 }
@@ -314,6 +336,28 @@ mod tests {
         }
     }
 
+    /// No clock edge and no select before the first frame, and a line that nobody drives reads ones.
+    #[test]
+    fn an_accelerometers_bus_rests_before_it_is_driven() {
+        let board = crate::load("btt-octopus-1.1").unwrap();
+        let Accelerometer { sck, miso, mosi, cs, .. } = board.accelerometer.unwrap();
+        let stores = pins(&board);
+        let registers = after(&[first(&board), stores.clone()].concat());
+        let field = |pin: Pin, offset| {
+            registers.get(&of_port(pin.port, offset)).copied().unwrap_or(0) >> (2 * pin.number) & 0b11
+        };
+        for (pin, high) in [(sck, true), (cs, true), (mosi, false)] {
+            let level = drives(&stores, pin, high).unwrap();
+            let output = stores.iter().position(|store| {
+                store.address == of_port(pin.port, MODER) && store.set >> (2 * pin.number) & 0b11 == OUTPUT
+            });
+            assert!(level < output.unwrap() && drives(&stores, pin, !high).is_none(), "{pin}");
+            assert_eq!((field(pin, MODER), field(pin, OSPEEDR)), (OUTPUT, LOW_SPEED));
+            assert_eq!(registers[&RCC_AHB1ENR] >> pin.port & 1, 1, "{pin}");
+        }
+        assert_eq!((field(miso, MODER), field(miso, PUPDR)), (0, PULL_UP));
+    }
+
     #[test]
     fn only_pins_of_the_board_are_touched() {
         for board in boards() {
@@ -325,6 +369,7 @@ mod tests {
                     .chain(fans)
                     .chain(thermistor_pins(&board))
                     .chain(card_pins(&board))
+                    .chain(accelerometer_pins(&board))
                     .collect();
             for Store { address, clear, .. } in [first(&board), pins(&board), all_off(&board)].concat() {
                 let Some(offset) = address.checked_sub(gpio::GPIO).filter(|offset| *offset < 7 * gpio::GPIO_STRIDE)

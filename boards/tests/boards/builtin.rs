@@ -1,6 +1,6 @@
 //! Every built-in board is right, and says what its maker says.
 
-use ferrostep_boards::{Board, Driver, DriverUart, Pin, builtin_names, constants, load};
+use ferrostep_boards::{AccelerometerChip, Board, Driver, DriverUart, Pin, builtin_names, constants, load};
 
 fn board(name: &str) -> Board {
     load(name).unwrap_or_else(|error| panic!("{error}"))
@@ -136,4 +136,19 @@ fn the_constants_say_what_heats_and_what_watches_it() {
         assert!(text.contains(part), "{part} in {text}");
     }
     assert!(constants::rust(&board("bench")).contains("pub const THERMAL: Option<ThermalPins> = None;"));
+}
+
+/// Klipper's `spi3` (src/stm32/spi.c), and PA15 as an owner's settings have it.
+#[test]
+fn the_octopus_alone_has_a_plug_for_an_accelerometer() {
+    let plug = board("btt-octopus-1.1").accelerometer.unwrap();
+    assert_eq!(plug.chip, AccelerometerChip::Adxl345);
+    assert_eq!([plug.miso, plug.mosi, plug.sck, plug.cs], ["PB4", "PB5", "PB3", "PA15"].map(pin));
+    let text = constants::rust(&board("btt-octopus-1.1"));
+    let pins = "Some(SpiPins { sck: (1, 3), miso: (1, 4), mosi: (1, 5), cs: (0, 15) })";
+    assert!(text.contains(&format!("pub const ACCELEROMETER: Option<SpiPins> = {pins};")), "{text}");
+    for name in ["bench", "prusa-buddy"] {
+        assert_eq!(board(name).accelerometer, None);
+        assert!(constants::rust(&board(name)).contains("pub const ACCELEROMETER: Option<SpiPins> = None;"));
+    }
 }

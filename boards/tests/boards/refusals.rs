@@ -15,7 +15,7 @@ const BUDDY: &str = "prusa-buddy";
 const OCTOPUS: &str = "btt-octopus-1.1";
 
 /// (board, text, its replacement, key and value to blame, what was expected; `{TEXT}`: the line of a text)
-const REFUSALS: [(&str, &str, &str, &str, &str); 52] = [
+const REFUSALS: [(&str, &str, &str, &str, &str); 56] = [
     ("bench", "name = \"bench\"", "name = \"Bench\"", "name = \"Bench\"", "lower-case letters"),
     ("bench", "name = \"bench\"", "name = \"../bench\"", "name = \"../bench\"", "lower-case letters"),
     ("bench", "title = \"Olimex STM32-H405, bare\"", "title = \"\"", "title = \"\"", "printable ASCII"),
@@ -167,6 +167,11 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 52] = [
     (BUDDY, "[driver_uart]\npin = \"PD5\"", "", "motors.x.uart_address = 1", "the table [driver_uart]"),
     (BUDDY, "uart_address = 3", "uart_address = 3\nuart = \"PC4\"", "motors.y.uart = \"PC4\"", "either uart"),
     ("bench", "port = \"USART1\"", "port = \"USART9\"", "serial.port = \"USART9\"", "\"USART1\", the only port"),
+    // The accelerometer.
+    (OCTOPUS, "chip = \"adxl345\"", "chip = \"adxl999\"", "accelerometer.chip = \"adxl999\"", "\"adxl345\""),
+    (OCTOPUS, "miso = \"PB4\"", "miso = \"PB7\"", "accelerometer.miso = \"PB7\"", "inputs.probe already"),
+    (OCTOPUS, "cs = \"PA15\"", "cs = \"PB3\"", "accelerometer.cs = \"PB3\"", "accelerometer.sck already"),
+    (OCTOPUS, "sck = \"PB3\"", "sck = \"SCK\"", "accelerometer.sck = \"SCK\"", "a pin's name"),
     (BUDDY, "dm = \"PA11\"", "dm = \"PB14\"", "usb.dm = \"PB14\"", "\"PA11\""),
 ];
 
