@@ -17,6 +17,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo:rustc-check-cfg=cfg(drivers)");
     // The file system is compiled only for boards with a slot.
     println!("cargo:rustc-check-cfg=cfg(card)");
+    // So are the records of an accelerometer for boards with a plug for one.
+    println!("cargo:rustc-check-cfg=cfg(accelerometer)");
+    if board.accelerometer.is_some() {
+        println!("cargo:rustc-cfg=accelerometer");
+    }
     // So is what keeps settings.
     println!("cargo:rustc-check-cfg=cfg(settings_memory)");
     if board.settings_bytes() > 0 {

@@ -8,6 +8,9 @@ use ferrostep_stm32f4_board::measured::Switch;
 use ferrostep_tmc2209::DriverBank;
 use rtic::Mutex;
 
+#[cfg(accelerometer)]
+use crate::accelerometer::BoardAccelerometer;
+use crate::accelerometer::BoardRecorder;
 use crate::card::BoardMailbox;
 #[cfg(card)]
 use crate::card::{BoardMailboxLock, CardHosts};
@@ -25,7 +28,7 @@ use crate::settings_memory;
 use crate::timing::BoardTiming;
 
 /// What the task shares with others.
-pub struct Shared<M, H, W, D, B> {
+pub struct Shared<M, H, W, D, A, B> {
     /// The machine, with the planner task.
     pub machine: M,
     /// The heaters, with their control.
@@ -34,6 +37,8 @@ pub struct Shared<M, H, W, D, B> {
     pub writers: W,
     /// The motors' drivers, with the task that looks after them.
     pub drivers: D,
+    /// The accelerometer's recorder, with the task that takes its samples.
+    pub recorder: A,
     /// Questions to the card's task; `None` if the board has no slot, or no clock for it.
     pub mailbox: Option<B>,
 }
@@ -49,15 +54,16 @@ pub struct Own<'a> {
 }
 
 /// Executes what the hosts send, and prints from the card.
-pub async fn execute<M, H, W, D, B>(shared: Shared<M, H, W, D, B>, own: Own<'_>, signals: &'static Signals) -> !
+pub async fn execute<M, H, W, D, A, B>(shared: Shared<M, H, W, D, A, B>, own: Own<'_>, signals: &'static Signals) -> !
 where
     M: Mutex<T = &'static mut BoardMachine>,
     H: Mutex<T = Heat>,
     W: Mutex<T = Writers>,
     D: Mutex<T = DriverBank>,
+    A: Mutex<T = BoardRecorder>,
     B: Mutex<T = BoardMailbox>,
 {
-    let Shared { machine, heat, writers, drivers, mailbox } = shared;
+    let Shared { machine, heat, writers, drivers, recorder, mailbox } = shared;
     let motion = SharedMotion::new(BoardMachineLock::new(machine, signals));
     let heating = BoardHeating(RefCell::new(heat));
     let replies = BoardReplies::new(writers);
@@ -73,6 +79,12 @@ where
     printer.set_drivers(&drivers);
     #[cfg(not(drivers))]
     let _no_drivers = drivers;
+    #[cfg(accelerometer)]
+    let accelerometer = BoardAccelerometer::new(recorder, &replies, own.reader.clock());
+    #[cfg(accelerometer)]
+    printer.set_accelerometer(&accelerometer);
+    #[cfg(not(accelerometer))]
+    let _no_accelerometer = recorder;
     let timing = BoardTiming::new(own.measured);
     printer.set_timing(&timing);
     printer.set_receives_jobs();

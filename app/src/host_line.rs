@@ -211,6 +211,12 @@ impl Reader {
         Some(Self { serial, usb, last: Port::Usb, signal: RECEIVED.try_take_reader()?, clock })
     }
 
+    /// The clock by which it waits.
+    #[cfg(accelerometer)]
+    pub const fn clock(&self) -> MotionClock {
+        self.clock
+    }
+
     fn is_ready(&self) -> bool {
         self.serial.ready() || self.usb.ready()
     }
@@ -308,6 +314,21 @@ impl Writers {
                 To::All => usb.report(format_args!("{text}")),
             }
             rtic::pend(Interrupt::OTG_FS);
+        }
+    }
+}
+
+#[cfg(accelerometer)]
+impl Writers {
+    /// Whether a line of a record finds room without a wait, with as much left for replies: half of each ring, which is more than
+    /// such a line takes.
+    pub fn have_room(&self, to: To) -> bool {
+        let serial = || self.serial.0.len() <= SERIAL_SEND_BYTES / 2;
+        let usb = || self.usb.as_ref().is_none_or(LineWriter::is_half_free);
+        match to {
+            To::Host(Port::Serial) => serial(),
+            To::Host(Port::Usb) => usb(),
+            To::All => serial() && usb(),
         }
     }
 }

@@ -14,6 +14,7 @@
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `mailbox` | one line, one item of a job; a wait is an await |
 //! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers` | a datagram's end, and the next |
+//! | 1 | `accelerometer` | every 2 ms, on a board with a plug for one | `recorder`, `machine`, `writers` | a sample and its line: 40 us on the bus; at most 34 in a row |
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
 //! | 0 | `idle` | whenever nothing else runs | `mailbox` | a block of the memory card, up to 1.1 s; any task may interrupt it |
 //!
@@ -26,6 +27,7 @@
 #![no_main]
 #![deny(unsafe_code)]
 
+mod accelerometer;
 mod card;
 mod clock;
 mod commands;
@@ -84,6 +86,7 @@ mod app {
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
 
+    use crate::accelerometer::{self as board_accelerometer, BoardRecorder};
     use crate::card::{self, BoardCard, BoardMailbox};
     use crate::clock::Mono;
     use crate::commands;
@@ -112,6 +115,9 @@ mod app {
     #[cfg(tachometers)]
     /// The tachometers' task looks at their lines this often, ms.
     const TACHOMETERS_INTERVAL_MS: u32 = 1;
+    #[cfg(accelerometer)]
+    /// The accelerometer's task looks at its samples this often, ms: at the fastest rate its memory holds 10 ms of them.
+    const ACCELEROMETER_INTERVAL_MS: u32 = 2;
 
     /// The reports task looks around this often, ms.
     const REPORTS_INTERVAL_MS: u32 = 100;
@@ -134,6 +140,7 @@ mod app {
         /// For one of its two interrupts, the one that the board has, and for the drivers' task.
         driver_line: BoardDriverLine,
         drivers: DriverBank,
+        recorder: BoardRecorder,
         machine: &'static mut BoardMachine,
         heat: Heat,
         writers: Writers,
@@ -151,6 +158,7 @@ mod app {
         halted: SignalReader<'static, ()>,
         motion_clock: MotionClock,
         drivers_clock: MotionClock,
+        accelerometer_clock: MotionClock,
         patience: Patience,
         measured: Switch,
         watchdog: Watchdog,
@@ -216,8 +224,22 @@ mod app {
         if tachometers::spawn().is_err() {
             unreachable!("init runs once")
         }
+        #[cfg(accelerometer)]
+        if accelerometer::spawn().is_err() {
+            unreachable!("init runs once")
+        }
+        let recorder = board_accelerometer::recorder();
         (
-            Shared { sensors: pins, driver_line, drivers, machine, heat, writers, mailbox: BoardMailbox::new() },
+            Shared {
+                sensors: pins,
+                driver_line,
+                drivers,
+                recorder,
+                machine,
+                heat,
+                writers,
+                mailbox: BoardMailbox::new(),
+            },
             Local {
                 port,
                 input,
@@ -228,6 +250,7 @@ mod app {
                 halted,
                 motion_clock,
                 drivers_clock: motion_clock,
+                accelerometer_clock: motion_clock,
                 patience: Patience::new(clock.source),
                 measured,
                 watchdog: Watchdog::start(device.IWDG),
@@ -377,14 +400,14 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writers, drivers, mailbox], local = [
+    #[task(priority = 2, shared = [machine, heat, writers, drivers, recorder, mailbox], local = [
         reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
     async fn printer(cx: printer::Context) {
-        let printer::SharedResources { machine, heat, writers, drivers, mailbox, .. } = cx.shared;
+        let printer::SharedResources { machine, heat, writers, drivers, recorder, mailbox, .. } = cx.shared;
         let printer::LocalResources { reader, measured, job, .. } = cx.local;
         let mailbox = HAS_CARD.load(Ordering::Relaxed).then_some(mailbox);
-        let shared = commands::Shared { machine, heat, writers, drivers, mailbox };
+        let shared = commands::Shared { machine, heat, writers, drivers, recorder, mailbox };
         let own = commands::Own { reader, measured, job };
         commands::execute(shared, own, &SIGNALS).await;
     }
@@ -406,6 +429,24 @@ mod app {
                 continue;
             }
             Mono::delay(DRIVERS_INTERVAL_MS.millis()).await;
+        }
+    }
+
+    #[cfg(accelerometer)]
+    /// Takes an accelerometer's samples and sends them as lines, as far as the host's line has room.
+    #[task(priority = 1, shared = [machine, writers, recorder], local = [accelerometer_clock])]
+    async fn accelerometer(cx: accelerometer::Context) {
+        let accelerometer::SharedResources { mut machine, mut writers, mut recorder, .. } = cx.shared;
+        let clock = *cx.local.accelerometer_clock;
+        loop {
+            let motor_steps = machine.lock(|machine| machine.motor_steps());
+            recorder.lock(|recorder| recorder.follow(motor_steps, clock.now_ticks()));
+            for _ in 0..board_accelerometer::MAX_LINES {
+                if !board_accelerometer::send_line(&mut recorder, &mut writers, clock.now_ticks()) {
+                    break;
+                }
+            }
+            Mono::delay(ACCELEROMETER_INTERVAL_MS.millis()).await;
         }
     }
 

@@ -223,6 +223,12 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         self.to.set(To::Host(port));
     }
 
+    /// Who receives replies now.
+    #[cfg(accelerometer)]
+    pub fn to(&self) -> To {
+        self.to.get()
+    }
+
     /// Replies to every host from now on.
     #[cfg(card)]
     pub fn answer_all(&self) {

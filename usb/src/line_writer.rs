@@ -27,6 +27,11 @@ impl<'a> LineWriter<'a> {
         self.line(text, self.bytes.capacity() / 2);
     }
 
+    /// Whether half of the ring is free: room for a line that is to leave the other half to replies.
+    pub fn is_half_free(&self) -> bool {
+        self.bytes.len() <= self.bytes.capacity() / 2
+    }
+
     fn line(&mut self, text: fmt::Arguments<'_>, reserve: usize) {
         let room = self.bytes.capacity().saturating_sub(self.bytes.len()).saturating_sub(reserve);
         let whole = format_args!("{text}\n");

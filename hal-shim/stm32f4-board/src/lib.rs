@@ -8,6 +8,7 @@
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 
+pub mod accelerometer;
 pub mod board;
 pub mod card;
 pub mod clock;
