@@ -115,6 +115,7 @@ mod app {
     #[cfg(tachometers)]
     /// The tachometers' task looks at their lines this often, ms.
     const TACHOMETERS_INTERVAL_MS: u32 = 1;
+
     #[cfg(accelerometer)]
     /// The accelerometer's task looks at its samples this often, ms: at the fastest rate its memory holds 10 ms of them.
     const ACCELEROMETER_INTERVAL_MS: u32 = 2;

@@ -14,6 +14,9 @@ const REPRAPFIRMWARE_HEADER: &str = "Sample,X,Y,Z";
 /// What lines begin with that a printer says beside a record.
 const ANSWERS: [&str; 4] = ["ok", "echo:", "//", "T:"];
 
+/// What this printer says of a record that has ended before its time.
+const ENDED: &str = "echo:record ended: ";
+
 /// An interval longer than this many usual ones is a gap.
 const GAP: f64 = 3.0;
 
@@ -53,6 +56,13 @@ pub enum RecordError {
         /// The line after them, counted from 1.
         line: usize,
     },
+    /// The printer has ended the record before its time.
+    Ended {
+        /// Line, counted from 1.
+        line: usize,
+        /// The reason that it gives.
+        reason: String,
+    },
     /// RepRapFirmware's last line, which has the rate, is missing.
     NoRate,
     /// RepRapFirmware lost samples.
@@ -85,6 +95,7 @@ impl fmt::Display for RecordError {
                     "line {line}: it has not the number after that of the sample before: lines were lost, record it again"
                 )
             }
+            Self::Ended { line, reason } => write!(out, "line {line}: the printer has ended the record: {reason}"),
             Self::NoRate => out.write_str("the last line is missing, expected one such as `Rate 1344, overflows 0`"),
             Self::Overflows(count) => {
                 write!(out, "the accelerometer overflowed {count} times: samples were lost, record it again")
@@ -176,7 +187,13 @@ fn reprapfirmware<'a>(lines: impl Iterator<Item = (usize, &'a str)>) -> Result<R
     let mut samples = Vec::new();
     let mut rate_hz = None;
     let is_answer = |text: &str| ANSWERS.iter().any(|answer| text.starts_with(answer));
-    for (line, text) in lines.filter(|(_, text)| !text.is_empty() && !is_answer(text)) {
+    for (line, text) in lines.filter(|(_, text)| !text.is_empty()) {
+        if let Some(reason) = text.strip_prefix(ENDED) {
+            return Err(RecordError::Ended { line, reason: reason.chars().take(200).collect() });
+        }
+        if is_answer(text) {
+            continue;
+        }
         if let Some(rest) = text.strip_prefix("Rate ") {
             let (rate, overflows) = rest.split_once(", overflows ").unwrap_or((rest, "0"));
             let parsed =

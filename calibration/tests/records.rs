@@ -263,6 +263,10 @@ fn records_that_tell_nothing_are_refused_by_name() {
         ("Sample,X,Y,Z\n0,0,0,1\n1,0,0,1", RecordError::NoRate),
         ("Sample,X,Y,Z\n0,0,0,1\nRate 1344, overflows 3", RecordError::Overflows(3)),
         ("Sample,X,Y,Z\n0,0,0,1\nok\n2,0,0,1\nRate 1344, overflows 0", RecordError::Missing { line: 4 }),
+        (
+            "Sample,X,Y,Z\n0,0,0,1\necho:record ended: its lines were not read, send M956 again\nok",
+            RecordError::Ended { line: 3, reason: "its lines were not read, send M956 again".to_owned() },
+        ),
         ("start\nSample,X,Y,Z\n0,0,0,1\nBusy\n", RecordError::Line { line: 4, text: "Busy".to_owned() }),
     ] {
         assert_eq!(parse(text), error, "{text}");
@@ -297,6 +301,36 @@ proptest! {
             && let Ok(spectrum) = Spectrum::of(&record, 0)
         {
             let _ = Mode::of(&spectrum);
+        }
+    }
+
+    /// What a printer answers between the lines of a record changes nothing; a line that is missing, doubled or swapped with the next
+    /// is noticed.
+    #[test]
+    fn a_log_is_the_record_in_it_or_refused(
+        samples in prop::collection::vec(prop::array::uniform3(-16.0..16.0_f64), 2..40),
+        answers in prop::collection::vec((0_usize..60, prop::sample::select(vec!["ok", "echo:busy: processing", "// note", "T:20.0 /0.0", ""])), 0..8),
+        damaged in 0_usize..40,
+    ) {
+        let lines: Vec<String> =
+            samples.iter().enumerate().map(|(number, [x, y, z])| format!("{number},{x:.5},{y:.5},{z:.5}")).collect();
+        let text = |lines: &[String]| format!("start\nSample,X,Y,Z\n{}\nRate 800, overflows 0\nok\n", lines.join("\n"));
+        let clean = Record::parse(&text(&lines)).unwrap();
+        prop_assert_eq!(clean.len(), samples.len());
+        let mut log = lines.clone();
+        for (place, answer) in answers {
+            log.insert(place.min(log.len()), answer.to_owned());
+        }
+        prop_assert_eq!(Record::parse(&text(&log)), Ok(clean));
+        let at = damaged % lines.len();
+        let (mut missing, mut doubled, mut swapped) = (lines.clone(), lines.clone(), lines.clone());
+        missing.remove(at);
+        doubled.insert(at, lines[at].clone());
+        swapped.swap(at, (at + 1) % lines.len());
+        // Without its last line a record is shorter, and complete; the printer's `overflows` tells of that.
+        for (log, is_shorter) in [(missing, at + 1 == lines.len()), (doubled, false), (swapped, false)] {
+            let read = Record::parse(&text(&log));
+            prop_assert!(is_shorter || matches!(read, Err(RecordError::Missing { .. })), "{read:?}");
         }
     }
 

@@ -15,6 +15,15 @@ use rigless::image::Image;
 use crate::machine::{HOST_PORT, Machine};
 use crate::run::{self, Finished, Operator, Options, Turn};
 
+/// The line between host and board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Via {
+    /// The serial line.
+    Serial,
+    /// The USB plug, which is plugged in at the start.
+    Usb,
+}
+
 /// A line from the board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BoardLine {
@@ -42,6 +51,7 @@ enum Answer {
 
 /// The operator that executes the commands of the other thread.
 pub struct ConversationOperator {
+    via: Via,
     commands: Receiver<Command>,
     answers: Sender<Answer>,
     partial: Vec<u8>,
@@ -60,10 +70,16 @@ impl fmt::Debug for ConversationOperator {
 }
 
 impl ConversationOperator {
-    fn collect_lines(&mut self, machine: &mut Machine) {
-        let Some(mailbox) = machine.mailbox(HOST_PORT) else { return };
-        for (at_ns, word) in mailbox.take() {
-            match word as u8 {
+    fn collect_lines(&mut self, machine: &mut Machine, now_ns: u64) {
+        let bytes: Vec<(u64, u8)> = match self.via {
+            Via::Usb => machine.usb_host.read().into_iter().map(|byte| (now_ns, byte)).collect(),
+            Via::Serial => {
+                let Some(mailbox) = machine.mailbox(HOST_PORT) else { return };
+                mailbox.take().map(|(at_ns, word)| (at_ns, word as u8)).collect()
+            }
+        };
+        for (at_ns, byte) in bytes {
+            match byte {
                 b'\n' => {
                     let bytes = std::mem::take(&mut self.partial);
                     let text = String::from_utf8_lossy(&bytes).trim_end_matches('\r').to_owned();
@@ -77,7 +93,7 @@ impl ConversationOperator {
 
 impl Operator for ConversationOperator {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, host: &mut dyn Host) -> Turn {
-        self.collect_lines(machine);
+        self.collect_lines(machine, now_ns);
         loop {
             if let Some(until_ns) = self.waiting_until_ns {
                 if now_ns < until_ns {
@@ -117,6 +133,7 @@ impl Operator for ConversationOperator {
 /// A running board.
 #[derive(Debug)]
 pub struct Conversation {
+    via: Via,
     commands: Sender<Command>,
     answers: Receiver<Answer>,
     run: Option<JoinHandle<Result<Finished<ConversationOperator>, emulator::Error>>>,
@@ -124,14 +141,26 @@ pub struct Conversation {
 }
 
 impl Conversation {
-    /// Switches a machine on with these images in its memories; `boot` is the address of the vector table.
+    /// As [`Self::start_via`], on the serial line.
     ///
     /// # Errors
     /// The operating system refuses a thread.
     pub fn start(machine: Machine, images: Vec<Image>, boot: u64) -> Result<Self, String> {
+        Self::start_via(Via::Serial, machine, images, boot)
+    }
+
+    /// Switches a machine on with these images in its memories; `boot` is the address of the vector table.
+    ///
+    /// # Errors
+    /// The operating system refuses a thread.
+    pub fn start_via(via: Via, mut machine: Machine, images: Vec<Image>, boot: u64) -> Result<Self, String> {
+        if via == Via::Usb {
+            machine.usb_host.plug();
+        }
         let (commands, incoming) = channel();
         let (outgoing, answers) = channel();
         let puppet = ConversationOperator {
+            via,
             commands: incoming,
             answers: outgoing,
             partial: Vec::new(),
@@ -146,7 +175,7 @@ impl Conversation {
                 run::run(machine, &images, &options, puppet)
             })
             .map_err(|error| format!("cannot start a thread for the run: {error}"))?;
-        Ok(Self { commands, answers, run: Some(run), now_ns: 0 })
+        Ok(Self { via, commands, answers, run: Some(run), now_ns: 0 })
     }
 
     /// The board's time at the last answer, ns.
@@ -180,9 +209,11 @@ impl Conversation {
     /// # Errors
     /// The run has ended; the text says why.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let bytes = bytes.to_vec();
-        self.with(|machine, _| {
-            if let Some(mailbox) = machine.mailbox(HOST_PORT) {
+        let (via, bytes) = (self.via, bytes.to_vec());
+        self.with(move |machine, _| {
+            if via == Via::Usb {
+                machine.usb_host.write(&bytes);
+            } else if let Some(mailbox) = machine.mailbox(HOST_PORT) {
                 bytes.into_iter().for_each(|byte| mailbox.send(0, u16::from(byte)));
             }
         })

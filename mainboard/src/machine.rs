@@ -163,6 +163,9 @@ impl Machine {
             }
             self.plant.output(now_ns, pin, level);
         }
+        if let Some((pin, level)) = self.plant.take_answer() {
+            self.chip.drive_pin(VirtualNanos(now_ns), pin, level);
+        }
     }
 
     /// Advances everything around the chip to `now_ns`.

@@ -11,10 +11,14 @@
 //! | [`motion`] | motors, kinematics, axes between their frame ends, end stops, probe, nozzle and bed |
 //! | [`heat`] | heaters with their mass, thermistors |
 //! | [`fan`] | rotor and tacho |
+//! | [`adxl345`] | accelerometer: registers, memory, its end of an SPI bus |
+//! | [`frame`] | the spring between motors and nozzle |
 //! | [`supply`] | rails: sag, cut, return |
 //! | [`random`] | the seeded generator of all noise |
 
+pub mod adxl345;
 pub mod fan;
+pub mod frame;
 pub mod heat;
 pub mod motion;
 pub mod random;

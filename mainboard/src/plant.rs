@@ -3,6 +3,7 @@
 //! The run reports the chip's outputs ([`Plant::output`], [`Plant::serial_byte`]) and asks for its inputs
 //! ([`Plant::take_inputs`], [`Plant::voltages`], [`Plant::take_replies`]).
 
+mod accelerometer;
 mod build;
 
 use std::collections::BTreeMap;
@@ -18,6 +19,8 @@ use crate::parts::tmc2209::Tmc2209;
 use crate::parts::wire::{Bus, Wire};
 use crate::pins::Pin;
 use crate::wiring::{Adc, TimerChannel};
+use accelerometer::BusWire;
+pub use accelerometer::WiredAccelerometer;
 
 /// The part connected to an output pin of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,6 +37,8 @@ enum Role {
     Heater(usize),
     /// The gate of a fan's transistor.
     Fan(usize),
+    /// A wire to the accelerometer.
+    Accelerometer(BusWire),
 }
 
 /// The pin of a heater or fan, and the timer channel that may drive it.
@@ -98,6 +103,7 @@ enum Source {
     Diag(usize),
     Tacho(usize),
     Wire(usize),
+    Accelerometer,
     /// Held at a constant level.
     Held(bool),
 }
@@ -126,6 +132,8 @@ pub struct Plant {
     pub fans: Vec<WiredFan>,
     /// Thermistors.
     pub thermistors: Vec<WiredThermistor>,
+    /// The accelerometer, on a board with a plug for one.
+    pub accelerometer: Option<WiredAccelerometer>,
     /// The supply of motors and heaters.
     pub motor_rail: Rail,
     /// The chip's supply.
@@ -133,6 +141,8 @@ pub struct Plant {
     ambient_celsius: f64,
     slow_ns: u64,
     lines_changed: bool,
+    /// A part has answered an output at once: the chip may look before time goes on.
+    has_answered: bool,
 }
 
 impl Plant {
@@ -152,7 +162,7 @@ impl Plant {
                 let Some(moved) = driver.set_step_pin(now_ns, level.unwrap_or(false)) else { return };
                 self.lines_changed |= driver.diag() != stalled;
                 let effect = self.motion.step(now_ns, motor, moved.delta);
-                self.pass_on(effect);
+                self.pass_on(now_ns, effect);
             }
             Role::Direction(motor) => {
                 if let Some(driver) = self.drivers.get_mut(motor) {
@@ -178,6 +188,11 @@ impl Plant {
             }
             Role::Heater(heater) => self.power_heater(now_ns, heater, if level == Some(true) { 1.0 } else { 0.0 }),
             Role::Fan(fan) => self.power_fan(now_ns, fan, if level == Some(true) { 1.0 } else { 0.0 }),
+            Role::Accelerometer(wire) => {
+                if let Some(accelerometer) = &mut self.accelerometer {
+                    self.has_answered |= accelerometer.set_wire(now_ns, wire, level);
+                }
+            }
         }
     }
 
@@ -185,11 +200,14 @@ impl Plant {
         if let Some(driver) = self.drivers.get(motor) {
             let (on, mscnt) = (driver.energized(), driver.mscnt());
             let effect = self.motion.set_energized(now_ns, motor, on, mscnt);
-            self.pass_on(effect);
+            self.pass_on(now_ns, effect);
         }
     }
 
-    fn pass_on(&mut self, effect: Effect) {
+    fn pass_on(&mut self, now_ns: u64, effect: Effect) {
+        if let Some(accelerometer) = &mut self.accelerometer {
+            accelerometer.moved(now_ns, [0, 1].map(|axis| self.motion.position_mm(axis)));
+        }
         if effect.loads {
             for (motor, driver) in self.drivers.iter_mut().enumerate() {
                 driver.set_load(self.motion.load(motor));
@@ -292,6 +310,9 @@ impl Plant {
                 self.lines_changed = true;
             }
         }
+        if let Some(accelerometer) = &mut self.accelerometer {
+            accelerometer.advance(now_ns);
+        }
         if now_ns < self.slow_ns {
             return false;
         }
@@ -363,6 +384,7 @@ impl Plant {
                 Source::Diag(motor) => self.drivers.get(motor).and_then(Tmc2209::diag),
                 Source::Tacho(fan) => self.fans.get(fan).map(|fan| fan.fan.tacho()),
                 Source::Wire(wire) => self.wires.get(wire).map(Wire::level),
+                Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
                 Source::Held(level) => Some(level),
             };
             if self.driven[index] != Some(level) {
@@ -371,6 +393,18 @@ impl Plant {
             }
         }
         changes
+    }
+
+    /// Takes the level of an input that changed with the output just followed.
+    pub fn take_answer(&mut self) -> Option<(Pin, Option<bool>)> {
+        if !std::mem::take(&mut self.has_answered) {
+            return None;
+        }
+        let part = self.accelerometer.as_ref()?;
+        let (pin, level) = (part.miso, part.chip.output());
+        let place = self.inputs.iter().position(|(input, _)| *input == pin)?;
+        self.driven[place] = Some(level);
+        Some((pin, level))
     }
 
     /// Drives all inputs again: after a reset of the chip's ports, or after a part was broken or mended.

@@ -18,12 +18,12 @@ mod image;
 mod printer;
 mod refusal;
 
-pub use board::{Board, Driver, DriverLine, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
+pub use board::{Accelerometer, Board, Driver, DriverLine, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
 pub use chip::Chip;
 pub use functions::{Adc, TimerChannel};
 pub use image::{Image, check_image};
 pub use printer::{
-    AxisHoming, DriverSettings, DriverSignals, End, HeaterModel, HeaterSettings, Homing, HomingSensor, Kinematics,
+    AxisHoming, DriverSettings, DriverSignals, End, FrameMode, HeaterModel, HeaterSettings, Homing, HomingSensor, Kinematics,
     NamedThermistor, Printer, ThermistorKind,
 };
 pub use refusal::Refusal;

@@ -139,9 +139,9 @@ impl fmt::Display for RecordEvent {
                 write!(out, "{number},{x},{y},{z}")
             }
             Self::Ended { rate_hz, overflows } => write!(out, "Rate {rate_hz}, overflows {overflows}"),
-            Self::Failed(RecordFault::Chip(fault)) => write!(out, "Error:record ended, {}", FaultText(*fault)),
+            Self::Failed(RecordFault::Chip(fault)) => write!(out, "echo:record ended: {}", FaultText(*fault)),
             Self::Failed(RecordFault::Unread) => {
-                out.write_str("Error:record ended, its lines are not read: send M956 again when the host reads")
+                out.write_str("echo:record ended: its lines were not read, send M956 again")
             }
         }
     }

@@ -1,7 +1,10 @@
 //! Builds the parts on their pins from the board's file and the printer's profile.
 
+use super::accelerometer::{BusWire, WiredAccelerometer};
 use super::{Plant, REFERENCE_MV, Role, Source, Switched, WiredFan, WiredHeater, WiredThermistor};
+use crate::parts::adxl345::{self, Adxl345};
 use crate::parts::fan::{self, Fan};
+use crate::parts::frame::Mode;
 use crate::parts::heat::thermistor::{Curve, SensorFault, Thermistor, ThermistorConfig};
 use crate::parts::heat::{self, Heater};
 use crate::parts::motion::end_stop::{EndStopConfig, Side};
@@ -41,15 +44,18 @@ impl Plant {
             heaters: Vec::new(),
             fans: Vec::new(),
             thermistors: Vec::new(),
+            accelerometer: None,
             motor_rail: Rail::new(supply::Config::motors_24_v()),
             chip_rail: Rail::new(supply::Config::chip_3_3_v()),
             ambient_celsius: AMBIENT_CELSIUS,
             slow_ns: 0,
             lines_changed: true,
+            has_answered: false,
         };
         plant.connect_drivers(board, seed);
         plant.connect_switches(board, printer);
         plant.connect_heat(board, printer, seed)?;
+        plant.connect_accelerometer(board, printer, seed);
         for driver in &mut plant.drivers {
             driver.set_supply(0, true);
         }
@@ -115,6 +121,19 @@ impl Plant {
             // Filament is loaded: its switch connects the pin to the supply.
             self.inputs.push((input.pin, Source::Held(true)));
         }
+    }
+
+    fn connect_accelerometer(&mut self, board: &Board, printer: &Printer, seed: u64) {
+        let Some(plug) = &board.accelerometer else { return };
+        let frame = [0, 1].map(|axis: usize| {
+            printer.frame[axis].map(|mode| Mode::new(mode.frequency_hz, mode.damping, self.motion.position_mm(axis)))
+        });
+        let chip = Adxl345::new(adxl345::Config { seed: seed ^ 0xADE5, ..adxl345::Config::default() });
+        self.accelerometer = Some(WiredAccelerometer::new(chip, plug.miso, frame));
+        for (pin, wire) in [(plug.cs, BusWire::Select), (plug.sck, BusWire::Clock), (plug.mosi, BusWire::Data)] {
+            self.roles.insert(pin, Role::Accelerometer(wire));
+        }
+        self.inputs.push((plug.miso, Source::Accelerometer));
     }
 
     fn connect_heat(&mut self, board: &Board, printer: &Printer, seed: u64) -> Result<(), String> {

@@ -48,6 +48,21 @@ pub struct Board {
     pub serial: Serial,
     /// USB, if the board has a plug.
     pub usb: Option<Usb>,
+    /// The plug for an ADXL345, if the board has one.
+    pub accelerometer: Option<Accelerometer>,
+}
+
+/// The wires to an accelerometer (SPI).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Accelerometer {
+    /// The clock.
+    pub sck: Pin,
+    /// The chip's output.
+    pub miso: Pin,
+    /// The chip's input.
+    pub mosi: Pin,
+    /// Low while the chip is asked.
+    pub cs: Pin,
 }
 
 /// The kind of motor driver.

@@ -36,6 +36,7 @@ pub(super) struct RawBoard {
     pub inputs: BTreeMap<String, String>,
     pub serial: RawSerial,
     pub usb: Option<RawUsb>,
+    pub accelerometer: Option<RawAccelerometer>,
     /// The card's slot, which is not wired here: the chip's model has no SDIO, and its pins float, so that no card is seen.
     #[serde(default, rename = "card")]
     pub _card: Option<toml::Value>,
@@ -98,4 +99,14 @@ pub(super) struct RawSerial {
 pub(super) struct RawUsb {
     pub dm: String,
     pub dp: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawAccelerometer {
+    pub chip: String,
+    pub sck: String,
+    pub miso: String,
+    pub mosi: String,
+    pub cs: String,
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::board::{Board, Driver, DriverLine, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
+use super::board::{Accelerometer, Board, Driver, DriverLine, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
 use super::board_file::{RawBoard, RawMotor};
 use super::chip::Chip;
 use super::functions::{Adc, CRYSTAL, TimerChannel, USART1_RX, USART1_TX, USB};
@@ -73,6 +73,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
     }
     let serial = serial(&mut pins, &raw)?;
     let usb = usb(&mut pins, &raw)?;
+    let accelerometer = accelerometer(&mut pins, &raw)?;
     if raw.virtual_sensors && !(heaters.is_empty() && thermistors.is_empty() && inputs.is_empty()) {
         return Err(Refusal::new(
             file,
@@ -101,6 +102,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         inputs,
         serial,
         usb,
+        accelerometer,
     })
 }
 
@@ -295,6 +297,20 @@ fn usb(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Option<Usb>, Refusal> {
     let dm = pins.take_of("usb.dm", &usb.dm, &USB[..1], "USB's D-")?;
     let dp = pins.take_of("usb.dp", &usb.dp, &USB[1..], "USB's D+")?;
     Ok(Some(Usb { dm, dp }))
+}
+
+fn accelerometer(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Option<Accelerometer>, Refusal> {
+    let Some(raw) = &raw.accelerometer else { return Ok(None) };
+    if raw.chip != "adxl345" {
+        let problem = format!("no model of a \"{}\"", raw.chip);
+        return Err(Refusal::new(pins.file, "accelerometer.chip", problem, "write \"adxl345\""));
+    }
+    Ok(Some(Accelerometer {
+        sck: pins.take("accelerometer.sck", &raw.sck)?,
+        miso: pins.take("accelerometer.miso", &raw.miso)?,
+        mosi: pins.take("accelerometer.mosi", &raw.mosi)?,
+        cs: pins.take("accelerometer.cs", &raw.cs)?,
+    }))
 }
 
 /// The key that uses a pin, and whether others may share it.

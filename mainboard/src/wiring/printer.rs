@@ -29,6 +29,18 @@ pub struct Printer {
     pub signals: DriverSignals,
     /// Settings of drivers with a serial line.
     pub drivers: [Option<DriverSettings>; 4],
+    /// The frame along X and Y; `None` where the profile does not describe it.
+    pub frame: [Option<FrameMode>; 2],
+}
+
+/// A frame along an axis, as the profile describes it.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub struct FrameMode {
+    /// Undamped frequency, Hz.
+    pub frequency_hz: f64,
+    /// Damping ratio.
+    #[serde(default = "usual_damping")]
+    pub damping: f64,
 }
 
 /// How X and Y are driven.
@@ -183,6 +195,10 @@ pub struct DriverSettings {
     pub stall_threshold: u8,
 }
 
+fn usual_damping() -> f64 {
+    0.1
+}
+
 fn five() -> f64 {
     5.0
 }
@@ -260,6 +276,16 @@ impl Printer {
                 return Err(Refusal::new(file, format!("drivers.{name}.microsteps"), problem, mend));
             }
         }
+        let frame = [raw.frame.x, raw.frame.y];
+        for (mode, axis) in frame.iter().zip(["x", "y"]) {
+            if let Some(mode) = mode.filter(|mode| {
+                !((1.0..=1000.0).contains(&mode.frequency_hz) && (0.0..=0.95).contains(&mode.damping))
+            }) {
+                let problem = format!("no frame rings at {} Hz with a damping of {}", mode.frequency_hz, mode.damping);
+                let mend = "write 1 to 1000 Hz, and a damping of 0 to 0.95";
+                return Err(Refusal::new(file, format!("frame.{axis}"), problem, mend));
+            }
+        }
         Ok(Self {
             name: raw.name,
             kinematics: raw.kinematics,
@@ -281,6 +307,7 @@ impl Printer {
                 inverted: inverted(file, &driver.inverted)?,
             },
             drivers,
+            frame,
         })
     }
 }
@@ -352,6 +379,14 @@ struct RawPrinter {
     driver: RawDriver,
     #[serde(default)]
     drivers: RawDrivers,
+    #[serde(default)]
+    frame: RawFrame,
+}
+
+#[derive(Deserialize, Default)]
+struct RawFrame {
+    x: Option<FrameMode>,
+    y: Option<FrameMode>,
 }
 
 #[derive(Deserialize, Clone, Copy)]

@@ -5,6 +5,7 @@
 //! `target/images`, and build missing ones there.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod accelerometer;
 mod bad_input;
 mod bench;
 mod board_pins;

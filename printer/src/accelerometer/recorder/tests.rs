@@ -227,7 +227,7 @@ fn a_chip_that_is_gone_refuses_commands_and_ends_a_record() {
         rig.heard.clear();
         rig.pass(5, 2 * MS);
         assert_eq!(rig.heard, [RecordEvent::Failed(RecordFault::Chip(gone))]);
-        assert!(rig.heard[0].to_string().starts_with("Error:record ended, the accelerometer does not answer: "));
+        assert!(rig.heard[0].to_string().starts_with("echo:record ended: the accelerometer does not answer: "));
     }
     // The settings of the refused commands were not taken.
     chip.borrow_mut().fault = None;
