@@ -30,8 +30,8 @@ pub mod sector_flash;
 pub mod sensor_lines;
 mod software_pwm;
 pub mod software_serial;
-pub mod tachometers;
 mod software_spi;
+pub mod tachometers;
 pub mod usb_controller;
 pub mod watchdog;
 

@@ -139,7 +139,10 @@ fn what_cannot_be_recorded_is_refused_by_its_name() {
     let mut host = connected(&plain);
     for line in ["M955", "M956 S100"] {
         let said = host.say(line);
-        assert!(said[0].contains("this board has no accelerometer: a board has one where its file has the table"), "{said:?}");
+        assert!(
+            said[0].contains("this board has no accelerometer: a board has one where its file has the table"),
+            "{said:?}"
+        );
     }
     plain.end();
 }
