@@ -1,5 +1,6 @@
 //! The papers' methods as the planner's type parameter.
 
+use ferrostep_planner::surface::{BedStage, NoBed};
 use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation, Kinematics, MotionChoice, MotionMethods};
 
 use crate::five_segments::FiveSegments;
@@ -15,6 +16,7 @@ impl MotionMethods for Papers {
     type Pieces = PaperPieces;
     type Rule = PaperRule;
     type Pattern = PaperPattern;
+    type Bed = BedStage;
 
     // Large: inlined, it is once on the stack.
     #[inline(always)]
@@ -36,5 +38,25 @@ impl MotionMethods for Papers {
             }
         };
         rule.map(Some).ok_or(ChoiceError::Parameter)
+    }
+}
+
+/// As [`Papers`], where Z follows no bed: without the memory for a mesh.
+#[derive(Clone, Copy, Debug)]
+pub enum PapersOffBed {}
+
+impl MotionMethods for PapersOffBed {
+    type Pieces = PaperPieces;
+    type Rule = PaperRule;
+    type Pattern = PaperPattern;
+    type Bed = NoBed;
+
+    #[inline(always)]
+    fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<PaperPattern>, ChoiceError> {
+        Papers::pattern(choice, kinematics)
+    }
+
+    fn rule(choice: &MotionChoice) -> Result<Option<PaperRule>, ChoiceError> {
+        Papers::rule(choice)
     }
 }

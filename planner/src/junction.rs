@@ -37,10 +37,12 @@ pub fn radius_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f3
 
 /// The largest speed at which no axis changes its own speed at a corner by more than it may: |u_after - u_before| v <= limit,
 /// u being the share of the axis in the path. `per_limit` are the reciprocals of the limits of X, Y, Z and the filament,
-/// s/mm, 0 for an axis without one. Both paths have a length.
+/// s/mm, 0 for an axis without one. Both paths have a length. Of X and Y Z takes the part that the surface's slope along them is.
 #[inline(always)]
-pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4]) -> Speed {
+pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4], slope: [f32; 2]) -> Speed {
     let [x, y, z, e] = Path::jumps(before, after);
+    let [slope_x, slope_y] = slope;
+    let z = z + (slope_x * x + slope_y * y);
     let [per_x, per_y, per_z, per_e] = per_limit;
     let strictest = larger(larger(x * per_x, y * per_y), larger(z * per_z, e * per_e));
     // Without a jump this is infinite, and the cast saturates.

@@ -26,6 +26,7 @@ pub mod shaping;
 pub mod square_root;
 pub mod step_queue;
 pub mod stretches;
+pub mod surface;
 pub mod time_law;
 pub mod time_units;
 
@@ -64,7 +65,7 @@ pub use digest::StepDigests;
 pub use follower::Follower;
 pub use kinematics::{Coordinate, Geometry, Kinematics, LinearKinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
-pub use methods::{ChoiceError, MotionMethods, Standard};
+pub use methods::{ChoiceError, MotionMethods, Standard, StandardOnBed};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
 pub use planner::block_rules::MIN_FEED_MM_PER_S;

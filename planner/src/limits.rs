@@ -1,6 +1,8 @@
 //! What the machine may do: feed, acceleration and junction limits, in mm and seconds.
 
 use crate::kinematics::UNITS_PER_MM;
+use crate::square_root::square_root_f32;
+use crate::surface::SurfaceBounds;
 
 /// Number of axes a limit is kept for: X, Y, Z and the extruder, in this order.
 pub const AXES: usize = 4;
@@ -146,6 +148,45 @@ impl PathLimits {
             && feed * filament <= filament_feed * length
             && acceleration * filament <= filament_acceleration * length;
         if any { (feed, acceleration) } else { self.held_along(feed, length, travels, acceleration) }
+    }
+
+    /// As [`Self::along`], where Z follows a surface as well.
+    ///
+    /// Z's part of the path is then |u_z| (1 + fade) + slope_x |u_x| + slope_y |u_y| at most. Along a straight path that part
+    /// changes by 2 twist |u_x u_y| + 2 fade' |u_z| for each mm, and Z's acceleration is a times the part and v^2 times its change;
+    /// of what Z may, the change gets half at most. At the border of two cells Z's speed changes at once, as at a corner.
+    #[inline(never)]
+    pub fn along_surface(
+        &self,
+        feed_mm_per_s: f32,
+        length: f32,
+        travels: [f32; AXES],
+        prints: bool,
+        surface: &SurfaceBounds,
+    ) -> FeedAndAcceleration {
+        let [x, y, z, filament] = travels;
+        let SurfaceBounds { slope: [slope_x, slope_y], border: [border_x, border_y], twist_per_mm, fade, .. } =
+            *surface;
+        let in_plane = slope_x * x + slope_y * y;
+        let with_surface = z + (z * fade + in_plane);
+        let acceleration = if prints { self.print_acceleration_mm_per_s2 } else { self.travel_acceleration_mm_per_s2 };
+        let travels = [x, y, with_surface, filament];
+        let (mut feed, mut acceleration) = self.held_along(feed_mm_per_s, length, travels, acceleration);
+        let [_, _, z_acceleration, _] = self.max_acceleration_mm_per_s2;
+        let [_, _, per_z_velocity, _] = self.per_corner_velocity;
+        let border = border_x * x + border_y * y;
+        if feed * border * per_z_velocity > length {
+            feed = length / (border * per_z_velocity);
+        }
+        let change_per_mm = 2.0 * (twist_per_mm * x * y + surface.fade_per_mm * in_plane * z) / (length * length);
+        let part = with_surface / length;
+        if feed * feed * change_per_mm + acceleration * part > z_acceleration {
+            if feed * feed * change_per_mm > 0.5 * z_acceleration {
+                feed = square_root_f32(0.5 * z_acceleration / change_per_mm);
+            }
+            acceleration = smaller(acceleration, (z_acceleration - feed * feed * change_per_mm) / part);
+        }
+        (feed, acceleration)
     }
 
     #[inline(never)]

@@ -14,6 +14,7 @@ use crate::pressure_advance::PressureAdvanceError;
 use crate::shaping::ShaperError;
 use crate::step_times::StepTimes;
 use crate::stretches::Stretch;
+use crate::surface::{Bed, BedStage, NoBed};
 use crate::time_law::TimeLaw;
 
 pub use crate::pieces::{Never, OtherLaw, Pieces};
@@ -100,6 +101,8 @@ pub trait MotionMethods: Copy + Debug {
     type Rule: SpeedRule<Pieces = Self::Pieces>;
     /// The other pattern.
     type Pattern: StepPattern<Self::Pieces>;
+    /// What lets Z follow the bed, or nothing.
+    type Bed: Bed;
 
     /// The pattern that was chosen; `None` for step Bresenham.
     ///
@@ -114,14 +117,34 @@ pub trait MotionMethods: Copy + Debug {
     fn rule(choice: &MotionChoice) -> Result<Option<Self::Rule>, ChoiceError>;
 }
 
-/// No other methods: step Bresenham under trapezoids and S-curves.
+/// No other methods: step Bresenham under trapezoids and S-curves; Z follows no bed.
 #[derive(Clone, Copy, Debug)]
 pub enum Standard {}
+
+/// As [`Standard`], and Z can follow a measured bed.
+#[derive(Clone, Copy, Debug)]
+pub enum StandardOnBed {}
+
+impl MotionMethods for StandardOnBed {
+    type Pieces = Never;
+    type Rule = Never;
+    type Pattern = Never;
+    type Bed = BedStage;
+
+    fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<Never>, ChoiceError> {
+        Standard::pattern(choice, kinematics)
+    }
+
+    fn rule(choice: &MotionChoice) -> Result<Option<Never>, ChoiceError> {
+        Standard::rule(choice)
+    }
+}
 
 impl MotionMethods for Standard {
     type Pieces = Never;
     type Rule = Never;
     type Pattern = Never;
+    type Bed = NoBed;
 
     fn pattern(choice: &MotionChoice, _: Kinematics) -> Result<Option<Never>, ChoiceError> {
         if choice.interpolation == Interpolation::StepBresenham { Ok(None) } else { Err(ChoiceError::NotContained) }

@@ -8,11 +8,12 @@ use crate::budget::Budget;
 use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
 use crate::junction::{CornerAcceleration, radius_10nm, speed_of_jumps};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
-use crate::limits::{ExtruderAdvance, FeedAndAcceleration, Limits, PathLimits, larger, smaller};
+use crate::limits::{AXES, ExtruderAdvance, FeedAndAcceleration, Limits, PathLimits, larger, smaller};
 use crate::methods::{MotionMethods, StepPattern};
 use crate::on_the_way::EXTRUDER_JUMP_MM_PER_S;
 use crate::path::Path;
 use crate::pressure_advance::MOST_FILAMENT_IN_LINE;
+use crate::surface::{Bed, SurfaceBounds};
 use crate::time_units::TICKS_PER_SECOND;
 use crate::u64_to_f32;
 
@@ -125,6 +126,8 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     is_shaped: bool,
     advance: ExtruderAdvance,
     pub budget: Budget,
+    /// What following the bed asks of Z; `None`: Z follows nothing.
+    surface: Option<SurfaceBounds>,
 }
 
 impl<M: MotionMethods> BlockRules<M> {
@@ -139,6 +142,7 @@ impl<M: MotionMethods> BlockRules<M> {
             is_shaped: false,
             advance: ExtruderAdvance::NONE,
             budget: Budget::new(&geometry),
+            surface: None,
         }
     }
 
@@ -151,6 +155,26 @@ impl<M: MotionMethods> BlockRules<M> {
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
         self.path_limits = PathLimits::new(&self.limits, &self.advance);
+    }
+
+    /// The moves to come follow a surface, or none.
+    pub fn set_surface(&mut self, surface: Option<SurfaceBounds>) {
+        self.surface = surface;
+    }
+
+    /// The surface that Z follows. An image without a bed has no code for one.
+    #[inline(always)]
+    fn surface(&self) -> Option<&SurfaceBounds> {
+        if M::Bed::PRESENT { self.surface.as_ref() } else { None }
+    }
+
+    /// As [`PathLimits::along`], with what Z needs to follow the surface.
+    #[inline(always)]
+    pub fn limits_along(&self, feed: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
+        match self.surface() {
+            None => self.path_limits.along(feed, length, travels, prints),
+            Some(surface) => self.path_limits.along_surface(feed, length, travels, prints, surface),
+        }
     }
 
     /// What the extruder's advance takes in the moves to come.
@@ -217,7 +241,7 @@ impl<M: MotionMethods> BlockRules<M> {
             let [x, y, z] = path.vector.map(f32::abs);
             let prints = filament_100pm != 0;
             let limits = match &travel.part {
-                None => self.path_limits.along(feed, path.length, [x, y, z, filament], prints),
+                None => self.limits_along(feed, path.length, [x, y, z, filament], prints),
                 Some(part) => part.along(path.length, filament),
             };
             (path.length, path_10nm, limits)
@@ -300,7 +324,8 @@ impl<M: MotionMethods> BlockRules<M> {
                 *per_filament_velocity = 1.0 / self.extruder_jump_mm_per_s();
             }
         }
-        speed.min(speed_of_jumps(&before.path, path, per_velocity))
+        let slope = self.surface().map_or([0.0; 2], |surface| surface.slope);
+        speed.min(speed_of_jumps(&before.path, path, per_velocity, slope))
     }
 }
 

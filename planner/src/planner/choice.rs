@@ -9,6 +9,7 @@ use crate::pressure_advance::{AdvanceLaw, PressureAdvance};
 use crate::ring::{Marker, RingMemory};
 use crate::s_curve::{Jerk, Jerks};
 use crate::shaping::{ShaperError, Shaping};
+use crate::surface::SurfaceBounds;
 
 use super::Planner;
 use super::move_error::MoveError;
@@ -117,6 +118,11 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     pub(super) fn advance_law(&self) -> AdvanceLaw {
         let [.., steps_per_mm] = self.rules.geometry.steps_per_mm;
         AdvanceLaw::new(&self.choice.pressure_advance, steps_per_mm.to_f64())
+    }
+
+    /// The moves to come keep to what Z needs to follow a surface; `None`: it follows none.
+    pub fn set_surface(&mut self, surface: Option<SurfaceBounds>) {
+        self.rules.set_surface(surface);
     }
 
     /// Lets the moves to come follow the plan itself, or the filters again: a move that a sensor ends is to stop where it is.

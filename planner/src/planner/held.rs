@@ -330,7 +330,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         if kind == Kind::Travel {
             let path = Path::along(target.vector_10nm);
             let [x, y, z] = path.vector.map(f32::abs);
-            let (feed, acceleration) = self.rules.path_limits.along(feed_mm_per_s, path.length, [x, y, z, 0.0], false);
+            let (feed, acceleration) = self.rules.limits_along(feed_mm_per_s, path.length, [x, y, z, 0.0], false);
             held.travel = Some(TravelMove {
                 target_10nm: target.coordinates_10nm,
                 length_mm: path.length / UNITS_PER_MM as f32,

@@ -1,0 +1,101 @@
+//! Z follows the measured surface of the bed.
+//!
+//! Z's correction joins the other motors' step events on their way to the step queue ([`BedStage`]): no block is split, look-ahead
+//! plans as ever, and X, Y and the extruder step when they would without it. What Z can do is kept beforehand: blocks keep to
+//! [`SurfaceBounds`].
+
+mod bounds;
+mod entries;
+mod mesh;
+mod stage;
+
+use core::fmt::Debug;
+
+pub use bounds::SurfaceBounds;
+pub use entries::BedEntries;
+pub use mesh::{MAX_MESH_POINTS, Mesh, MeshError, MeshGrid};
+pub use stage::BedStage;
+
+use crate::kinematics::Geometry;
+use crate::step_queue::{Notice, StepEntry};
+
+/// What lies between the planner and the step queue: [`BedStage`], or nothing ([`NoBed`]) in an image without a probe.
+pub trait Bed: Debug {
+    /// Whether there is anything.
+    const PRESENT: bool;
+
+    /// No mesh; Z follows nothing.
+    fn new(geometry: &Geometry) -> Self;
+
+    /// The measured mesh.
+    fn mesh(&mut self) -> Option<&mut Mesh>;
+
+    /// Whether Z follows the mesh.
+    fn is_on(&self) -> bool;
+
+    /// Lets Z follow the mesh, or stops it, at standstill; [`Self::stand`] comes next. Returns what blocks keep to.
+    ///
+    /// # Errors
+    /// [`MeshError`]; Z follows nothing then.
+    fn switch(&mut self, on: bool) -> Result<SurfaceBounds, MeshError>;
+
+    /// The motors of X, Y and Z (A, B, Z) stand at these steps, and nothing waits. Returns how many of Z's steps are the
+    /// correction there.
+    fn stand(&mut self, motor_steps: [i64; 3], directions: u8) -> i64;
+
+    /// Takes entries; `false`: they may pass as they are.
+    fn take(&mut self, entries: &[StepEntry]) -> bool;
+
+    /// Takes a notice behind the entries; `false`: it may pass.
+    fn take_notice(&mut self, notice: &Notice) -> bool;
+
+    /// Whether something waits for [`Self::work`].
+    fn is_waiting(&self) -> bool;
+
+    /// What comes next of that which waits: entries for `out`, which is empty, or a notice behind them.
+    fn work(&mut self, out: &mut BedEntries) -> Option<Notice>;
+}
+
+/// No mesh, and no memory for one.
+#[derive(Clone, Copy, Debug)]
+pub struct NoBed;
+
+impl Bed for NoBed {
+    const PRESENT: bool = false;
+
+    fn new(_: &Geometry) -> Self {
+        Self
+    }
+
+    fn mesh(&mut self) -> Option<&mut Mesh> {
+        None
+    }
+
+    fn is_on(&self) -> bool {
+        false
+    }
+
+    fn switch(&mut self, _: bool) -> Result<SurfaceBounds, MeshError> {
+        Err(MeshError::Incomplete)
+    }
+
+    fn stand(&mut self, _: [i64; 3], _: u8) -> i64 {
+        0
+    }
+
+    fn take(&mut self, _: &[StepEntry]) -> bool {
+        false
+    }
+
+    fn take_notice(&mut self, _: &Notice) -> bool {
+        false
+    }
+
+    fn is_waiting(&self) -> bool {
+        false
+    }
+
+    fn work(&mut self, _: &mut BedEntries) -> Option<Notice> {
+        None
+    }
+}

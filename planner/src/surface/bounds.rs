@@ -1,0 +1,103 @@
+//! What the surface asks of Z for a motion in the plane.
+
+/// How steep and how bent a surface is at most: what Z needs for a speed and an acceleration in the plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceBounds {
+    /// Slope along X and along Y.
+    pub slope: [f32; 2],
+    /// By how much the slope along X and along Y changes at the border of two cells.
+    pub border: [f32; 2],
+    /// By how much the slope along X changes along Y, 1/mm; and the other way round.
+    pub twist_per_mm: f32,
+    /// By how much the correction changes for each mm of Z, as it fades.
+    pub fade: f32,
+    /// The share of the correction that fades away for each mm of Z.
+    pub fade_per_mm: f32,
+}
+
+/// Which ends of the grid a cell is at, along X or along Y. Beyond them its surface goes on for the length of a cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ends {
+    pub is_first: bool,
+    pub is_last: bool,
+}
+
+impl Ends {
+    /// Of a cell with this number among so many points.
+    pub fn of(cell: u8, points: u8) -> Self {
+        Self { is_first: cell == 0, is_last: cell + 2 >= points }
+    }
+
+    /// From where to where the cell's surface is followed, in cells.
+    fn reach(self) -> [f32; 2] {
+        [if self.is_first { -1.0 } else { 0.0 }, if self.is_last { 2.0 } else { 1.0 }]
+    }
+}
+
+fn larger(one: &mut f32, other: f32) {
+    if other > *one {
+        *one = other;
+    }
+}
+
+impl SurfaceBounds {
+    /// A level surface, or none.
+    pub const NONE: Self = Self { slope: [0.0; 2], border: [0.0; 2], twist_per_mm: 0.0, fade: 0.0, fade_per_mm: 0.0 };
+
+    /// The steeper of both slopes.
+    pub(super) fn steepest(&self) -> f32 {
+        let [x, y] = self.slope;
+        if y > x { y } else { x }
+    }
+
+    /// Adds a cell: the heights at its corners and at those of its next ones along X and along Y, and its size, um.
+    pub(super) fn add_cell(&mut self, corners: [f32; 4], next: [[f32; 4]; 2], ends: [Ends; 2], [x, y]: [f32; 2]) {
+        let (along_x, along_y) = (Slopes::along_x(corners, x), Slopes::along_y(corners, y));
+        let ([next_x, next_y], [ends_x, ends_y]) = (next, ends);
+        let ([slope_x, slope_y], [border_x, border_y]) = (&mut self.slope, &mut self.border);
+        for end in ends_y.reach() {
+            larger(slope_x, along_x.at(end).abs());
+            // Where the surface goes on no farther, its slope ends.
+            let after = if ends_x.is_last { 0.0 } else { Slopes::along_x(next_x, x).at(end) };
+            larger(border_x, (after - along_x.at(end)).abs());
+            if ends_x.is_first {
+                larger(border_x, along_x.at(end).abs());
+            }
+        }
+        for end in ends_x.reach() {
+            larger(slope_y, along_y.at(end).abs());
+            let after = if ends_y.is_last { 0.0 } else { Slopes::along_y(next_y, y).at(end) };
+            larger(border_y, (after - along_y.at(end)).abs());
+            if ends_y.is_first {
+                larger(border_y, along_y.at(end).abs());
+            }
+        }
+        larger(&mut self.twist_per_mm, ((along_x.upper - along_x.lower) / y).abs());
+    }
+
+    /// The twist was summed up for each um.
+    pub(super) fn per_mm(&mut self) {
+        self.twist_per_mm *= 1000.0;
+    }
+}
+
+/// Slopes at both sides of a cell.
+struct Slopes {
+    lower: f32,
+    upper: f32,
+}
+
+impl Slopes {
+    fn along_x([a, b, c, d]: [f32; 4], x: f32) -> Self {
+        Self { lower: (b - a) / x, upper: (d - c) / x }
+    }
+
+    fn along_y([a, b, c, d]: [f32; 4], y: f32) -> Self {
+        Self { lower: (c - a) / y, upper: (d - b) / y }
+    }
+
+    /// At so much of the way from the lower to the upper side.
+    fn at(&self, way: f32) -> f32 {
+        self.lower + (self.upper - self.lower) * way
+    }
+}
