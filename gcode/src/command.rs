@@ -1,6 +1,6 @@
 //! What a line asks for, as an enum.
 
-use crate::{CardCommand, Decimal, TowerWords};
+use crate::{BedCommand, CardCommand, Decimal, TowerWords};
 
 /// The X, Y, Z and E words of a line; `None` where the word is absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -426,6 +426,8 @@ pub enum Command<'a> {
     },
     /// M500 to M504: the stored settings.
     Settings(SettingsCommand),
+    /// The bed's mesh, and what measures it.
+    Bed(BedCommand),
     /// M851: from the nozzle to the probe; without words a query.
     ProbeOffset(AxisWords),
     /// M75 to M78.

@@ -7,6 +7,7 @@
 //! bytes for the few commands that must not wait their turn. [`meatpack`] unpacks bytes that a host has packed.
 #![cfg_attr(not(test), no_std)]
 
+mod bed_command;
 mod card_command;
 mod command;
 mod decimal;
@@ -24,6 +25,7 @@ mod reply;
 mod reply_text;
 mod tower_words;
 
+pub use bed_command::{BedArea, BedCommand};
 pub use card_command::CardCommand;
 pub use command::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, FeedWords, GainWords, PrintClockCommand,

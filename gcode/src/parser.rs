@@ -1,6 +1,7 @@
 //! From the text of a line to a [`Command`].
 
 mod accelerometer;
+mod bed;
 mod card_codes;
 mod code;
 mod g_codes;

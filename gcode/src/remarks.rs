@@ -49,6 +49,10 @@ pub enum Remark {
     OtherHeater,
     /// TEMPERATURE_WAIT with MAXIMUM.
     WaitsForHeatOnly,
+    /// The bed's mesh, on a machine that cannot measure one.
+    NoBed,
+    /// Words of BED_MESH_CALIBRATE other than its area.
+    MeshWords,
 }
 
 /// What of a line was ignored or changed, so that the host learns how the line was read.
@@ -70,7 +74,7 @@ pub struct Remarks {
 }
 
 /// Texts of the bits of `about_line`.
-const ABOUT_LINE: [&str; 14] = [
+const ABOUT_LINE: [&str; 16] = [
     "one command a line: the second and everything after it is ignored",
     "without P or S: waits until all motion has ended",
     "MAXIMUM: cooling is not waited for; no effect",
@@ -85,7 +89,12 @@ const ABOUT_LINE: [&str; 14] = [
     "not checked: the profile does not say (nozzle_diameter_mm, model_names)",
     "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J",
     "this machine has the heaters extruder and heater_bed; no effect",
+    "this machine has no probe, its bed must be level by itself; no effect",
+    "of the mesh's words MESH_MIN and MESH_MAX have an effect",
 ];
+
+/// The bit of [`Remark::NoBed`].
+const NO_BED: u32 = 1 << 14;
 
 impl Remarks {
     /// No remarks.
@@ -130,6 +139,8 @@ impl Remarks {
             Remark::CornerLimits => self.about_line |= 1 << 12,
             Remark::OtherHeater => self.about_line |= 1 << 13,
             Remark::WaitsForHeatOnly => self.about_line |= 1 << 2,
+            Remark::NoBed => self.about_line |= NO_BED,
+            Remark::MeshWords => self.about_line |= 1 << 15,
         }
     }
 
@@ -143,9 +154,9 @@ impl Remarks {
         *self == Self { no_effect: self.no_effect, ..Self::NONE }
     }
 
-    /// Whether the line is a command that this firmware does not execute, known or not.
+    /// Whether the line is a command that this firmware, or this machine, does not execute, known or not.
     pub fn is_not_executed(&self) -> bool {
-        self.not_executed != 0
+        self.not_executed != 0 || self.about_line & NO_BED != 0
     }
 
     /// Whether the line is a command that this firmware does not know.
@@ -253,6 +264,8 @@ mod tests {
             (Remark::CornerLimits, "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J"),
             (Remark::OtherHeater, "this machine has the heaters extruder and heater_bed; no effect"),
             (Remark::WaitsForHeatOnly, "MAXIMUM: cooling is not waited for; no effect"),
+            (Remark::NoBed, "this machine has no probe, its bed must be level by itself; no effect"),
+            (Remark::MeshWords, "of the mesh's words MESH_MIN and MESH_MAX have an effect"),
             (Remark::NoEffect(b'W'), "W has no effect"),
             (Remark::Zero(b'E'), "E without a number is read as 0"),
         ] {

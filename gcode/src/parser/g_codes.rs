@@ -8,8 +8,8 @@ use crate::{ArcForm, AxisWords, Command, Decimal, ParseError, Units};
 pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     if code.has_subcode {
         return match code.number {
-            // G29.1 and the like belong to bed levelling, as G29 itself; G38.2, G59.1 and the like to G38 and G59.
-            29 | 38 | 54..=59 => code.not_executed(remarks),
+            // G38.2, G59.1 and the like belong to G38 and G59.
+            38 | 54..=59 => code.not_executed(remarks),
             0..=6 => Err(not_supported("G0.x to G6.x", "the move would be missing; use G0 to G3")),
             92 => Err(not_supported("G92.x", "the coordinates would stay as they are; use G92 with X, Y, Z or E")),
             53 => Err(not_supported("G53.x", "the part would lie elsewhere; use G92")),
@@ -32,6 +32,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         20 => code.without_words(Command::SetUnits(Units::Inches), remarks),
         21 => code.without_words(Command::SetUnits(Units::Millimetres), remarks),
         28 => home(code, remarks),
+        29 | 30 | 80 => super::bed::g_code(code, remarks),
         17 | 54 => {
             code.without_words(Command::Accepted, remarks)?;
             code.not_executed(remarks)

@@ -63,6 +63,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 None => Err(ParseError::WordsExpected { command: "M876", words: "S" }),
             }
         }
+        48 | 420 | 421 | 555 => super::bed::m_code(code, remarks),
         17 => Ok(Command::EnableMotors(code.words(remarks)?.axis_flags())),
         18 | 84 => {
             let mut words = code.words(remarks)?;
@@ -249,7 +250,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 /// Whether a command that is not executed asks for just that: it switches off what is not there.
 fn switches_off(code: Code<'_>) -> bool {
     let letter = match code.number {
-        141 | 413 | 420 => b'S',
+        141 | 413 => b'S',
         _ => return false,
     };
     let mut remarks = Remarks::default();

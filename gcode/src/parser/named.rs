@@ -5,7 +5,9 @@
 use super::code::Code;
 use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
-use crate::{AdvanceWords, AxisWords, Command, Decimal, NotExecuted, ParseError, ShaperWords, WaitTarget};
+use crate::{
+    AdvanceWords, AxisWords, BedArea, BedCommand, Command, Decimal, NotExecuted, ParseError, ShaperWords, WaitTarget,
+};
 
 mod tower;
 
@@ -136,7 +138,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 12] = [
+const EXECUTED: [(&str, &str); 15] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
@@ -153,6 +155,9 @@ const EXECUTED: [(&str, &str); 12] = [
     ("SET_PIN", "PIN with a name, and VALUE with a number from 0 to 1"),
     ("PAUSE", ""),
     ("RESUME", ""),
+    ("BED_MESH_CALIBRATE", "MESH_MIN and MESH_MAX with x,y, or neither"),
+    ("BED_MESH_CLEAR", ""),
+    ("PROBE_ACCURACY", "SAMPLES with a number up to 255"),
 ];
 
 /// Reads a line that begins with a name, or with nothing known.
@@ -186,7 +191,13 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         8 => fan(&words, "FAN", "SPEED", remarks)?,
         9 => fan(&words, "PIN", "VALUE", remarks)?,
         10 => Command::Pause(AxisWords::default()),
-        _ => Command::ResumePrint,
+        11 => Command::ResumePrint,
+        12 => Command::Bed(BedCommand::Measure { area: mesh_area(&words, remarks)?, unless_on: false }),
+        13 => Command::Bed(BedCommand::Clear),
+        _ => {
+            let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
+            Command::Bed(BedCommand::Repeat { samples, x: None, y: None })
+        }
     })
 }
 
@@ -205,6 +216,29 @@ fn fan<'a>(words: &NamedWords<'a>, name: &str, value: &str, remarks: &mut Remark
         }
     };
     Ok(Command::NamedFan { name, power })
+}
+
+/// The part of the bed of BED_MESH_CALIBRATE.
+#[inline(never)]
+fn mesh_area(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Option<BedArea>, ParseError> {
+    if !words.has_only("MESH_MIN, MESH_MAX") {
+        remarks.add(Remark::MeshWords);
+    }
+    let [from, to] = ["MESH_MIN", "MESH_MAX"].map(|key| words.value(key));
+    let (from, to) = match (from, to) {
+        (None, None) => return Ok(None),
+        (Some(from), Some(to)) => (from, to),
+        _ => return Err(words.expected()),
+    };
+    let pair = |text: &[u8]| -> Result<[Decimal; 2], ParseError> {
+        let mut numbers = text.split(|byte| *byte == b',').map(Decimal::parse);
+        match (numbers.next(), numbers.next(), numbers.next()) {
+            (Some(Ok(x)), Some(Ok(y)), None) => Ok([x, y]),
+            _ => Err(words.expected()),
+        }
+    };
+    let ([left, front], [right, back]) = (pair(from)?, pair(to)?);
+    Ok(Some(BedArea { left, right, front, back, is_size: false }))
 }
 
 /// TEMPERATURE_WAIT.

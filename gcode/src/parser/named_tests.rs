@@ -65,8 +65,7 @@ fn what_is_missing_or_malformed_is_refused() {
 #[test]
 fn what_means_nothing_here_says_so() {
     for (text, says) in [
-        ("BED_MESH_CALIBRATE ADAPTIVE=1", "there is no mesh of the bed"),
-        ("bed_mesh_profile LOAD=default", "there is no mesh of the bed"),
+        ("bed_mesh_profile LOAD=default", "meshes are not stored"),
         ("EXCLUDE_OBJECT_DEFINE NAME=cube CENTER=100,100", "all are printed"),
         ("EXCLUDE_OBJECT_START NAME=cube", "all are printed"),
         ("START_PRINT EXTRUDER_TEMP=210 BED_TEMP=60", "write G28, M190 and M109"),
@@ -88,4 +87,23 @@ fn what_means_nothing_here_says_so() {
         }
     }
     assert_eq!(parse("BED_MESHES"), Ok(Command::Unknown("BED_MESHES")));
+}
+
+/// The bed's mesh by Klipper's words.
+#[test]
+fn the_beds_mesh() {
+    use crate::{BedArea, BedCommand};
+    let measure = |area| Command::Bed(BedCommand::Measure { area, unless_on: false });
+    reads("BED_MESH_CALIBRATE", measure(None));
+    let [left, front, right, back] = ["10", "20.5", "100", "110"].map(super::tests::number);
+    let area = BedArea { left, right, front, back, is_size: false };
+    reads("bed_mesh_calibrate MESH_MIN=10,20.5 mesh_max=100,110", measure(Some(area)));
+    let says = "of the mesh's words MESH_MIN and MESH_MAX have an effect";
+    reads_with("BED_MESH_CALIBRATE ADAPTIVE=1", measure(None), says);
+    reads("BED_MESH_CLEAR", Command::Bed(BedCommand::Clear));
+    reads("PROBE_ACCURACY SAMPLES=20", Command::Bed(BedCommand::Repeat { samples: Some(20), x: None, y: None }));
+    for text in ["BED_MESH_CALIBRATE MESH_MIN=1,2", "BED_MESH_CALIBRATE MESH_MIN=1 MESH_MAX=2,3"] {
+        assert_eq!(refused(text), "BED_MESH_CALIBRATE: expected MESH_MIN and MESH_MAX with x,y, or neither", "{text}");
+    }
+    assert_eq!(refused("PROBE_ACCURACY SAMPLES=256"), "PROBE_ACCURACY: expected SAMPLES with a number up to 255");
 }

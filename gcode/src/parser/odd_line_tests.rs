@@ -7,11 +7,6 @@ use crate::{ArcForm, AxisFlags, AxisWords, Decimal, Remarks};
 /// What is not executed says so; `tests` of `not_executed` go through the table itself.
 #[test]
 fn commands_without_effect_say_why() {
-    let no_mesh = "not executed (measure the bed and follow its shape): there is no mesh of the bed, which must be level by \
-                   itself";
-    for text in ["G29", "G29 P1", "G29.1 X", "G29 P{layer}", "G80"] {
-        reads_with(text, Command::Accepted, no_mesh);
-    }
     for (text, says) in [
         ("G17", "arcs lie in it as it is"),
         ("G53 (machine)", "alone in its line it moves nothing"),
@@ -25,7 +20,7 @@ fn commands_without_effect_say_why() {
         assert!(remarks.to_string().ends_with(says) && !remarks.is_unknown(), "{text}: {remarks}");
     }
     // What they ask for is so.
-    for text in ["M141 S0", "M413 S0", "M420 S0"] {
+    for text in ["M141 S0", "M413 S0"] {
         reads(text, Command::Accepted);
     }
     reads("M862.1 P0.4 A0", Command::CheckNozzle(some("0.4")));

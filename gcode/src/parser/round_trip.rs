@@ -145,6 +145,8 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::ShiftZ { words, keeps_offset } => {
             (290, [axes(words), given([('P', keeps_offset.then_some(Decimal::ZERO))])].concat())
         }
+        // Read in `bed.rs`.
+        Command::Bed(_) => unreachable!("{command:?}"),
         Command::ProbeOffset(words) => (851, axes(words)),
         Command::Settings(SettingsCommand::Store) => (500, vec![]),
         Command::Settings(SettingsCommand::Load) => (501, vec![]),

@@ -115,6 +115,21 @@ impl<'a> Words<'a> {
         self.present & bit(letter) != 0
     }
 
+    /// Whether the letter is there, without asking for it.
+    pub(super) const fn is_present(&self, letter: u8) -> bool {
+        self.present & bit(letter) != 0
+    }
+
+    /// Whether the letter is there with another number than this one, with which it needs no remark.
+    pub(super) fn is_other_than(&mut self, letter: u8, usual: i64) -> bool {
+        let value = self.values[usize::from(letter - b'A')];
+        let is_other = self.is_present(letter) && value != Decimal::from_nanos(usual * 1_000_000_000);
+        if !is_other {
+            self.needless(letter);
+        }
+        is_other
+    }
+
     /// A word that asks for what is so, and needs no remark.
     pub(super) const fn needless(&mut self, letter: u8) {
         self.asked |= bit(letter);
