@@ -54,6 +54,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Accepted
         | Command::Unknown(_)
         | Command::Restart => WhileHalted::Works,
+        Command::Bed(bed) if bed.is_query() => WhileHalted::Works,
         Command::FeedPercent(words) if *words == FeedWords::default() => WhileHalted::Works,
         Command::HomeOffset(words) if *words == AxisWords::default() => WhileHalted::Works,
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,

@@ -1,8 +1,8 @@
 //! Which command goes where.
 
 use ferrostep_gcode::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, PrintClockCommand, Remarks, Reply,
-    SettingsCommand, ShaperWords, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BedCommand, CardCommand, Command, Decimal, PrintClockCommand, Remarks,
+    Reply, SettingsCommand, ShaperWords, WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
 
@@ -65,6 +65,7 @@ enum Waiting<'a> {
         words: &'a AxisWords,
         keeps_offset: bool,
     },
+    Bed(&'a BedCommand),
     Card(&'a CardCommand<'a>),
     /// Until motion has ended.
     Finish(Then),
@@ -132,6 +133,11 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
             Waiting::PressureAdvance(words) => self.advance(words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
+            Waiting::Bed(command) => {
+                if P::Motion::HAS_BED {
+                    self.bed(command).await?;
+                }
+            }
             Waiting::Card(command) => self.card_command(*command).await?,
             // One wait for all, which takes less room than several.
             Waiting::Finish(then) => {
@@ -299,6 +305,7 @@ impl<P: Ports> Printer<'_, P> {
                 return waiting(Waiting::Finish(Then::Settings(command)));
             }
             Command::Settings(command) => self.show_settings(command),
+            Command::Bed(ref command) if self.has_bed() => return waiting(Waiting::Bed(command)),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
             // The drivers' part is all that there is to the first four. Without a display the others change nothing here.
@@ -306,6 +313,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::StealthChop { .. }
             | Command::DriverCurrent(_)
             | Command::StallThreshold(_)
+            | Command::Bed(_)
             | Command::SetNozzle(None)
             | Command::SetBed(None)
             | Command::Accepted => {}

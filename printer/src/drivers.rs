@@ -73,6 +73,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Recover
             | Command::Home(_)
             | Command::EnableMotors(_) => return Ok(true),
+            Command::Bed(bed) => return Ok(self.has_bed() && bed.probes()),
             Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS),
             Command::StealthChop { motors, on } => {
                 let named = [motors.x, motors.y, motors.z, motors.e];

@@ -5,6 +5,7 @@ use core::fmt;
 use ferrostep_gcode::{ParseError, Real, ShortText};
 use ferrostep_hal_shim::AccelerometerFault;
 use ferrostep_planner::look_ahead::PlanFault;
+use ferrostep_planner::surface::MeshError;
 use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, ShaperError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
@@ -108,6 +109,15 @@ pub enum CommandError {
     Shifted {
         /// By how much, units of 10 nm.
         shift_10nm: i64,
+    },
+    /// Z follows the bed, or shall, and a prepared job brings its own heights.
+    MeshAndJob,
+    /// Z cannot follow the bed.
+    Mesh(MeshError),
+    /// The bed is probed and followed with all axes homed.
+    BedUnhomed {
+        /// Index of an axis that is not homed.
+        axis: usize,
     },
     /// M290 shifts no prepared job.
     ShiftsNoJob,
@@ -320,6 +330,14 @@ impl fmt::Display for CommandError {
                 "M290 has shifted Z by {} mm, and a prepared job brings its own heights: G28 Z ends the shift, M851 keeps it",
                 mm(*shift_10nm, 3)
             ),
+            Self::MeshAndJob => out.write_str(
+                "a prepared job brings its own heights and follows no mesh: send M420 S0 before it, or print its G-code",
+            ),
+            Self::Mesh(error) => write_mesh_error(out, error),
+            Self::BedUnhomed { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(out, "{name} is not homed: send G28 before the bed is probed or followed")
+            }
             Self::ShiftsNoJob => write!(out, "a prepared job brings its own heights: send M290 before or after it"),
             Self::ShiftsHomedZ => write!(out, "Z is not homed: send G28 before M290"),
             Self::ShiftsZOnly { word } => write!(out, "{word}: M290 shifts Z alone: send M290 Z"),
@@ -434,6 +452,27 @@ impl fmt::Display for CommandError {
             Self::Plan(fault) => write_plan_fault(out, fault),
             Self::NoJobs => write!(out, "M790 works on a board's serial or USB port only"),
         }
+    }
+}
+
+/// Writes why Z cannot follow the bed.
+fn write_mesh_error(out: &mut fmt::Formatter<'_>, error: &MeshError) -> fmt::Result {
+    match *error {
+        MeshError::Incomplete => out.write_str("there is no mesh of the bed: G29 measures one"),
+        MeshError::TooSteep { slope, maximum } => {
+            let [slope, maximum] = [slope, maximum].map(|slope| Real::fixed(slope * 100.0, 1));
+            write!(
+                out,
+                "the mesh rises by {slope} % between two points, expected at most {maximum} %: is the bed crooked, or was a point \
+                 measured wrong (M420 V)?"
+            )
+        }
+        MeshError::SharedMotor => out.write_str("Z has no motor of its own and follows no mesh"),
+        MeshError::FadesTooSoon { least_10nm } => write!(
+            out,
+            "Z: the mesh is too uneven to fade away by then, expected 0 or at least {} mm",
+            mm(least_10nm.into(), 2)
+        ),
     }
 }
 

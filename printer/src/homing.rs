@@ -41,6 +41,7 @@ impl<M: Motion> Homing<'_, '_, M> {
             self.needs_stall_signal(axis)?;
         }
         self.motion.finish().await?;
+        self.leave_bed();
         if named[0] || named[1] || home_at_10nm.is_some() {
             self.raise().await?;
         }
@@ -61,6 +62,42 @@ impl<M: Motion> Homing<'_, '_, M> {
             }
         }
         Ok(())
+    }
+
+    /// Z follows the bed no more: where the machine is becomes known anew. The mesh stays.
+    fn leave_bed(&mut self) {
+        if M::HAS_BED && self.interpreter.modal.follows_bed {
+            // Only on can fail.
+            let _off = self.motion.follow_bed(false);
+            self.interpreter.modal.follows_bed = false;
+            self.interpreter.modal.mesh_rise_10nm = 0;
+            let [.., z_10nm] = self.motion.position_10nm();
+            self.interpreter.modal.machine_10nm[Z] = self.interpreter.modal.machine_z_10nm(z_10nm);
+        }
+    }
+
+    /// Goes to this height of the motors, if Z is lower, then to a place in the plane.
+    pub async fn go_over_bed(&mut self, place_10nm: [i64; 2], height_10nm: i64) -> Result<(), CommandError> {
+        self.rise_over_bed(height_10nm).await?;
+        self.travel(place_10nm).await
+    }
+
+    /// Goes to this height of the motors, if Z is lower.
+    pub async fn rise_over_bed(&mut self, height_10nm: i64) -> Result<(), CommandError> {
+        let [x_10nm, y_10nm, z_10nm] = self.motion.position_10nm();
+        if z_10nm >= height_10nm {
+            return Ok(());
+        }
+        self.go([x_10nm, y_10nm, height_10nm], self.interpreter.profile.homing[Z].fast_mm_per_s).await
+    }
+
+    /// Probes the bed where the machine stands, fast and then slowly, and no more than `below_10nm` below the place where home
+    /// is. Returns the height of the motors at which the probe triggers.
+    pub async fn probe_bed(&mut self, below_10nm: i64) -> Result<i64, CommandError> {
+        let homing = self.interpreter.profile.homing[Z];
+        self.find_home(Z, &homing, below_10nm).await?;
+        let [.., z_10nm] = self.motion.position_10nm();
+        Ok(z_10nm)
     }
 
     /// Raises Z to the profile's height, or by it where Z is unknown and has not been raised since. Never lowers it.
@@ -108,7 +145,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.interpreter.modal.homed[axis] = false;
         self.motion.set_motors_enabled(1 << axis, true);
 
-        let outcome = self.find_home(axis, &homing).await;
+        let outcome = self.find_home(axis, &homing, AxisHoming::MAX_PRESS_10NM).await;
         // After a failure, too, the G-code's position is that of the motors.
         let found_10nm = self.motion.position_10nm()[axis];
         if axis == Z {
@@ -144,7 +181,9 @@ impl<M: Motion> Homing<'_, '_, M> {
     /// A fast approach until the sensor triggers, a way back, and a second approach, which counts if it agrees with the
     /// first. An axis that homes by a stall begins with the way back: it may stand at its end already, and a motor that is
     /// held back from its first step on never reaches the speed that a stall signal needs.
-    async fn find_home(&mut self, axis: usize, homing: &AxisHoming) -> Result<(), CommandError> {
+    ///
+    /// Towards the bed the first approach goes `below_10nm` below the lowest place where the sensor should trigger.
+    async fn find_home(&mut self, axis: usize, homing: &AxisHoming, below_10nm: i64) -> Result<(), CommandError> {
         if homing.sensor == HomeSensor::Stall {
             self.motion.begin_homing();
             self.move_back(axis, homing).await?;
@@ -158,7 +197,7 @@ impl<M: Motion> Homing<'_, '_, M> {
                 self.is_released(axis)?;
             }
             let others = self.other_sensors(axis);
-            let target_10nm = self.end_of_search_10nm(axis, homing);
+            let target_10nm = self.end_of_search_10nm(axis, homing, below_10nm);
             let from_10nm = self.motion.position_10nm()[axis];
             if self.seek(axis, target_10nm, homing.fast_mm_per_s).await? == HomingOutcome::Missed {
                 let searched_10nm = way_10nm(homing, from_10nm, target_10nm).max(0);
@@ -189,16 +228,16 @@ impl<M: Motion> Homing<'_, '_, M> {
     /// Where a first approach ends at the latest, machine coordinate of the motors. Away from the bed that is the whole
     /// travel and the frame's possible excess. Towards the bed it is a little below the lowest place where the sensor can
     /// trigger, as the last homing has found it, or an approach from an unknown height that has gone down all the way.
-    fn end_of_search_10nm(&mut self, axis: usize, homing: &AxisHoming) -> i64 {
+    fn end_of_search_10nm(&mut self, axis: usize, homing: &AxisHoming, below_10nm: i64) -> i64 {
         let position_10nm = self.motion.position_10nm()[axis];
         let length_10nm = self.interpreter.profile.size_10nm[axis] - self.interpreter.profile.lower_end_10nm[axis];
         if !is_bed(axis, homing) {
             return position_10nm + towards(homing) * (length_10nm + homing.overrun_10nm);
         }
         let highest_10nm = self.interpreter.profile.size_10nm[Z] + homing.overrun_10nm;
-        let below_10nm = highest_10nm - self.interpreter.trigger_10nm(Z);
-        let trigger_10nm = *self.interpreter.modal.z.trigger_10nm.get_or_insert(position_10nm - below_10nm);
-        trigger_10nm - AxisHoming::MAX_PRESS_10NM
+        let all_10nm = highest_10nm - self.interpreter.trigger_10nm(Z);
+        let trigger_10nm = *self.interpreter.modal.z.trigger_10nm.get_or_insert(position_10nm - all_10nm);
+        trigger_10nm - below_10nm
     }
 
     /// The other axes whose sensors are released.

@@ -257,7 +257,8 @@ impl<'a> MoveInterpreter<'a> {
 
     /// Lower and upper end of an axis's travel.
     pub fn travel_10nm(&self, axis: usize) -> [i64; 2] {
-        let upper = self.profile.size_10nm[axis];
+        let rise_10nm = if axis == 2 { self.modal.mesh_rise_10nm } else { 0 };
+        let upper = self.profile.size_10nm[axis] - rise_10nm;
         [self.profile.lower_end_10nm[axis].min(upper), upper]
     }
 
@@ -286,7 +287,7 @@ impl<'a> MoveInterpreter<'a> {
         let shift_10nm = self.modal.z.shift_10nm;
         lifted[2] += shift_10nm;
         if shift_10nm > 0 && self.modal.soft_limits && self.modal.homed[2] {
-            lifted[2] = lifted[2].min(self.profile.size_10nm[2]);
+            lifted[2] = lifted[2].min(self.profile.size_10nm[2] - self.modal.mesh_rise_10nm);
         }
         lifted
     }

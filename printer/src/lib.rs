@@ -13,6 +13,7 @@ mod advance_refusal;
 mod answer;
 mod arc;
 mod axis_names;
+mod bed;
 mod card;
 mod command_kind;
 mod dispatch;
@@ -76,8 +77,8 @@ pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
-    FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, PauseSettings, Profile,
-    SafeHoming,
+    FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings,
+    Profile, SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};

@@ -11,6 +11,7 @@ mod workload;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{FanOutput, StepOutput};
 use ferrostep_planner::look_ahead::{PlanFault, Slot};
+use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, PressureAdvance, Request,
     Standard, StepDigests, TICKS_PER_SECOND,
@@ -66,7 +67,7 @@ struct Counts {
 #[derive(Debug)]
 pub struct Machine<R, Q, M: MotionMethods = Standard> {
     planner: Planner<R, M>,
-    feeder: Feeder<Q>,
+    feeder: Feeder<Q, M::Bed>,
     workload: Workload,
     counts: Counts,
     idle_timeout: IdleTimeout,
@@ -93,7 +94,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
         Self {
             planner: Planner::new(profile.geometry(), profile.limits, ring),
-            feeder: Feeder::new(queue),
+            feeder: Feeder::new(&profile.geometry(), queue),
             workload: Workload::default(),
             counts: Counts::default(),
             idle_timeout: IdleTimeout::default(),
@@ -179,7 +180,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
 
     /// Whether all moves taken have been executed, to the last step.
     pub fn is_idle(&self) -> bool {
-        self.planner.is_idle() && self.feeder.queue.waiting() == 0 && !self.feeder.queue.link().is_stopping()
+        self.is_planned() && self.feeder.queue.waiting() == 0 && !self.feeder.queue.link().is_stopping()
+    }
+
+    /// Whether all moves taken have become step entries, with their corrections.
+    fn is_planned(&self) -> bool {
+        self.planner.is_idle() && !self.feeder.bed.is_waiting()
     }
 
     /// The moves to come, until the position is set, are part of homing: [`Self::motion_ticks`] leaves them out.
@@ -235,9 +241,9 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
 
     /// Lets the planner forget the motion that has not been queued: the motors will stand where the queue ends.
     fn forget_plan(&mut self) {
-        self.feeder.stand();
+        let motor_steps = self.feeder.stand();
         let ledger = &self.feeder.ledger;
-        self.dropped_100pm += self.planner.reset_to(ledger.motor_steps(), ledger.tick(), ledger.directions());
+        self.dropped_100pm += self.planner.reset_to(motor_steps, ledger.tick(), ledger.directions());
         self.in_motion = false;
         self.planner.set_pace(Pace::FULL);
     }
@@ -247,11 +253,45 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.position_10nm()
     }
 
-    /// Sets where the machine is, at standstill.
+    /// Sets where the machine is, at standstill. From then on Z follows no bed.
     pub fn set_position(&mut self, position_10nm: [i64; 3]) {
+        if M::Bed::PRESENT && self.feeder.bed.is_on() {
+            let _always_works = self.switch_bed(false);
+        }
         let motors = self.planner.set_position(position_10nm);
         self.feeder.redefine_motor_steps(motors.map(i64::from));
         self.homing_time.end(self.planner.motion_ticks());
+    }
+
+    /// The measured mesh of the bed, to be changed while Z does not follow it.
+    pub fn mesh(&mut self) -> Option<&mut Mesh> {
+        self.feeder.bed.mesh()
+    }
+
+    /// Whether Z follows the bed.
+    pub fn follows_bed(&self) -> bool {
+        self.feeder.bed.is_on()
+    }
+
+    /// Lets Z follow the mesh of the bed, or stops it, at standstill. The motors stay: the position's Z becomes that above the mesh,
+    /// or without it.
+    ///
+    /// # Errors
+    /// [`MeshError`]; Z follows nothing then.
+    pub fn follow_bed(&mut self, on: bool) -> Result<(), MeshError> {
+        if self.is_idle() && M::Bed::PRESENT { self.switch_bed(on) } else { Err(MeshError::Incomplete) }
+    }
+
+    #[inline(never)]
+    fn switch_bed(&mut self, on: bool) -> Result<(), MeshError> {
+        let switched = self.feeder.bed.switch(on);
+        self.planner.set_surface(switched.ok().filter(|_| on));
+        // X and Y stay as exact as they were; what they are by their steps is less so.
+        let [x, y, _] = self.planner.position_10nm();
+        self.forget_plan();
+        let [.., z] = self.planner.position_10nm();
+        self.planner.set_position([x, y, z]);
+        switched.map(|_| ())
     }
 
     /// Step counters of all motors at the end of the queue.

@@ -88,6 +88,12 @@ pub(crate) struct Modal {
     pub in_prepared_job: bool,
     /// From the nozzle to the probe (M851).
     pub probe_offset_10nm: [i64; 3],
+    /// Whether Z follows the bed (M420).
+    pub follows_bed: bool,
+    /// How much of Z's travel at its upper end the bed's surface takes.
+    pub mesh_rise_10nm: i64,
+    /// At which height the correction has faded away (M420 Z); 0: it does not fade.
+    pub mesh_fade_10nm: i64,
     pub soft_limits: bool,
     pub retraction: FirmwareRetraction,
     pub extrusion: AdaptiveExtrusion,
@@ -121,6 +127,9 @@ impl Modal {
             z: KnownZ::default(),
             in_prepared_job: false,
             probe_offset_10nm: profile.safe_homing.probe_offset_10nm,
+            follows_bed: false,
+            mesh_rise_10nm: 0,
+            mesh_fade_10nm: profile.mesh.map_or(0, |mesh| mesh.fade_10nm),
             soft_limits: true,
             retraction: profile.retraction,
             extrusion: AdaptiveExtrusion::new(profile.extrusion),

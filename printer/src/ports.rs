@@ -6,6 +6,7 @@ use core::future::Future;
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
+use ferrostep_planner::surface::{Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
@@ -72,6 +73,19 @@ pub trait Motion {
     /// # Errors
     /// [`ChoiceError`]; nothing has changed then.
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError>;
+    /// Whether Z can follow the bed: the code for it is compiled only then.
+    const HAS_BED: bool = false;
+    /// Looks at the measured mesh of the bed, or changes it while Z does not follow it; `None` without memory for one.
+    fn mesh<T>(&mut self, _act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
+        None
+    }
+    /// Lets Z follow the bed, or stops it, at standstill ([`crate::machine::Machine::follow_bed`]).
+    ///
+    /// # Errors
+    /// [`MeshError`]; Z follows nothing then.
+    fn follow_bed(&mut self, _on: bool) -> Result<(), MeshError> {
+        Ok(())
+    }
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
     /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned

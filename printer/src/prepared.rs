@@ -145,6 +145,9 @@ impl<P: Ports> Printer<'_, P> {
         if self.interpreter.modal.z.shift_10nm != 0 {
             return Err(CommandError::Shifted { shift_10nm: self.interpreter.modal.z.shift_10nm });
         }
+        if P::Motion::HAS_BED && self.interpreter.modal.follows_bed {
+            return Err(CommandError::MeshAndJob);
+        }
         if self.interpreter.modal.soft_limits {
             for axis in 0..3 {
                 // A difference below zero becomes more than any length, for all are at most 5 m.
@@ -206,6 +209,9 @@ impl<P: Ports> Printer<'_, P> {
         }
         if self.interpreter.modal.z.shift_10nm != 0 {
             return Err(CommandError::Shifted { shift_10nm: self.interpreter.modal.z.shift_10nm });
+        }
+        if P::Motion::HAS_BED && self.interpreter.modal.follows_bed {
+            return Err(CommandError::MeshAndJob);
         }
         if motion.filament_100pm != 0 {
             self.check_extrusion_temperature()?;

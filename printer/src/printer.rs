@@ -4,7 +4,7 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{Command, Remarks, Reply};
+use ferrostep_gcode::{BedArea, Command, Remarks, Reply};
 use ferrostep_hal_shim::Clock;
 
 use crate::accelerometer::Accelerometer;
@@ -106,6 +106,8 @@ pub struct Printer<'a, P: Ports> {
     /// The command at hand is a line of a macro.
     pub(crate) is_in_macro: bool,
     pub(crate) accelerometer: Option<&'a dyn Accelerometer>,
+    /// M555: which part of the bed is measured next.
+    pub(crate) bed_area: Option<BedArea>,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -145,6 +147,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             print_clock: PrintClock::new(),
             is_in_macro: false,
             accelerometer: None,
+            bed_area: None,
         }
     }
 }

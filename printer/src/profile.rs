@@ -4,7 +4,9 @@ use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 use ferrostep_step_player::Signals;
 use ferrostep_thermistor::Thermistor;
 use ferrostep_tmc2209::DriverSettings;
-use ferrostep_virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe};
+use ferrostep_virtual_board::{
+    HeatedMass, START_10NM, SheetShape, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe,
+};
 
 use crate::fans::FanTable;
 use crate::heat::PidGains;
@@ -93,6 +95,25 @@ impl SafeHoming {
 
     /// Raises nothing; Z homes at any place.
     pub const NONE: Self = Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2] };
+}
+
+/// How the bed is measured, and how far up Z follows it. Lengths in units of 10 nm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshSettings {
+    /// Points along X and along Y, 2 to [`ferrostep_planner::surface::MAX_MESH_POINTS`].
+    pub points: [u8; 2],
+    /// Where they are: lower and upper end along X and along Y, machine coordinates of the probe.
+    pub area_10nm: [[i64; 2]; 2],
+    /// At which height of the nozzle Z follows no more; 0: it follows to the top.
+    pub fade_10nm: i64,
+    /// Height of the nozzle on the way from point to point.
+    pub lift_10nm: i64,
+    /// How far below its height at home the bed may be.
+    pub depth_10nm: i64,
+    /// How often a point is probed.
+    pub samples: u8,
+    /// The shape of the virtual board's sheet; nothing else uses it.
+    pub sheet: SheetShape,
 }
 
 impl AxisHoming {
@@ -284,6 +305,8 @@ pub struct Profile {
     pub homing: [AxisHoming; 3],
     /// Keeps the nozzle off the bed meanwhile.
     pub safe_homing: SafeHoming,
+    /// How the bed is measured; `None`: it cannot be.
+    pub mesh: Option<MeshSettings>,
     // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
@@ -346,7 +369,8 @@ impl Profile {
         let mut motors = VirtualMotors::new(self.geometry(), end_stops, START_10NM);
         if self.homing.iter().any(|homing| homing.sensor == HomeSensor::Probe) {
             let sheet_10nm = self.safe_homing.bed_10nm;
-            motors.set_probe(VirtualProbe { offset_10nm: [offset_x, offset_y], sheet_10nm });
+            let shape = self.mesh.map_or(SheetShape::FLAT, |mesh| mesh.sheet);
+            motors.set_probe(VirtualProbe { offset_10nm: [offset_x, offset_y], sheet_10nm, shape });
         }
         motors
     }

@@ -5,6 +5,7 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{FanOutput, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, PressureAdvance, Request,
 };
@@ -187,6 +188,16 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.machine.with(|machine| machine.set_motion_choice(choice))
+    }
+
+    const HAS_BED: bool = <S::Methods as MotionMethods>::Bed::PRESENT;
+
+    fn mesh<T>(&mut self, act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
+        self.machine.with(|machine| machine.mesh().map(act))
+    }
+
+    fn follow_bed(&mut self, on: bool) -> Result<(), MeshError> {
+        self.machine.with(|machine| machine.follow_bed(on))
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

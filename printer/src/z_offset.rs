@@ -31,9 +31,9 @@ pub(crate) fn mm(length_10nm: i64) -> Real {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether M290 has shifted Z, which the heights of a prepared job do not expect.
+    /// Whether M290 has shifted Z, or Z follows the bed, which the heights of a prepared job do not expect.
     pub fn is_shifted(&self) -> bool {
-        self.interpreter.modal.z.shift_10nm != 0
+        self.interpreter.modal.z.shift_10nm != 0 || self.interpreter.modal.follows_bed
     }
 
     pub(crate) fn has_probe(&self) -> bool {

@@ -14,6 +14,7 @@ mod heaters;
 mod homing;
 mod machine;
 mod macros;
+mod mesh;
 mod motion;
 mod pause;
 pub mod response;

@@ -2,12 +2,12 @@
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
-use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, Profile};
+use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, HomeSensor, Profile};
 
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
-use crate::{extrusion, fans, heaters, homing, macros, motion, pause};
+use crate::{extrusion, fans, heaters, homing, macros, mesh, motion, pause};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -81,6 +81,8 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let timing = drivers::timing(&apart, interval_us);
     let drivers = drivers::drivers(&apart, steps_per_mm, timing.both_edges);
     let (homing, safe_homing) = homing::homing(keys, &travel, steps_per_mm, &limits, &drivers);
+    let is_probe = homing[2].sensor == HomeSensor::Probe;
+    let mesh = mesh::mesh(keys, &travel, &safe_homing, is_probe, kinematics);
     let [nozzle, bed] = heaters::heaters(keys);
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
@@ -114,6 +116,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         move_cost_ticks: cost_ticks(moves_per_s),
         homing,
         safe_homing,
+        mesh,
         min_extrusion_celsius: min_extrusion as f32,
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,

@@ -33,6 +33,6 @@ pub use mechanics::{BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorP
 pub use modelled_sensors::ModelledSensors;
 pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};
 pub use port::VirtualPort;
-pub use probe::VirtualProbe;
+pub use probe::{SheetShape, VirtualProbe};
 pub use stall::StallSignal;
 pub use thermal_model::{HeatedMass, ThermalModel};

@@ -204,7 +204,8 @@ mod tests {
 
     /// X stalls at its upper end, Y has a switch at 0, Z a probe at 1 mm; the sheet is 100 mm wide.
     fn machine(place: [i64; 3]) -> Mechanics {
-        let probe = VirtualProbe { offset_10nm: [-10 * MM, 0], sheet_10nm: [[0, 100 * MM]; 2] };
+        let probe =
+            VirtualProbe { offset_10nm: [-10 * MM, 0], sheet_10nm: [[0, 100 * MM]; 2], shape: crate::SheetShape::FLAT };
         let sensors =
             [sensor(SensorPlace::Frame, true), sensor(SensorPlace::At(0), false), sensor(SensorPlace::At(MM), false)];
         Mechanics::new([[-2 * MM, 100 * MM]; 3], sensors, Some(probe), place, 7)

@@ -31,6 +31,9 @@ pub struct VirtualMotors {
     framed: u8,
     /// Z's end stop is this probe, which triggers at its coordinate where it is above the sheet.
     probe: Option<VirtualProbe>,
+    /// How far above the sheet the present approach of the probe ends, and the state of its random numbers.
+    scattered_10nm: i64,
+    random: u64,
     /// When the driver of the axis that homes by a stall says that its motor stalls; `None`: never.
     stall_signal: Option<StallSignal>,
     /// When that motor made its last step.
@@ -47,6 +50,8 @@ impl VirtualMotors {
             start_steps: geometry.motor_steps(true_position_10nm).map(i64::from),
             framed: 0,
             probe: None,
+            scattered_10nm: 0,
+            random: 0x9e37_79b9_7f4a_7c15,
             stall_signal: None,
             last_step_tick: 0,
         }
@@ -82,6 +87,25 @@ impl VirtualMotors {
             }
         }
         position
+    }
+
+    /// Where the sensor of an axis triggers, units of 10 nm.
+    fn trigger_10nm(&self, axis: usize, position_10nm: [i64; 3]) -> Option<i64> {
+        let stop_10nm = self.end_stops.get(axis)?.position_10nm;
+        match &self.probe {
+            Some(probe) if axis == 2 => Some(stop_10nm + probe.sheet_height_10nm(position_10nm) + self.scattered_10nm),
+            _ => Some(stop_10nm),
+        }
+    }
+
+    /// The next approach of the probe ends elsewhere (xorshift, Marsaglia 2003).
+    fn scatter(&mut self) {
+        let Some(most) = self.probe.map(|probe| probe.shape.scatter_10nm).filter(|most| *most > 0) else { return };
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        let range = most.unsigned_abs().saturating_mul(2).saturating_add(1);
+        self.scattered_10nm = ((self.random >> 11) % range).cast_signed() - most;
     }
 
     /// Where the motors would have it, units of 10 nm.
@@ -137,6 +161,9 @@ impl VirtualMotors {
             if apart > 0 {
                 apart -= 1;
             } else if self.is_triggered(axis) {
+                if axis == 2 {
+                    self.scatter();
+                }
                 return Approach { added: entry.first_events(index), triggered: true };
             } else {
                 apart = self.events_apart(axis);
@@ -151,9 +178,10 @@ impl VirtualMotors {
             return 0;
         }
         let steps_per_mm = self.geometry.steps_per_mm.get(axis).map_or(0.0, |steps| steps.to_f64());
-        let apart_10nm = |(stop, position): (&VirtualEndStop, i64)| (stop.position_10nm - position).unsigned_abs();
-        let position = self.true_position_10nm().get(axis).copied();
-        let apart_10nm = self.end_stops.get(axis).zip(position).map_or(0, apart_10nm);
+        let place = self.true_position_10nm();
+        let position = place.get(axis).copied();
+        let apart_10nm = |(trigger, position): (i64, i64)| (trigger - position).unsigned_abs();
+        let apart_10nm = self.trigger_10nm(axis, place).zip(position).map_or(0, apart_10nm);
         // Less a step for the rounding of both, and one for the event that would be there.
         ((apart_10nm as f64 / UNITS_PER_MM as f64 * steps_per_mm) as u64).saturating_sub(2)
     }
@@ -172,7 +200,9 @@ impl VirtualMotors {
 
     /// Whether the sensor that homes X (0), Y (1) or Z (2) is triggered.
     pub fn is_triggered(&self, axis: usize) -> bool {
-        let (Some(stop), Some(position)) = (self.end_stops.get(axis), self.true_position_10nm().get(axis).copied())
+        let place = self.true_position_10nm();
+        let (Some(stop), Some(position), Some(trigger)) =
+            (self.end_stops.get(axis), place.get(axis).copied(), self.trigger_10nm(axis, place))
         else {
             return false;
         };
@@ -180,10 +210,10 @@ impl VirtualMotors {
         if self.is_framed(axis) {
             return false;
         }
-        if axis == 2 && self.probe.is_some_and(|probe| !probe.is_above_sheet(self.true_position_10nm())) {
+        if axis == 2 && self.probe.is_some_and(|probe| !probe.is_above_sheet(place)) {
             return false;
         }
-        if stop.at_max { position >= stop.position_10nm } else { position <= stop.position_10nm }
+        if stop.at_max { position >= trigger } else { position <= trigger }
     }
 }
 
@@ -191,6 +221,7 @@ impl VirtualMotors {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::SheetShape;
     use ferrostep_planner::{Kinematics, StepsPerMm};
 
     fn motors(kinematics: Kinematics) -> VirtualMotors {
@@ -265,7 +296,7 @@ mod tests {
         for (left_10nm, sees) in [(0, true), (100_001, false)] {
             let mut motors = motors(Kinematics::Cartesian);
             let sheet_10nm = [[left_10nm, 1_000_000], [0, 1_000_000]];
-            motors.set_probe(VirtualProbe { offset_10nm: [0, 0], sheet_10nm });
+            motors.set_probe(VirtualProbe { offset_10nm: [0, 0], sheet_10nm, shape: SheetShape::FLAT });
             let down = StepEntry::stair(1_000, 2_000, 0b100, 0).unwrap();
             motors.play_until_triggered(StepEntry::directions(0b100), 2, &mut ());
             assert_eq!(motors.play_until_triggered(down, 2, &mut ()).triggered, sees);

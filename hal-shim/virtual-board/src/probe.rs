@@ -1,5 +1,32 @@
 //! The virtual board's Z probe and the sheet that it looks for.
 
+/// The sheet's shape, and how well a probe finds it. Lengths in units of 10 nm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SheetShape {
+    /// By how much it rises from its lower to its upper end along X and along Y.
+    pub tilt_10nm: [i64; 2],
+    /// By how much its middle is higher than the corners of its outline.
+    pub bend_10nm: i64,
+    /// Each approach ends up to so much above or below the sheet, all places alike.
+    pub scatter_10nm: i64,
+}
+
+impl SheetShape {
+    /// Level and flat, and found exactly.
+    pub const FLAT: Self = Self { tilt_10nm: [0; 2], bend_10nm: 0, scatter_10nm: 0 };
+
+    /// The height at a place of a sheet with this outline, over its middle's if it were not bent.
+    pub fn height_10nm(&self, place_10nm: [i64; 2], outline_10nm: [[i64; 2]; 2]) -> i64 {
+        let mut height = self.bend_10nm as f64;
+        for ((place, [from, to]), tilt) in place_10nm.into_iter().zip(outline_10nm).zip(self.tilt_10nm) {
+            // From -1 to 1 over the sheet.
+            let across = (2 * place - from - to) as f64 / (to - from).max(1) as f64;
+            height += across * tilt as f64 / 2.0 - across * across * self.bend_10nm as f64 / 2.0;
+        }
+        height as i64
+    }
+}
+
 /// A probe beside the nozzle. It sees the sheet only where it is above it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VirtualProbe {
@@ -7,13 +34,46 @@ pub struct VirtualProbe {
     pub offset_10nm: [i64; 2],
     /// The sheet's outline: lower and upper end along X and Y, machine coordinates, units of 10 nm.
     pub sheet_10nm: [[i64; 2]; 2],
+    /// Its shape.
+    pub shape: SheetShape,
 }
 
 impl VirtualProbe {
+    /// Where it is when the nozzle is here.
+    fn place_10nm(&self, [x, y, _]: [i64; 3]) -> [i64; 2] {
+        let [offset_x, offset_y] = self.offset_10nm;
+        [x + offset_x, y + offset_y]
+    }
+
     /// Whether it is above the sheet when the nozzle is here.
     pub fn is_above_sheet(&self, nozzle_10nm: [i64; 3]) -> bool {
-        let [x, y, _] = nozzle_10nm;
-        let places = [x, y].into_iter().zip(self.offset_10nm).zip(self.sheet_10nm);
-        places.into_iter().all(|((nozzle, offset), [from, to])| (from..=to).contains(&(nozzle + offset)))
+        let places = self.place_10nm(nozzle_10nm).into_iter().zip(self.sheet_10nm);
+        places.into_iter().all(|(place, [from, to])| (from..=to).contains(&place))
+    }
+
+    /// How high the sheet is below it when the nozzle is here.
+    pub fn sheet_height_10nm(&self, nozzle_10nm: [i64; 3]) -> i64 {
+        self.shape.height_10nm(self.place_10nm(nozzle_10nm), self.sheet_10nm)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sheet_is_tilted_and_bent() {
+        let shape = SheetShape { tilt_10nm: [1_000, -400], bend_10nm: 600, scatter_10nm: 0 };
+        let outline = [[0, 10_000], [-2_000, 2_000]];
+        for (place, height) in [
+            ([5_000, 0], 600),
+            ([0, 0], -500 + 300),
+            ([10_000, 0], 500 + 300),
+            ([10_000, 2_000], 500 - 200),
+            ([5_000, -2_000], 300 + 200),
+        ] {
+            assert_eq!(shape.height_10nm(place, outline), height, "{place:?}");
+        }
+        assert_eq!(SheetShape::FLAT.height_10nm([77, 5], outline), 0);
     }
 }

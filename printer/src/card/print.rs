@@ -180,24 +180,27 @@ impl<P: Ports> Printer<'_, P> {
     /// Whether a host's command would move the head or change how the lines of the file are read, while the card prints.
     pub(crate) fn disturbs_print(&self, command: &Command<'_>) -> bool {
         self.card.job == Job::Printing
-            && matches!(
-                command,
-                Command::Linear { .. }
-                    | Command::Arc { .. }
-                    | Command::Retract
-                    | Command::Recover
-                    | Command::SetUnits(_)
-                    | Command::Home(_)
-                    | Command::AbsolutePositioning
-                    | Command::RelativePositioning
-                    | Command::SetPosition(_)
-                    | Command::DisableMotors(_)
-                    | Command::AbsoluteExtrusion
-                    | Command::RelativeExtrusion
-                    | Command::AdaptiveExtrusion { .. }
-                    | Command::ReceiveJob { .. }
-                    | Command::Autotune { .. }
-            )
+            && match command {
+                Command::Bed(bed) => self.has_bed() && !bed.is_query(),
+                _ => matches!(
+                    command,
+                    Command::Linear { .. }
+                        | Command::Arc { .. }
+                        | Command::Retract
+                        | Command::Recover
+                        | Command::SetUnits(_)
+                        | Command::Home(_)
+                        | Command::AbsolutePositioning
+                        | Command::RelativePositioning
+                        | Command::SetPosition(_)
+                        | Command::DisableMotors(_)
+                        | Command::AbsoluteExtrusion
+                        | Command::RelativeExtrusion
+                        | Command::AdaptiveExtrusion { .. }
+                        | Command::ReceiveJob { .. }
+                        | Command::Autotune { .. }
+                ),
+            }
     }
 
     /// Whether a failure has stopped the machine, not only the line.

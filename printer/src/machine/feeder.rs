@@ -1,7 +1,8 @@
-//! From the planner's entries to the step queue, with the ledger of what was queued.
+//! From the planner's entries to the step queue, with the bed's surface on their way and the ledger of what was queued.
 
 use ferrostep_hal_shim::{Approach, FanOutput, StepOutput};
-use ferrostep_planner::{Notice, StepEntry, StepLedger, StepSink};
+use ferrostep_planner::surface::{Bed, BedEntries};
+use ferrostep_planner::{Geometry, Notice, StepEntry, StepLedger, StepSink};
 use ferrostep_step_player::DroppedSteps;
 
 use super::timeline::Timeline;
@@ -79,7 +80,9 @@ impl FanChanges {
 
 /// Feeds the step queue and keeps the ledger of what it was given.
 #[derive(Debug)]
-pub struct Feeder<Q> {
+pub struct Feeder<Q, B> {
+    /// What lets Z follow the bed.
+    pub bed: B,
     /// The queue, and the board around it.
     pub queue: Q,
     /// Where the motors are at the end of the queue.
@@ -98,10 +101,11 @@ pub struct Feeder<Q> {
     fault: Option<MotionFault>,
 }
 
-impl<Q: StepOutput> Feeder<Q> {
+impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
     /// Nothing queued; motors at 0.
-    pub fn new(queue: Q) -> Self {
+    pub fn new(geometry: &Geometry, queue: Q) -> Self {
         Self {
+            bed: B::new(geometry),
             queue,
             ledger: StepLedger::default(),
             timeline: Timeline::default(),
@@ -142,12 +146,29 @@ impl<Q: StepOutput> Feeder<Q> {
         requested
     }
 
-    /// The motors stand where the ledger ends.
-    pub fn stand(&mut self) {
+    /// Queues the next of what waits for the bed's surface; `false` if nothing does. There is room for some entries.
+    pub fn follow_bed(&mut self) -> bool {
+        if !self.bed.is_waiting() {
+            return false;
+        }
+        let mut out = BedEntries::NONE;
+        let notice = self.bed.work(&mut out);
+        self.queue_entries(out.all());
+        if let Some(notice) = notice {
+            self.pass_notice(notice);
+        }
+        true
+    }
+
+    /// The motors stand where the ledger ends. Returns where they do by the plan, which has no correction of Z.
+    pub fn stand(&mut self) -> [i64; 4] {
         // A move ends half a step after its last event; the clock does not go back before that.
         self.ledger.advance_to(self.last_move_end);
         self.timeline.clear(self.ledger.tick());
         self.queue.stands_at(self.ledger.tick());
+        let [x, y, z, extruder] = self.ledger.motor_steps();
+        let correction = self.bed.stand([x, y, z], self.ledger.directions());
+        [x, y, z - correction, extruder]
     }
 
     /// Sets where X, Y and Z stand (A, B, Z), at standstill.
@@ -181,10 +202,10 @@ impl<Q: StepOutput> Feeder<Q> {
     }
 }
 
-impl<Q: StepOutput> StepSink for Feeder<Q> {
-    fn entries(&mut self, entries: &[StepEntry]) {
+impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
+    fn queue_entries(&mut self, entries: &[StepEntry]) {
         if self.seeking != Seeking::No {
-            entries.iter().for_each(|&entry| self.entry(entry));
+            entries.iter().for_each(|&entry| self.queue_entry(entry));
             return;
         }
         for some in entries.chunks(ENTRIES_BETWEEN_MARKS) {
@@ -196,7 +217,7 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
         }
     }
 
-    fn entry(&mut self, entry: StepEntry) {
+    fn queue_entry(&mut self, entry: StepEntry) {
         match self.seeking {
             Seeking::No => {
                 if self.queue.push(entry).is_err() {
@@ -210,7 +231,7 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
         }
     }
 
-    fn notice(&mut self, notice: Notice) {
+    fn pass_notice(&mut self, notice: Notice) {
         match notice {
             Notice::MoveEnded { tick, line } => {
                 self.last_move_end = tick;
@@ -230,6 +251,25 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
                     self.fan.set(fan, power);
                 }
             }
+        }
+    }
+}
+
+impl<Q: StepOutput, B: Bed> StepSink for Feeder<Q, B> {
+    fn entries(&mut self, entries: &[StepEntry]) {
+        if !self.bed.take(entries) {
+            self.queue_entries(entries);
+        }
+    }
+
+    fn entry(&mut self, entry: StepEntry) {
+        if !self.bed.take(&[entry]) {
+            self.queue_entry(entry);
+        }
+    }
+    fn notice(&mut self, notice: Notice) {
+        if !self.bed.take_notice(&notice) {
+            self.pass_notice(notice);
         }
     }
 }

@@ -75,6 +75,7 @@ pub(crate) fn profile() -> Profile {
         move_cost_ticks: 10_500,
         homing: [homing; 3],
         safe_homing: crate::profile::SafeHoming::NONE,
+        mesh: None,
         min_extrusion_celsius: 170.0,
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,

@@ -3,6 +3,7 @@
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::surface::Bed;
 use ferrostep_planner::{MotionMethods, Pace, Progress, TICKS_PER_SECOND};
 
 use super::{Machine, Silence};
@@ -56,11 +57,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
             self.flush_at_standstill();
         }
         let more = self.plan(silence.may_release);
-        if self.planner.is_idle() {
+        if self.is_planned() {
             self.feeder.queue.seal();
             self.planner.set_pace(Pace::FULL);
         }
-        self.in_motion = self.planner.is_in_motion();
+        self.in_motion = self.planner.is_in_motion() || self.feeder.bed.is_waiting();
         self.start_when_ready();
         more
     }
@@ -121,7 +122,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
             self.feeder.queue.planning_begins();
             let began = self.feeder.queue.now_ticks();
             let seeking = self.feeder.seeking;
-            let progress = self.planner.advance(&mut self.feeder);
+            let progress =
+                if self.feeder.follow_bed() { Progress::Worked } else { self.planner.advance(&mut self.feeder) };
             if self.feeder.seeking != seeking {
                 self.end_seek(HomingOutcome::Triggered);
             }

@@ -24,9 +24,10 @@ mod names {
     };
     pub use ferrostep_printer::{
         AxisHoming, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor, FirmwareRetraction,
-        HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, PauseSettings, PidGains, Profile, SafeHoming,
+        HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings, PidGains, Profile,
+        SafeHoming,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;
-    pub use ferrostep_virtual_board::HeatedMass;
+    pub use ferrostep_virtual_board::{HeatedMass, SheetShape};
 }

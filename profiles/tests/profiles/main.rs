@@ -9,6 +9,7 @@ mod heater_keys;
 mod heaters;
 mod input_shaper;
 mod macros;
+mod mesh;
 mod mini_heat;
 mod motor_drivers;
 mod nozzle_refusals;

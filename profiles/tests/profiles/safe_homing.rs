@@ -39,8 +39,12 @@ fn a_probe_without_what_it_needs_is_refused() {
     }
     // A switch needs none of it, and has no offset.
     let switch = ("sensor = \"probe\"", "sensor = \"end-stop\"");
-    parse(&mini(&[switch, (HOME_AT, ""), (RAISE, ""), (OFFSET, "")]), "mini.toml").unwrap();
-    assert!(error(&[switch]).contains("homing.probe_offset_mm.x = -29: expected homing.z.sensor = \"probe\" with it"));
+    let no_mesh = (crate::mesh::MESH, "");
+    parse(&mini(&[switch, no_mesh, (HOME_AT, ""), (RAISE, ""), (OFFSET, "")]), "mini.toml").unwrap();
+    assert!(
+        error(&[switch, no_mesh])
+            .contains("homing.probe_offset_mm.x = -29: expected homing.z.sensor = \"probe\" with it")
+    );
 }
 
 #[test]

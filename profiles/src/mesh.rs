@@ -1,0 +1,126 @@
+//! How the bed is measured, and how far Z follows it.
+
+use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_planner::Kinematics;
+use ferrostep_planner::surface::MAX_MESH_POINTS;
+use ferrostep_printer::{MeshSettings, SafeHoming};
+use ferrostep_virtual_board::SheetShape;
+
+use crate::axes::{Travel, units_10nm};
+
+const POINTS: Range = range(2.0, MAX_MESH_POINTS as f64, "points");
+const AREA: Range = range(-2_000.0, 2_000.0, "mm");
+const FADE: Range = range(0.0, 100.0, "mm");
+const LIFT: Range = range(0.5, 50.0, "mm");
+const DEPTH: Range = range(0.1, 3.0, "mm");
+const SHEET: Range = range(-5.0, 5.0, "mm");
+const SCATTER: Range = range(0.0, 1.0, "mm");
+const SAMPLES: Range = range(1.0, 10.0, "approaches");
+
+/// Prusa's number of points for a bed of 180 mm.
+const DEFAULT_POINTS: [u8; 2] = [4, 4];
+/// The correction is gone where nobody sees a layer's height any more, and long before the top.
+const DEFAULT_FADE_MM: f64 = 10.0;
+/// More than beds are bent, and little enough for a nozzle that presses on a sheet.
+const DEFAULT_DEPTH_MM: f64 = 1.0;
+
+/// How the bed is measured; `None` without a probe, or without a motor of Z's own.
+pub(crate) fn mesh(
+    keys: &Section<'_>,
+    travel: &Travel,
+    safe: &SafeHoming,
+    is_probe: bool,
+    kinematics: Kinematics,
+) -> Option<MeshSettings> {
+    // What is measured on each machine anew changes no plan.
+    let apart = keys.apart();
+    let can_follow = is_probe && !kinematics.shares_motors(2);
+    let reach_mm = reach_mm(travel, safe);
+    let lift_mm = safe.raise_10nm as f64 / 100_000.0;
+    let mut settings = MeshSettings {
+        points: DEFAULT_POINTS,
+        area_10nm: reach_mm.map(|ends| ends.map(units_10nm)),
+        fade_10nm: units_10nm(DEFAULT_FADE_MM),
+        lift_10nm: safe.raise_10nm,
+        depth_10nm: units_10nm(DEFAULT_DEPTH_MM),
+        samples: 1,
+        sheet: SheetShape::FLAT,
+    };
+    let about = "with a probe: how [the bed is measured](levelling.md) (G29), and how far up Z follows it";
+    if let Some(table) = apart.optional_section("mesh", "each key its default, with a probe", about) {
+        if !is_probe {
+            keys.refuse("homing.z.sensor", "\"probe\" with the table [mesh]: without one the bed cannot be measured");
+        } else if !can_follow {
+            let expected = "\"cartesian\" or \"corexy\" with the table [mesh]: on others Z has no motor of its own";
+            keys.refuse("kinematics", expected);
+        }
+        let points = table.optional_section("points", "4 by 4", "how many there are, whole numbers");
+        if let Some(points) = points {
+            settings.points = ["x", "y"].map(|axis| points.whole(axis, POINTS).required("") as u8);
+        }
+        let about = "where they are: from the first to the last, places of the probe";
+        if let Some(area) = table.optional_section("area_mm", "all that the probe reaches of the bed", about) {
+            for (index, axis) in ["x", "y"].into_iter().enumerate() {
+                let ends = area.ends(axis, AREA).required("");
+                let ([from, to], [least, most]) = (ends, reach_mm[index]);
+                if can_follow && (from < least || to > most || to - from < 1.0) {
+                    area.refuse(
+                        axis,
+                        format!(
+                            "within {least} to {most} mm, and 1 mm wide at least: the probe does not reach more of the bed \
+                             (homing.bed_mm, homing.probe_offset_mm and the travel)"
+                        ),
+                    );
+                }
+                settings.area_10nm[index] = ends.map(units_10nm);
+            }
+        }
+        settings.fade_10nm = units_10nm(
+            table
+                .number("fade_mm", FADE)
+                .or(DEFAULT_FADE_MM, "height at which Z follows no more (M420 Z); 0 = to the top"),
+        );
+        settings.lift_10nm = units_10nm(
+            table
+                .number("lift_mm", LIFT.at_most(travel.upper_mm[2], "at most size_mm.z"))
+                .optional("homing.raise_mm", "height of the nozzle on the way from point to point")
+                .unwrap_or(lift_mm),
+        );
+        settings.depth_10nm = units_10nm(table.number("depth_mm", DEPTH).or(
+            DEFAULT_DEPTH_MM,
+            "how far below its height at home the bed may be: the nozzle goes no deeper if the probe does not trigger",
+        ));
+        settings.samples = table
+            .whole("samples", SAMPLES)
+            .or(1.0, "how often a point is probed, each time fast and then slowly; their mean counts")
+            as u8;
+        if let Some(sheet) = table.optional_section(
+            "sheet",
+            "level and flat",
+            "the sheet of the [virtual board](levelling.md#on-the-desk); a real one is measured",
+        ) {
+            let tilt = sheet.numbers("tilt_mm", ["x", "y"], [SHEET; 2]);
+            settings.sheet = SheetShape {
+                tilt_10nm: tilt
+                    .or([0.0; 2], "by how much it rises from its left to its right, and from its front to its back")
+                    .map(units_10nm),
+                bend_10nm: units_10nm(
+                    sheet.number("bend_mm", SHEET).or(0.0, "by how much its middle is above its corners"),
+                ),
+                scatter_10nm: units_10nm(
+                    sheet.number("scatter_mm", SCATTER).or(0.0, "the probe triggers up to so much above or below it"),
+                ),
+            };
+        }
+    }
+    can_follow.then_some(settings)
+}
+
+/// What the probe reaches of the bed, along X and along Y.
+fn reach_mm(travel: &Travel, safe: &SafeHoming) -> [[f64; 2]; 2] {
+    let mm = |units: i64| units as f64 / 100_000.0;
+    [0, 1].map(|axis: usize| {
+        let (offset, [from, to]) = (mm(safe.probe_offset_10nm[axis]), safe.bed_10nm[axis].map(mm));
+        [from.max(travel.lower_mm[axis] + offset), to.min(travel.upper_mm[axis] + offset)]
+    })
+}
