@@ -22,6 +22,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if board.accelerometer.is_some() {
         println!("cargo:rustc-cfg=accelerometer");
     }
+    // So is what lets Z follow a bed, for machines that can measure it.
+    println!("cargo:rustc-check-cfg=cfg(probe)");
+    if profile.mesh.is_some() {
+        println!("cargo:rustc-cfg=probe");
+    }
     // So is what keeps settings.
     println!("cargo:rustc-check-cfg=cfg(settings_memory)");
     if board.settings_bytes() > 0 {

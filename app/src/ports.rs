@@ -67,10 +67,16 @@ type BoardSensors = Sensors<VIRTUAL_SENSORS>;
 pub type BoardStepQueue = <BoardSensors as Sensing>::Queue;
 
 /// The methods of motion that this image contains.
-#[cfg(not(feature = "papers"))]
+#[cfg(not(any(feature = "papers", probe)))]
 pub type Methods = ferrostep_planner::Standard;
 /// The methods of motion that this image contains.
-#[cfg(feature = "papers")]
+#[cfg(all(not(feature = "papers"), probe))]
+pub type Methods = ferrostep_planner::StandardOnBed;
+/// The methods of motion that this image contains.
+#[cfg(all(feature = "papers", not(probe)))]
+pub type Methods = ferrostep_papers::PapersOffBed;
+/// The methods of motion that this image contains.
+#[cfg(all(feature = "papers", probe))]
 pub type Methods = ferrostep_papers::Papers;
 
 /// The machine of this board.

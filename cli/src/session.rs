@@ -12,8 +12,8 @@ use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    Accelerometer, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals,
-    tell_driver_event, tell_stalled_fan, temperatures,
+    Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event,
+    tell_stalled_fan, temperatures,
 };
 use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};

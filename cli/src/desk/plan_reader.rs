@@ -10,6 +10,7 @@ use ferrostep_hal_shim::{Approach, FanOutput};
 use ferrostep_papers::Papers;
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::surface::{Bed, BedStage, Mesh, MeshError};
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, Move, MoveError, Moved, Notice, PlannedBlock, Planner, PressureAdvance,
     Progress, Recorded, Request, StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
@@ -78,6 +79,8 @@ impl Reading {
 /// Planner and reader.
 struct Plan {
     planner: Planner<Vec<Slot>, Papers>,
+    /// Holds the mesh; the motors, which make no steps, do not follow it.
+    bed: BedStage,
     reading: Reading,
     homing_time: HomingTime,
     enabled_motors: u8,
@@ -232,8 +235,10 @@ impl PlanReader {
             extruder_256ths: 0,
             script: is_written.then(Script::default),
         };
+        let bed = BedStage::new(&profile.geometry());
         let plan = Plan {
             planner,
+            bed,
             reading,
             homing_time: HomingTime::default(),
             enabled_motors: 0,
@@ -448,6 +453,20 @@ impl Motion for PlannedMotion<'_> {
 
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.reader.plan.borrow_mut().planner.set_motion_choice(choice)
+    }
+
+    const HAS_BED: bool = true;
+
+    fn mesh<T>(&mut self, act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
+        self.reader.plan.borrow_mut().bed.mesh().map(act)
+    }
+
+    /// Blocks keep to what Z needs, so that they last as long as on a machine whose Z follows the bed.
+    fn follow_bed(&mut self, on: bool) -> Result<(), MeshError> {
+        let plan = &mut *self.reader.plan.borrow_mut();
+        let switched = plan.bed.switch(on);
+        plan.planner.set_surface(switched.ok().filter(|_| on));
+        switched.map(|_| ())
     }
 
     fn set_motors_enabled(&mut self, motors: u8, enabled: bool) {

@@ -89,6 +89,8 @@ impl Passed {
                     | Command::Recover
                     | Command::Home(_)
                     | Command::ProbeOffset(_)
+                    // No job follows a mesh.
+                    | Command::Bed(_)
                     | Command::Settings(_)
                     | Command::ShiftZ { .. }
                     | Command::Tower(_)

@@ -176,6 +176,9 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
             Ok(Command::ShiftZ { words, .. }) if words.z.is_some() => Some(
                 "M290 shifts a print by hand and cannot be prepared: put the height into the job (M851, or its G-code)",
             ),
+            Ok(Command::Bed(bed)) if bed.switches_on() && printer.has_bed() => Some(
+                "a prepared job brings its own heights and follows no mesh of the bed: take the line out, or print the G-code",
+            ),
             Ok(Command::Tower(Some(_))) => {
                 Some("TUNING_TOWER changes values while a print is made and cannot be prepared: print the G-code")
             }

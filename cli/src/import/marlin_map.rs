@@ -449,7 +449,7 @@ fn reason(name: &str) -> &'static str {
         }
         _ if name.ends_with("_DRIVER_TYPE") => "drivers that are set are TMC2209: this one runs as its pins say",
         _ if name.starts_with("MESH_") || name.starts_with("AUTO_BED_LEVELING") || name.starts_with("GRID_") => {
-            "no mesh of the bed"
+            "the bed is measured by G29: write the profile's table [mesh]"
         }
         "EXTRUDERS" => "one extruder",
         "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",

@@ -16,7 +16,7 @@ use ferrostep_printer::{
     Profile, Replies, Signals,
 };
 use ferrostep_virtual_board::{
-    BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualProbe, VirtualSensor,
+    BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, SheetShape, VirtualProbe, VirtualSensor,
 };
 
 use crate::desk::profile;
@@ -79,8 +79,11 @@ fn start(profile: &Profile, faults: [SensorFault; 3], seed: u64) -> Start {
     }
     let true_10nm = frame_10nm.map(|[lower, upper]| lower + below(upper - lower + 1));
     let [x, y, _] = profile.safe_homing.probe_offset_10nm;
-    let probe = (profile.homing[2].sensor == HomeSensor::Probe)
-        .then_some(VirtualProbe { offset_10nm: [x, y], sheet_10nm: profile.safe_homing.bed_10nm });
+    let probe = (profile.homing[2].sensor == HomeSensor::Probe).then_some(VirtualProbe {
+        offset_10nm: [x, y],
+        sheet_10nm: profile.safe_homing.bed_10nm,
+        shape: SheetShape::FLAT,
+    });
     Start { mechanics: Mechanics::new(frame_10nm, sensors, probe, true_10nm, cases.next()), true_10nm }
 }
 

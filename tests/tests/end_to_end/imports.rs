@@ -88,7 +88,7 @@ fn a_cartesian_machine_of_klippers_becomes_a_profile() {
     );
     for (key, why) in [
         ("include", "not read: "),
-        ("[bed_mesh] mesh_min", "no mesh of the bed"),
+        ("[bed_mesh] mesh_min", "write the profile's table [mesh]"),
         ("[gcode_macro START] gcode", "macros"),
         ("[gcode_macro END] gcode", "macros"),
         ("[fan] pin", "fans are the board's"),
@@ -146,7 +146,7 @@ fn marlins_configuration_becomes_a_profile() {
          pressure_advance.seconds = 0.08\nmin_extrusion_celsius = 170\n",
     );
     assert!(lost(&imported, "TEMP_SENSOR_BED").unwrap().contains("no thermistor that a profile knows"));
-    assert!(lost(&imported, "AUTO_BED_LEVELING_BILINEAR").unwrap().contains("no mesh"));
+    assert!(lost(&imported, "AUTO_BED_LEVELING_BILINEAR").unwrap().contains("table [mesh]"));
     assert!(lost(&imported, "MOTHERBOARD").unwrap().contains("the board's"));
     assert!(!imported["rows"].as_array().unwrap().iter().any(|row| row["key"] == "JUNCTION_DEVIATION_MM"));
     every_line_has_a_row(&imported, "Configuration_adv.h", |line| line.starts_with("#define"));

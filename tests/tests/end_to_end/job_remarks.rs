@@ -62,7 +62,7 @@ fn a_rehearsal_lists_what_a_person_should_know() {
     let machine = changed("cartesian", &[("minimum_event", "max_volumetric_flow_mm3_per_s = 15\nminimum_event")]);
     let expected = [
         ("not_homed", 2, &[3, 4][..], "an axis moves that is not homed"),
-        ("no_effect", 1, &[9], "G29: not executed (measure the bed"),
+        ("no_effect", 1, &[9], "G29: this machine has no probe"),
         ("no_effect", 1, &[10], "M573: not executed (mean flow"),
         ("unknown", 2, &[11, 12], "M92: not executed (steps for each mm): the profile's steps_per_mm stay"),
         ("unknown", 1, &[13], "MY_MACRO: unknown command"),
@@ -134,7 +134,7 @@ fn remarks_are_readable() {
     let outcome = ferrostep(["print".as_ref(), job.as_os_str()]);
     assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{outcome:#?}");
     for line in [
-        "  remark       2 lines from 3 on: G29: not executed (measure the bed and follow its shape): there is no mesh",
+        "  remark       2 lines from 3 on: G29: this machine has no probe, its bed must be level by itself; no effect",
         "  remark       the bed is still on at the end, at 50 C: end the job with M140 S0",
         " of it in motion; the slicer says 1 min 05 s)",
     ] {

@@ -68,7 +68,7 @@ fn odd_lines_are_read_as_marlin_reads_them() {
         ("M221 S", "", "S without a number is ignored"),
         ("G28 X0 O", "G28 X0", "O has no effect"),
         ("G28 M420 S1", "G28", "the second and everything after it is ignored"),
-        ("G29", "", "not executed (measure the bed"),
+        ("G29", "", "this machine has no probe"),
         ("M900 K0.05 L0.1", "M900 K0.05", "L has no effect"),
         ("M573", "", "not executed (mean flow"),
         ("@pause", "", "a line with @ is for the host"),

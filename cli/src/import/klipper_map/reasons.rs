@@ -13,7 +13,7 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
             "the probe is homed with: twice, at the speeds of homing.z"
         }
         "gcode_macro" | "delayed_gcode" => "macros: write plain G-code into the slicer's start and end code",
-        "bed_mesh" => "no mesh of the bed",
+        "bed_mesh" => "the bed is measured by G29: write the profile's table [mesh]",
         "mcu" | "board_pins" | "static_digital_output" | "output_pin" | "multi_pin" | "duplicate_pin_override" => {
             "the board's"
         }

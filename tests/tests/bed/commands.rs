@@ -1,0 +1,202 @@
+//! The commands of the bed, and what they leave as it is.
+
+use super::rig::{PROBE_MM, profile, run, sheet_mm};
+
+const TILTED: &str = "[mesh]\nfade_mm = 0\n[mesh.sheet]\ntilt_mm = { x = 0.8, y = 0.4 }\n";
+
+fn near(one: f64, other: f64) -> bool {
+    (one - other).abs() < 0.006
+}
+
+/// The heights that G29 reports are the sheet's, less that at home.
+#[test]
+fn g29_reports_the_sheet() {
+    let machine =
+        profile("[mesh]\npoints = { x = 3, y = 2 }\n[mesh.sheet]\ntilt_mm = { x = 0.8, y = 0.4 }\nbend_mm = 0.3\n");
+    let done = run(&machine, ["G28", "G29"]).well();
+    let home = sheet_mm(&machine, [100.0, 100.0]);
+    let rows: Vec<Vec<f64>> = done
+        .said
+        .iter()
+        .filter(|line| line.contains(" +") || line.contains(" -"))
+        .map(|line| line.split_whitespace().skip(1).map(|number| number.parse().unwrap()).collect())
+        .collect();
+    assert_eq!(rows.iter().map(Vec::len).collect::<Vec<_>>(), [3, 3], "{:#?}", done.said);
+    for (y, row) in [0.0, 200.0].into_iter().zip(&rows) {
+        for (x, height) in [0.0, 100.0, 200.0].into_iter().zip(row) {
+            let expected = sheet_mm(&machine, [x, y]) - home;
+            assert!(near(*height, expected), "{height} at {x} {y}, expected {expected}");
+        }
+    }
+    assert_eq!(done.line("echo:Bed Leveling "), "ON");
+    assert_eq!(done.line("echo:Fade Height "), "10.00");
+}
+
+/// M420 in mid-print moves nothing: the coordinates change, and the next line goes to its height above the sheet.
+#[test]
+fn switching_does_not_jump() {
+    let machine = profile(TILTED);
+    let start = ["G28", "G29", "G1 X180 Y150 Z1 F6000", "M400"];
+    let at = |more: &[&str]| run(&machine, start.iter().chain(more).copied()).well();
+    let on = at(&[]);
+    let sheet = sheet_mm(&machine, [180.0, 150.0]);
+    assert!(near(on.place_mm()[2] - sheet, 1.0), "{:?}", on.place_mm());
+    for (lines, logical) in [
+        (&["M420 S0"][..], 1.0 + sheet - sheet_mm(&machine, [100.0, 100.0])),
+        (&["M420 S0", "M420 S1"], 1.0),
+        (&["M420 S0", "M420 S1", "M420 S1", "M420 V", "M114"], 1.0),
+        (&["M421 I0 J0 Q0"], 1.0),
+        (&["M410"], 1.0),
+    ] {
+        let done = at(lines);
+        assert_eq!(done.steps.len(), on.steps.len(), "{lines:?} moved something");
+        assert!(near(done.logical_mm[2], logical), "{lines:?}: {:?}, expected {logical}", done.logical_mm);
+    }
+    let off = at(&["M420 S0", "G1 Z1"]);
+    assert!(near(off.place_mm()[2], 1.0 + sheet_mm(&machine, [100.0, 100.0])), "{:?}", off.place_mm());
+    let again = at(&["M420 S0", "G1 Z1", "M420 S1", "G1 Z1"]);
+    assert!(near(again.place_mm()[2] - sheet, 1.0), "{:?}", again.place_mm());
+}
+
+/// Where the nozzle ends above the sheet, and what Z says.
+#[test]
+fn other_commands_keep_the_height_above_the_sheet() {
+    let machine = profile(TILTED);
+    for (lines, gap, logical) in [
+        // The coordinates' zero is another one.
+        (&["G1 Z1", "G92 Z0", "G1 X20 Y180"][..], 1.0, 0.0),
+        (&["G1 Z1", "M290 Z-0.2 P0", "G1 X20 Y180"], 0.8, 1.0),
+        // A print pauses and goes on: the nozzle is back above the sheet.
+        (&["G1 Z1", "G91", "G1 X-20", "G1 X20", "G90"], 1.0, 1.0),
+        (&["G1 Z1", "M18 E", "M400", "G1 X30"], 1.0, 1.0),
+        // In relative coordinates.
+        (&["G1 Z1", "G91", "G1 Z0.5 X3", "G1 Z-0.2"], 1.3, 1.3),
+        // An arc.
+        (&["G1 Z1", "G2 X60 Y60 I-20 J-20"], 1.0, 1.0),
+        // A mesh that is measured again, of a part.
+        (&["G29 L20 R120 F20 B120", "G1 X100 Y100 Z1"], 1.0, 1.0),
+        (&["G29 X20 Y20 W60 H80", "G1 X60 Y60 Z1"], 1.0, 1.0),
+        (&["M555 X20 Y20 W60 H80", "G29 P1", "G1 X60 Y60 Z1"], 1.0, 1.0),
+        (&["BED_MESH_CALIBRATE MESH_MIN=20,20 MESH_MAX=90,90", "G1 X60 Y60 Z1"], 1.0, 1.0),
+        (&["G1 Z1", "G29 O", "M400"], 1.0, 1.0),
+        // What probes a place follows the mesh again.
+        (&["G30 X50 Y50", "G1 X160 Y160 Z1"], 1.0, 1.0),
+        (&["M48 P4", "G1 X160 Y160 Z1"], 1.0, 1.0),
+        // Homing forgets that Z followed, not the mesh.
+        (&["G28", "M420 S1", "G1 X160 Y160 Z1"], 1.0, 1.0),
+        (&["G28 X", "M420 S1", "G1 X160 Y160 Z1"], 1.0, 1.0),
+    ] {
+        let all = ["G28", "G29", "G1 X100 Y100 Z3 F6000"].iter().chain(lines).copied();
+        let done = run(&machine, all).well();
+        let [x, y, z] = done.place_mm();
+        assert!(
+            near(z - sheet_mm(&machine, [x, y]), gap),
+            "{lines:?}: {:?} over {}",
+            [x, y, z],
+            sheet_mm(&machine, [x, y])
+        );
+        assert!(near(done.logical_mm[2], logical), "{lines:?}: {:?}", done.logical_mm);
+    }
+}
+
+/// After G28 Z follows nothing, as in Marlin.
+#[test]
+fn homing_switches_off_and_keeps_the_mesh() {
+    let machine = profile(TILTED);
+    let home = sheet_mm(&machine, [100.0, 100.0]);
+    for homing in ["G28", "G28 Z", "G28 X", "G28 Y"] {
+        let done = run(&machine, ["G28", "G29", homing, "G1 X180 Y180 Z2 F6000", "M420"]).well();
+        let last = done.said.iter().rev().find(|line| line.starts_with("echo:Bed Leveling")).unwrap();
+        assert_eq!(last, "echo:Bed Leveling OFF", "{homing}");
+        assert!(near(done.place_mm()[2], 2.0 + home), "{homing}: {:?}", done.place_mm());
+    }
+}
+
+/// The correction fades with the height, and is gone above it.
+#[test]
+fn the_correction_fades() {
+    let machine = profile(&TILTED.replace("fade_mm = 0", "fade_mm = 10"));
+    let (home, sheet) = (sheet_mm(&machine, [100.0, 100.0]), sheet_mm(&machine, [180.0, 180.0]));
+    for (z, left) in [(0.2, 0.98), (5.0, 0.5), (8.0, 0.2), (10.0, 0.0), (50.0, 0.0)] {
+        let line = format!("G1 X180 Y180 Z{z} F6000");
+        for way in
+            [&["G28", "G29", line.as_str()][..], &["G28", "G29", "G1 X180 Y180 Z1 F6000", "G1 Z30", line.as_str()]]
+        {
+            let done = run(&machine, way.iter().copied()).well();
+            let expected = z + home + (sheet - home) * left;
+            assert!(near(done.place_mm()[2], expected), "{way:?}: {:?}, expected {expected}", done.place_mm());
+        }
+    }
+    // M420 Z changes it, without a move.
+    let steps =
+        |more: &[&str]| run(&machine, ["G28", "G29", "G1 X180 Y180 Z5 F6000"].iter().chain(more).copied()).well();
+    assert_eq!(steps(&["M420 Z20"]).steps.len(), steps(&[]).steps.len());
+    let done = steps(&["M420 Z20", "G1 Z5"]);
+    assert!(near(done.place_mm()[2], 5.0 + home + (sheet - home) * 0.75), "{:?}", done.place_mm());
+}
+
+/// G30 tells the place of the probe and the sheet's height there; the probe's offset is in neither.
+#[test]
+fn g30_reports_one_place() {
+    let machine = profile(TILTED);
+    let home = sheet_mm(&machine, [100.0, 100.0]);
+    let done = run(&machine, ["G28", "G30 X180 Y30"]).well();
+    let words: Vec<f64> = done.line("Bed X: ").split([' ', ':']).filter_map(|word| word.parse().ok()).collect();
+    let [x, y, z] = words[..] else { panic!("{words:?}") };
+    assert_eq!([x, y], [180.0, 30.0]);
+    assert!(near(z, sheet_mm(&machine, [180.0, 30.0]) - home), "{z}");
+    let [nozzle_x, nozzle_y, _] = done.place_mm();
+    assert!(near(nozzle_x + PROBE_MM[0], 180.0) && near(nozzle_y + PROBE_MM[1], 30.0), "{:?}", done.place_mm());
+    // Where it is: at home.
+    assert!(near(run(&machine, ["G28", "G30"]).well().line("Bed X: 100.00 Y: 100.00 Z: ").parse().unwrap(), 0.0));
+}
+
+/// Another M851 moves home, and the heights of the mesh with it: what is above the sheet stays there.
+#[test]
+fn the_sum_of_mesh_and_probe_offset_is_right() {
+    let machine = profile(TILTED);
+    // The nozzle is said to be 0.3 mm higher when the probe triggers: it goes lower by that.
+    for (lines, gap) in [
+        (&["M851 Z-1.5", "G28", "G29", "G1 X30 Y180 Z1 F6000"][..], 0.7),
+        (&["G28", "G29", "M851 Z-1.5", "G28", "M420 S1", "G1 X30 Y180 Z1 F6000"], 0.7),
+        // Not in force yet: Z was homed before.
+        (&["G28", "M851 Z-1.5", "G29", "G1 X30 Y180 Z1 F6000"], 1.0),
+    ] {
+        let done = run(&machine, lines.iter().copied()).well();
+        let [x, y, z] = done.place_mm();
+        assert!(near(z - sheet_mm(&machine, [x, y]), gap), "{lines:?}: {}", z - sheet_mm(&machine, [x, y]));
+    }
+}
+
+/// M421 sets a point and adds to it.
+#[test]
+fn m421_sets_a_point() {
+    let machine = profile("[mesh]\npoints = { x = 3, y = 3 }\nfade_mm = 0\n");
+    for (line, height) in [("M421 I1 J1 Z0.2", 0.2), ("M421 I1 J1 Q-0.15", -0.15)] {
+        let done = run(&machine, ["G28", "G29", line, "G1 X100 Y100 Z1 F6000"]).well();
+        assert!(near(done.place_mm()[2], 1.0 + height), "{line}: {:?}", done.place_mm());
+    }
+}
+
+/// A stop in mid-move leaves the correction where the motors are: Z's coordinate is that of the plan, and the next line goes on at
+/// its height above the sheet.
+#[test]
+fn a_stop_in_mid_move_keeps_the_height() {
+    let machine = profile(TILTED);
+    // More moves than the look-ahead ring holds: when the last of them is taken, the machine is among them.
+    let moves: Vec<String> =
+        (0..400).map(|index| format!("G1 X{} Y{} F9000", index / 2, if index % 2 == 0 { 10 } else { 190 })).collect();
+    let mut lines = vec!["G28", "G29", "G1 X0 Y0 Z1 F6000"];
+    lines.extend(moves.iter().map(String::as_str));
+    lines.push("M410");
+    let stopped = run(&machine, lines.iter().copied());
+    let [x, y, z] = stopped.place_mm();
+    assert!(x > 20.0 && x < 199.0, "{x}");
+    assert!(near(stopped.logical_mm[0], x) && near(stopped.logical_mm[1], y), "{:?}", stopped.logical_mm);
+    assert!((stopped.logical_mm[2] - 1.0).abs() < 0.005, "{:?}", stopped.logical_mm);
+    assert!(near(z - sheet_mm(&machine, [x, y]), 1.0), "{z} over {}", sheet_mm(&machine, [x, y]));
+    lines.extend(["G1 X190 Y20 Z1"]);
+    let done = run(&machine, lines);
+    let [x, y, z] = done.place_mm();
+    assert!(near(z - sheet_mm(&machine, [x, y]), 1.0), "{z} over {}", sheet_mm(&machine, [x, y]));
+}

@@ -1,0 +1,9 @@
+//! The bed is probed and followed: on the virtual board, whose sheet is tilted and bent.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod commands;
+mod faults;
+mod first_layer;
+mod jobs;
+mod repeatability;
+mod rig;
