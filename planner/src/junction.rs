@@ -65,6 +65,12 @@ impl CornerAcceleration {
         Self(acceleration * SCALE)
     }
 
+    /// In mm/s^2, to single precision.
+    pub fn mm_per_s2(self) -> f32 {
+        const PER_MM_PER_S2: f32 = 4_294_967_296.0 / UNITS_PER_MM as f32;
+        self.0 / PER_MM_PER_S2
+    }
+
     /// Whether it is above zero.
     pub fn is_some(self) -> bool {
         self.0 > 0.0

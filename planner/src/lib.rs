@@ -55,6 +55,7 @@ mod spacing;
 mod speed_plan;
 mod step_ledger;
 mod step_times;
+mod tolerance;
 mod trapezoid;
 mod u64_to_f32;
 mod units;
@@ -81,6 +82,7 @@ pub use step_ledger::{StepLedger, StepObserver};
 pub use step_queue::{EXTRUDER, Notice, StepEntry, StepKind, StepSink};
 pub use step_times::StepTimes;
 pub use time_units::TICKS_PER_SECOND;
+pub use tolerance::PATH_TOLERANCE_MM;
 
 /// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with any change that gives
 /// a job other steps: jobs that were prepared by the rules of another version are not executed.

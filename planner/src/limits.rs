@@ -120,6 +120,12 @@ impl PathLimits {
         self.has_corner_velocities
     }
 
+    /// The filament's acceleration in a line, mm/s^2.
+    pub fn line_filament_acceleration_mm_per_s2(&self) -> f32 {
+        let [.., filament] = self.max_acceleration_mm_per_s2;
+        filament
+    }
+
     /// Limits a feed where only the filament moves.
     pub fn of_filament(&self, feed_mm_per_s: f32) -> FeedAndAcceleration {
         let acceleration = smaller(self.retract_acceleration_mm_per_s2, self.filament_acceleration_mm_per_s2);

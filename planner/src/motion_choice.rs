@@ -108,6 +108,9 @@ pub struct MotionChoice {
     pub shapers: [AxisShaper; 2],
     /// Over how long X, Y, Z and the extruder are averaged after their shapers, s, within [`crate::SMOOTH_TIME_S`]; `None`: they are not.
     pub smooth_time_s: Option<f64>,
+    /// How far the path that has gone through the filters may be from the programmed one, mm, within [`crate::PATH_TOLERANCE_MM`]; `None`:
+    /// corners round as the filters round them.
+    pub path_tolerance_mm: Option<f64>,
     /// How far the extruder runs ahead of the flow.
     pub pressure_advance: PressureAdvance,
     /// Whether filament is drawn back and pushed again along the travel between, without a stop for it ([`crate::Move`]s only).
@@ -144,6 +147,7 @@ impl MotionChoice {
         s_curve_table: SCurveTableSettings { start_hz: 1_000, top_hz: 10_000, jerk_hz_per_s2: 100_000 },
         shapers: [AxisShaper::NONE; 2],
         smooth_time_s: None,
+        path_tolerance_mm: None,
         pressure_advance: PressureAdvance::NONE,
         filament_on_the_way: false,
     };

@@ -7,7 +7,7 @@
 //! path; the steps are made move by move ([`crate::inner_ends`]), so every motor ends every move exactly where it ends
 //! without the sharing.
 
-use crate::block::{Block, Speed};
+use crate::block::{Acceleration, Block, Speed};
 use crate::budget::Budget;
 use crate::inner_ends::{InnerEnd, MAX_EXTRUDER_256THS, MAX_LENGTH_10NM};
 use crate::planner::block_rules::Planned;
@@ -39,6 +39,10 @@ pub(crate) struct OpenBlock {
     /// What the last of its moves adds to the block.
     last_steps: [i32; 3],
     last_extruder_256ths: i32,
+    /// The acceleration as all but the corner at its end leave it.
+    acceleration_before_end: Acceleration,
+    /// The corner at its end has lowered the acceleration as far as it must.
+    is_end_known: bool,
 }
 
 impl OpenBlock {
@@ -52,6 +56,8 @@ impl OpenBlock {
         moves: 0,
         last_steps: [0; 3],
         last_extruder_256ths: 0,
+        acceleration_before_end: Block::NONE.acceleration,
+        is_end_known: false,
     };
 
     /// Whether there is a block.
@@ -80,6 +86,31 @@ impl OpenBlock {
         self.moves = 1;
         self.last_steps = steps;
         self.last_extruder_256ths = extruder_256ths;
+        self.acceleration_before_end = acceleration;
+        self.is_end_known = false;
+    }
+
+    /// Its acceleration as all but the corner at its end leave it; of the last block, where none is open, the one that it has.
+    pub fn acceleration_before_end(&self) -> Acceleration {
+        if self.is_some() { self.acceleration_before_end } else { self.block.acceleration }
+    }
+
+    /// Its nominal speed, or that of the last block.
+    pub fn nominal(&self) -> Speed {
+        self.block.nominal
+    }
+
+    /// The corner at its end, which may become another one, asks for this acceleration.
+    pub fn hold_end_to(&mut self, acceleration: Acceleration) {
+        if self.is_some() {
+            self.block.acceleration = self.acceleration_before_end.min(acceleration);
+            self.is_end_known = true;
+        }
+    }
+
+    /// Whether the corner at its end is known.
+    pub fn is_end_known(&self) -> bool {
+        self.is_end_known
     }
 
     /// Holds the block to what the processor can keep up with.
@@ -157,6 +188,8 @@ impl OpenBlock {
         block.inner_ends = inner_ends;
         self.last_steps = next.steps;
         self.last_extruder_256ths = next.extruder_256ths;
+        self.acceleration_before_end = self.block.acceleration;
+        self.is_end_known = false;
         self.nominal_now = self.nominal_now.min(nominal_now);
         self.events += next.events;
         self.moves += 1;

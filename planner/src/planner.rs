@@ -4,6 +4,7 @@ pub(crate) mod block_rules;
 mod choice;
 mod given_block;
 mod held;
+mod keeping_tolerance;
 pub(crate) mod move_error;
 mod passing_over;
 mod position;
@@ -206,9 +207,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// A move has been taken.
     #[inline(always)]
     fn advance_position(&mut self, target: &Target, planned: &Planned, is_part: bool) {
-        let Planned { path, corner_acceleration, line, ends_move, .. } = *planned;
+        let Planned { path, corner_acceleration, line, ends_move, is_forgotten, .. } = *planned;
         let unended_line = (!ends_move).then_some(line);
-        self.previous = Previous { path, acceleration: corner_acceleration, unended_line, is_part };
+        self.previous = Previous { path, acceleration: corner_acceleration, unended_line, is_part, is_forgotten };
         self.position.advance(target);
     }
 
@@ -232,6 +233,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             if !self.queue.has_room() {
                 return false;
             }
+            self.keep_tolerance_before_any();
             let closing = self.open.hold_to(&self.rules.budget);
             self.tallies.slowed_moves += u64::from(closing.slowed_moves);
             self.queue.push(closing.block, &closing.start);
@@ -261,6 +263,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.flushing = true;
         self.close_open_block();
         self.previous.acceleration = CornerAcceleration::ZERO;
+        self.previous.is_forgotten = false;
     }
 
     /// The step queue runs low and no input is at hand: the oldest block leaves with the speeds it has.
@@ -283,7 +286,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         } else {
             0
         };
-        if let Some(corner) = self.open.lasting_corner(&self.rules.budget)
+        // A tolerance may yet lower the acceleration of the open block.
+        if self.rules.tolerance.is_none()
+            && let Some(corner) = self.open.lasting_corner(&self.rules.budget)
             && let Some(block) = self.open.block()
         {
             self.queue.foresee(block, corner);

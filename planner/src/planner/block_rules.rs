@@ -14,7 +14,9 @@ use crate::on_the_way::EXTRUDER_JUMP_MM_PER_S;
 use crate::path::Path;
 use crate::pressure_advance::MOST_FILAMENT_IN_LINE;
 use crate::surface::{Bed, SurfaceBounds};
+use crate::shaping::Shaping;
 use crate::time_units::TICKS_PER_SECOND;
+use crate::tolerance::PathTolerance;
 use crate::u64_to_f32;
 
 /// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
@@ -41,12 +43,20 @@ pub(crate) struct Previous {
     pub unended_line: Option<u32>,
     /// It is a part of a travel on which filament moves.
     pub is_part: bool,
+    /// No filter sees a path before its end any more.
+    pub is_forgotten: bool,
 }
 
 impl Previous {
     /// No move before.
     pub const NONE: Self =
-        Self { path: Path::NONE, acceleration: CornerAcceleration::ZERO, unended_line: None, is_part: false };
+        Self {
+            path: Path::NONE,
+            acceleration: CornerAcceleration::ZERO,
+            unended_line: None,
+            is_part: false,
+            is_forgotten: true,
+        };
 }
 
 /// A straight move, its target within reach.
@@ -110,6 +120,8 @@ pub(crate) struct Planned {
     pub path: Path,
     /// Its acceleration, as its corners see it; zero where the filament moves alone.
     pub corner_acceleration: CornerAcceleration,
+    /// It is a stop after which no filter sees a path before it any more.
+    pub is_forgotten: bool,
 }
 
 /// What every block of a machine keeps to.
@@ -125,6 +137,8 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     /// Every motor steps in its own time.
     is_shaped: bool,
     advance: ExtruderAdvance,
+    /// What the filtered path keeps, if that is asked for and there are filters.
+    pub tolerance: Option<PathTolerance>,
     pub budget: Budget,
     /// What following the bed asks of Z; `None`: Z follows nothing.
     surface: Option<SurfaceBounds>,
@@ -141,6 +155,7 @@ impl<M: MotionMethods> BlockRules<M> {
             pattern: None,
             is_shaped: false,
             advance: ExtruderAdvance::NONE,
+            tolerance: None,
             budget: Budget::new(&geometry),
             surface: None,
         }
@@ -150,6 +165,12 @@ impl<M: MotionMethods> BlockRules<M> {
     pub fn set_shaped_for(&mut self, length_ticks: u32, is_s_curve: bool, has_knee: bool) {
         self.is_shaped = length_ticks > 0;
         self.budget.hold_pieces(length_ticks, is_s_curve, has_knee);
+    }
+
+    /// The path goes through these filters, and keeps a tolerance then.
+    #[cold]
+    pub fn set_tolerance(&mut self, tolerance_mm: Option<f64>, shaping: &Shaping) {
+        self.tolerance = tolerance_mm.and_then(|tolerance_mm| PathTolerance::new(tolerance_mm, shaping));
     }
 
     pub fn set_limits(&mut self, limits: Limits) {
@@ -276,6 +297,7 @@ impl<M: MotionMethods> BlockRules<M> {
             corner,
             path,
             corner_acceleration,
+            is_forgotten: false,
         }
     }
 

@@ -10,6 +10,7 @@ use crate::ring::{Marker, RingMemory};
 use crate::s_curve::{Jerk, Jerks};
 use crate::shaping::{ShaperError, Shaping};
 use crate::surface::SurfaceBounds;
+use crate::tolerance::PATH_TOLERANCE_MM;
 
 use super::Planner;
 use super::move_error::MoveError;
@@ -27,6 +28,11 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         check_methods::<M>(choice, self.rules.geometry.kinematics)?;
         choice.pressure_advance.check().map_err(ChoiceError::PressureAdvance)?;
+        let [least, most] = PATH_TOLERANCE_MM;
+        // NaN is in no range.
+        if !choice.path_tolerance_mm.is_none_or(|tolerance_mm| tolerance_mm >= least && tolerance_mm <= most) {
+            return Err(ChoiceError::Parameter);
+        }
         let shaping = self.shaping_of(choice).map_err(ChoiceError::Shaper)?;
         if !self.is_idle() {
             return Err(ChoiceError::InMotion);
@@ -45,6 +51,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.shaped.set_shaping(shaping);
         let is_s_curve = choice.acceleration == AccelerationProfile::SCurve;
         self.rules.set_shaped_for(self.shaped.length_ticks(), is_s_curve, choice.pressure_advance.above.is_some());
+        self.rules.set_tolerance(choice.path_tolerance_mm, shaping);
         self.advance_moves_to_come();
         self.shaped.set_advance(self.advance_law());
     }

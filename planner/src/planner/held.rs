@@ -403,7 +403,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         };
         // Within the moves that were in reach as a whole.
         let Ok(Some(target)) = self.rules.target(travel, &self.position) else { return true };
-        let planned = self.rules.plan(travel, &target, &self.previous);
+        let mut planned = self.rules.plan(travel, &target, &self.previous);
+        self.keep_tolerance(&mut planned);
         if self.shares_blocks() && self.open.absorb(&planned) {
             self.tallies.merged_moves += 1;
         } else {

@@ -83,11 +83,12 @@ impl Request for Prepared<'_> {
         let filament_100pm = self.now.map_or(prepared.filament_100pm, |now| now.filament_100pm);
         let travel = prepared.with(filament_100pm, prepared.feed_mm_per_s);
         let Some(target) = planner.rules.target(&travel, &planner.position)? else { return Ok(Moved::Nothing) };
+        let mut planned = planner.rules.plan(&travel, &target, &planner.previous);
+        planner.keep_tolerance(&mut planned);
         if !continues {
             planner.close_making_room(make_room)?;
             planner.check_plan()?;
         }
-        let planned = planner.rules.plan(&travel, &target, &planner.previous);
         let nominal = self.now.map_or(planned.nominal, |now| self.nominal_at(now, planner, planned.nominal));
         if !continues {
             planner.open.begin(&planned, prepared.entry, nominal);

@@ -61,14 +61,15 @@ impl Request for Move {
         if planner.choice.filament_on_the_way && planner.holds_back(&travel, &target, &mut make_room)? {
             return Ok(Moved::Queued);
         }
-        let planned = planner.rules.plan(&travel, &target, &planner.previous);
+        let mut planned = planner.rules.plan(&travel, &target, &planner.previous);
+        planner.keep_tolerance(&mut planned);
         if !planner.flushing && planner.shares_blocks() && planner.open.absorb(&planned) {
             planner.tallies.merged_moves += 1;
         } else {
             planner.close_making_room(make_room)?;
             planner.open.begin(&planned, EntrySpeed::Bound, planned.nominal);
         }
-        if planner.open.is_full() {
+        if planner.open.is_full() && planner.rules.tolerance.is_none() {
             // Now, not with the next move: a host may wait until the speeds before this block are known to be final.
             planner.close_open_block();
         }

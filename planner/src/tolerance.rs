@@ -1,0 +1,274 @@
+//! How fast a corner is passed, and how hard the moves beside it accelerate, so that the filtered path keeps a tolerance.
+//!
+//! The filters of X and Y take the mean of the plan at times around now: q(t) = E p(t - tau), tau being distributed as the filter's
+//! weights and 0 in the mean. Along the path that is a mean of places R, and with the corners at r_c, each turning the direction by a
+//! difference k_c of unit vectors, the filtered path is from the planned one by no more than
+//!
+//! > sum over the corners of k_c m_c,  m_c = min(E(R - r_c)+, E(r_c - R)+) <= v_c G(t - t_c) + a K(t - t_c),
+//!
+//! where G(u) is how far a filtered ramp is ahead of the ramp, convex on each side and largest at 0, where it is half of E|tau|, and K(u) its
+//! integral from |u| outwards, at 0 half of the second moment of one side. Between two corners the bound is convex in time, so it is
+//! largest at corners. What of it is the others' there, this module limits by a rule for each corner by itself:
+//!
+//! - *alone*: both moves beside it last as long as the filter reaches. Nothing else counts, and k (v G(0) + a K(0)) is all.
+//! - *in a crowd*: the velocity jumps by no more than A times the time of the shorter move beside it, and the path turns by no more than
+//!   a radian in the filter's reach H. As G is convex, each jump of the others is no more than A times the integral of G over the move's own time
+//!   around it, together 2 A K(0); and their terms of K are at most A K(0) / 3 a side. The corner's own jump leaves out of that what it
+//!   covers itself.
+//!
+//! Unequal filters of X and Y, and of Z, which has the moving average only, part from a straight line while the speed along it changes:
+//! by a |u_x u_y| times the integral of |G_x - G_y|.
+//!
+//! With a moving average over T the same rule holds the acceleration of the filtered path to 5/4 of what the moves may have, and that of the
+//! extruder: it is the change of the velocity within T, divided by T. A lone corner adds to a T its jump J: together
+//! sqrt((aT)^2 + J^2 + k J a T). In a crowd moves keep 3/5 of their acceleration, and jumps of no more than 13/20 a d T / (d + T),
+//! d being the time of the shorter move, add up to no more than 13/20 a T in any T, since d T / (d + T) is concave.
+
+mod filter;
+
+use crate::kinematics::UNITS_PER_MM;
+use crate::limits::{larger, smaller};
+use crate::path::Path;
+use crate::shaping::Shaping;
+use crate::square_root::square_root_f32;
+use crate::time_units::TICKS_PER_SECOND;
+use filter::{Filter, apart};
+
+/// Tolerances of the commanded path, mm.
+pub const PATH_TOLERANCE_MM: [f64; 2] = [0.001, 1.0];
+
+/// What is kept back for what the bound leaves out: rounded weights and delays, and Z's filter on slopes.
+const KEPT_BACK: f32 = 0.05;
+
+/// The part of the tolerance that acceleration may take; the rest is the corner's speed.
+const PART_OF_ACCELERATION: f32 = 0.9;
+
+/// The least difference of directions that is a corner: single precision does not know smaller ones.
+const LEAST_TURN: f32 = 1e-6;
+
+/// In a crowd, with a moving average: of a move's acceleration, what is left along the path, and what its corners may take.
+const ALONG: f32 = 0.6;
+const ACROSS: f32 = 0.65;
+
+/// Of the extruder's acceleration, what its jumps at corners may take beside what it has along lines.
+const EXTRUDER_JUMPS: f32 = 0.25;
+
+/// The filters' measures, and the tolerance that they are to keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PathTolerance {
+    /// The tolerance, less what is kept back, mm.
+    tolerance_mm: f32,
+    /// G(0), s, of the axis with the larger.
+    jump_s: f32,
+    /// K(0), s^2, of the axis and side with the largest.
+    bend_s2: f32,
+    /// H: how far from its mean a filter reaches, s; with a moving average no less than that.
+    reach_s: f32,
+    /// The most weight that is on one side of a mean.
+    side: f32,
+    /// Integrals of the difference between the G of X and Y, and of these and Z, s^2.
+    apart_s2: f32,
+    apart_from_z_s2: f32,
+    /// T, s; 0 without a moving average.
+    smooth_s: f32,
+    /// A, mm/s^2.
+    crowded_mm_per_s2: f32,
+}
+
+/// One of the moves at a corner.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beside<'a> {
+    pub path: &'a Path,
+    /// The acceleration that the machine allows it, mm/s^2.
+    pub allowed: f32,
+    /// What its other end leaves of that, mm/s^2.
+    pub acceleration: f32,
+}
+
+/// What a corner allows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Corner {
+    /// The speed in it, mm/s.
+    pub mm_per_s: f32,
+    /// The accelerations of the moves before and after it, mm/s^2.
+    pub accelerations: [f32; 2],
+}
+
+impl PathTolerance {
+    /// For these filters; `None` without any, which leave the path as it is.
+    #[cold]
+    pub fn new(tolerance_mm: f64, shaping: &Shaping) -> Option<Self> {
+        let half_average = 0.5 * f64::from(shaping.smooth_ticks);
+        let [x, y] = [Filter::of(&shaping.x, half_average), Filter::of(&shaping.y, half_average)];
+        let per_second = 1.0 / f64::from(TICKS_PER_SECOND);
+        let most = |of: fn(&Filter) -> f64| if of(&x) > of(&y) { of(&x) } else { of(&y) };
+        let smooth_s = (2.0 * half_average * per_second) as f32;
+        let jump_s = (most(|side| side.jump) * per_second) as f32;
+        if jump_s <= 0.0 {
+            return None;
+        }
+        let squared = per_second * per_second;
+        let (kernel_x, kernel_y) = (&shaping.x, &shaping.y);
+        let variances = [kernel_x.variance(), kernel_y.variance()];
+        let apart_from_z = if variances[0] > variances[1] { variances[0] } else { variances[1] };
+        let reach = most(|side| side.reach);
+        let tolerance_mm = (1.0 - KEPT_BACK) * tolerance_mm as f32;
+        let bend_s2 = (most(|side| side.bend) * squared) as f32;
+        let apart_s2 = (apart(kernel_x, kernel_y, half_average, reach) * squared) as f32;
+        Some(Self {
+            tolerance_mm,
+            jump_s,
+            bend_s2,
+            reach_s: larger((reach * per_second) as f32, smooth_s),
+            side: most(|side| side.weight) as f32,
+            apart_s2,
+            apart_from_z_s2: (0.5 * apart_from_z * squared) as f32,
+            smooth_s,
+            crowded_mm_per_s2: PART_OF_ACCELERATION * tolerance_mm / (8.0 / 3.0 * bend_s2 + 0.5 * apart_s2),
+        })
+    }
+
+    /// The acceleration of a move by itself, mm/s^2: on its line it parts from it by no more than the tolerance.
+    pub fn along(&self, path: &Path, acceleration: f32) -> f32 {
+        if path.length <= 0.0 {
+            return acceleration;
+        }
+        let (plane, slope) = self.apart_along(path);
+        let in_plane = smaller(acceleration, PART_OF_ACCELERATION * self.tolerance_mm / plane);
+        smaller(in_plane, KEPT_BACK * self.tolerance_mm / slope)
+    }
+
+    /// By how much the axes' filters part on a line for each mm/s^2, s^2: X and Y, and Z from them.
+    fn apart_along(&self, path: &Path) -> (f32, f32) {
+        let per_length = 1.0 / path.length;
+        let [x, y, z] = path.vector.map(|component| (component * per_length).abs());
+        (x * y * self.apart_s2, z * larger(x, y) * self.apart_from_z_s2)
+    }
+
+    /// The acceleration of a move that keeps the tolerance whatever comes before or after it, in a stop if need be.
+    pub fn beside_any(&self, one: &Beside<'_>) -> f32 {
+        smaller(self.along_in_crowd(one), length_mm(one.path) / (self.reach_s * self.reach_s))
+    }
+
+    /// What a crowd leaves to acceleration along the path.
+    fn along_in_crowd(&self, one: &Beside<'_>) -> f32 {
+        let along = if self.smooth_s > 0.0 { ALONG * one.allowed } else { one.allowed };
+        smaller(smaller(along, one.acceleration), self.crowded_mm_per_s2)
+    }
+
+    /// Whether a stop of so many ticks is longer than the filters see.
+    pub fn forgets(&self, ticks: u64) -> bool {
+        ticks as f32 >= 2.0 * self.reach_s * TICKS_PER_SECOND as f32
+    }
+
+    /// What a corner allows between two moves that have a path, of which the slower has this nominal speed, mm/s; the extruder's
+    /// acceleration in mm/s^2.
+    pub fn corner(&self, moves: &[Beside<'_>; 2], nominal_mm_per_s: f32, extruder_mm_per_s2: f32) -> Corner {
+        let [before, after] = moves;
+        let [x, y, z, filament] = Path::jumps(before.path, after.path);
+        let turn = square_root_f32(x * x + y * y + z * z);
+        let at_rate = ExtruderRule { jump: filament, acceleration: extruder_mm_per_s2 };
+        // Also where one line goes on in another with a larger acceleration, which a corner nearby may see.
+        let turn = larger(turn, LEAST_TURN);
+        let alone = self.alone(moves, turn, &at_rate);
+        // Turning more than a radian within their reach they are never in a crowd.
+        if turn >= 1.0 || alone.mm_per_s >= nominal_mm_per_s {
+            return alone;
+        }
+        let crowded = self.crowded(moves, turn, &at_rate);
+        if crowded.mm_per_s > alone.mm_per_s { crowded } else { alone }
+    }
+
+    /// What a corner allows with nothing else in the filters.
+    fn alone(&self, moves: &[Beside<'_>; 2], turn: f32, extruder: &ExtruderRule) -> Corner {
+        let [(plane_before, _), (plane_after, _)] = moves.each_ref().map(|one| self.apart_along(one.path));
+        let of_acceleration = turn * self.bend_s2 + larger(plane_before, plane_after);
+        let most = PART_OF_ACCELERATION * self.tolerance_mm / of_acceleration;
+        let reach_s = self.reach_s;
+        let accelerations = moves.each_ref().map(|one| {
+            let least = smaller(one.acceleration, most);
+            // Half of a short move's time is left to speed.
+            if turn >= 1.0 { smaller(least, length_mm(one.path) / (reach_s * reach_s)) } else { least }
+        });
+        let [before, after] = accelerations;
+        let mut mm_per_s =
+            (self.tolerance_mm - larger(before, after) * of_acceleration) / (turn * self.jump_s);
+        for (one, acceleration) in moves.iter().zip(accelerations) {
+            // d >= v H + a H^2 / 2: it lasts at least H, whatever its other end is.
+            mm_per_s = smaller(mm_per_s, length_mm(one.path) / reach_s - 0.5 * acceleration * reach_s);
+        }
+        if self.smooth_s > 0.0 {
+            let [before, after] = moves;
+            let acceleration = smaller(before.allowed, after.allowed);
+            // J^2 + k J a T <= (25/16 - 1) (a T)^2
+            let jump = 0.5 * (square_root_f32(turn * turn + 2.25) - turn) * acceleration * self.smooth_s;
+            mm_per_s = smaller(smaller(mm_per_s, jump / turn), self.alone_with_filament(extruder));
+        }
+        Corner { mm_per_s: larger(mm_per_s, 0.0), accelerations }
+    }
+
+    /// The speed at which the flow changes by no more than what the extruder may within half an average.
+    fn alone_with_filament(&self, extruder: &ExtruderRule) -> f32 {
+        if self.smooth_s <= 0.0 {
+            return f32::INFINITY;
+        }
+        0.5 * EXTRUDER_JUMPS * extruder.acceleration * self.smooth_s / extruder.jump
+    }
+
+    /// What a corner that turns by less than 1 allows beside others.
+    fn crowded(&self, moves: &[Beside<'_>; 2], turn: f32, extruder: &ExtruderRule) -> Corner {
+        let Self { tolerance_mm, jump_s, bend_s2, side, smooth_s, crowded_mm_per_s2, .. } = *self;
+        let turn_s = turn * self.reach_s;
+        let accelerations = moves
+            .each_ref()
+            .map(|one| smaller(self.along_in_crowd(one), length_mm(one.path) / (turn_s * turn_s)));
+        let lengths = moves.each_ref().map(|one| length_mm(one.path));
+        let shorter_mm = smaller(lengths[0], lengths[1]);
+        // k v <= A d, d = 2 l / (v + sqrt(v^2 + 2 A l)) being the least time of the shorter move.
+        let fitting = square_root_f32(crowded_mm_per_s2 * shorter_mm / (turn * (1.0 + 0.5 * turn)));
+        let time_s = turn * fitting / crowded_mm_per_s2;
+        // What the corner's own time covers of the integral of G; G falls by no more than the weight of a side.
+        let most_s = smaller(time_s, 2.0 * jump_s / side);
+        let covered_s2 = most_s * (jump_s - 0.25 * side * most_s);
+        let others_mm = crowded_mm_per_s2 * (bend_s2 * (8.0 / 3.0 + 0.417 * turn) + 0.5 * self.apart_s2);
+        let by_cover = tolerance_mm - others_mm + crowded_mm_per_s2 * covered_s2;
+        // With what it turns by alone, others are so much farther away.
+        let by_distance = tolerance_mm - others_mm + 1.5 * turn * crowded_mm_per_s2 * bend_s2;
+        let mut mm_per_s = smaller(fitting, larger(by_cover, by_distance) / (turn * jump_s));
+        for (length_mm, acceleration) in lengths.into_iter().zip(accelerations) {
+            mm_per_s = smaller(mm_per_s, length_mm / turn_s - 0.5 * acceleration * turn_s);
+        }
+        if smooth_s > 0.0 {
+            let [before, after] = moves;
+            let acceleration = smaller(before.allowed, after.allowed);
+            // 1/d <= v / l + sqrt(A / 2 l)
+            let rate = square_root_f32(larger(accelerations[0], accelerations[1]) / (2.0 * shorter_mm)) + 1.0 / smooth_s;
+            mm_per_s = smaller(mm_per_s, spread_speed(ACROSS * acceleration / turn, rate, shorter_mm));
+            let for_filament = EXTRUDER_JUMPS * extruder.acceleration / extruder.jump;
+            mm_per_s = smaller(mm_per_s, spread_speed(for_filament, rate, shorter_mm));
+        }
+        Corner { mm_per_s: larger(mm_per_s, 0.0), accelerations }
+    }
+}
+
+/// The extruder at a corner.
+#[derive(Clone, Copy, Debug)]
+struct ExtruderRule {
+    /// By how much its share of the path's speed changes.
+    jump: f32,
+    /// mm/s^2.
+    acceleration: f32,
+}
+
+/// The speed v with v (v / l + rate) = `share`: so much of an acceleration, over the jump of a speed of 1, that a corner takes.
+fn spread_speed(share: f32, rate: f32, length_mm: f32) -> f32 {
+    // A form that does not cancel. An infinite share, of a corner without a jump, is no bound.
+    if share > f32::MAX {
+        return f32::INFINITY;
+    }
+    2.0 * share / (rate + square_root_f32(rate * rate + 4.0 * share / length_mm))
+}
+
+fn length_mm(path: &Path) -> f32 {
+    path.length / UNITS_PER_MM as f32
+}

@@ -1,0 +1,121 @@
+//! The filtered path keeps its tolerance, worked out apart in f64: every place of it is within the tolerance of the programmed path, and
+//! of every corner. With a moving average its true acceleration, and the extruder's, are at most 5/4 of what the machine may.
+//!
+//! [`CORNERS_VARIABLE`] sets how many random corners are tried.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod paths;
+#[path = "../../src/random.rs"]
+mod random;
+mod reference;
+
+use paths::{Case, case};
+use random::Random;
+use reference::{Filters, Plan, from_line};
+
+/// More or fewer corners.
+const CORNERS_VARIABLE: &str = "FERROSTEP_CORNERS";
+
+/// The default.
+const CORNERS: usize = 20_000;
+
+/// Places in the time that a filter reaches to one side.
+const PLACES: f64 = 24.0;
+
+/// What true acceleration may be, parts of the machine's, and what speeds that are rounded to their unit add.
+const MOST_ACCELERATION: f64 = 1.25 + 1e-3;
+
+/// The worst of a case, parts of what is allowed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worst {
+    tube: f64,
+    corner: f64,
+    acceleration: f64,
+    filament: f64,
+    /// How long it takes, s.
+    time_s: f64,
+}
+
+fn worst(case: &Case, keeps: bool) -> Worst {
+    let blocks = case.blocks(keeps);
+    let plan = Plan::new(&case.moves, &blocks);
+    let filters = Filters::new(&case.shapers, case.smooth_time_s);
+    let mut worst = Worst { time_s: plan.end_s(), ..Worst::default() };
+    let reach = filters.reach_s;
+    let place = |time_s: f64| filters.place(&plan, time_s);
+    // Times: often while something happens, at least a few in each move.
+    let mut times = Vec::new();
+    for pair in plan.corners.windows(2) {
+        let (begin, end) = (pair[0].1, pair[1].1);
+        let count = ((end - begin) / reach * PLACES).ceil().clamp(2.0, 400.0);
+        times.extend((0..count as u32).map(|number| begin + (end - begin) * f64::from(number) / count));
+    }
+    times.extend((0..=PLACES as u32).map(|number| plan.end_s() + reach * f64::from(number) / PLACES));
+    // The filtered path bends where a filter's impulse, or an end of its average, passes a corner.
+    let delays = filters.delays_s();
+    times.extend(plan.corners.iter().flat_map(|(_, at)| delays.iter().map(move |delay| at + delay)));
+    times.sort_by(f64::total_cmp);
+    let corner_at = |index: usize| plan.corners[index.min(plan.corners.len() - 1)];
+    let mut passed = vec![f64::INFINITY; plan.corners.len()];
+    let mut before: Option<[f64; 3]> = None;
+    let (mut low, mut high) = (0, 0);
+    for &time_s in &times {
+        let here = place(time_s);
+        // The moves that the filters see.
+        while low + 1 < plan.corners.len() && corner_at(low + 1).1 < time_s - 2.0 * reach {
+            low += 1;
+        }
+        while high + 1 < plan.corners.len() && corner_at(high).1 <= time_s + 2.0 * reach {
+            high += 1;
+        }
+        let tube = (low..high.max(low + 1))
+            .filter(|index| index + 1 < plan.corners.len())
+            .map(|index| from_line(here, plan.corners[index].0, plan.corners[index + 1].0))
+            .fold(f64::INFINITY, f64::min);
+        worst.tube = worst.tube.max(tube / case.path_tolerance_mm);
+        let from = before.unwrap_or(here);
+        for (index, passed) in passed.iter_mut().enumerate().take(high + 1).skip(low) {
+            *passed = passed.min(from_line(plan.corners[index].0, from, here));
+        }
+        before = Some(here);
+        if filters.average_s > 0.0 {
+            let (path, filament) = filters.accelerations(&plan, time_s);
+            // Where X and Y have unequal filters they see a corner at different times: each by itself then.
+            let path = if case.shapers[0] == case.shapers[1] { path[0].hypot(path[1]) } else { path[0].max(path[1]) };
+            worst.acceleration = worst.acceleration.max(path / case.acceleration);
+            worst.filament = worst.filament.max(filament / case.filament_acceleration);
+        }
+    }
+    let farthest = passed.iter().copied().fold(0.0, f64::max);
+    worst.corner = farthest / case.path_tolerance_mm;
+    worst
+}
+
+#[test]
+fn the_filtered_path_keeps_its_tolerance_and_its_acceleration() {
+    let corners = std::env::var(CORNERS_VARIABLE).ok().map_or(CORNERS, |corners| corners.parse().unwrap());
+    let (mut tried, mut plan) = (0, 0_u64);
+    let mut most = Worst::default();
+    while tried < corners {
+        plan += 1;
+        let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let case = case(&mut random);
+        tried += case.moves.len();
+        let worst = worst(&case, true);
+        let Worst { tube, corner, acceleration, filament, time_s } = worst;
+        most = Worst {
+            tube: most.tube.max(tube),
+            corner: most.corner.max(corner),
+            acceleration: most.acceleration.max(acceleration),
+            filament: most.filament.max(filament),
+            time_s: most.time_s + time_s,
+        };
+        if std::env::var_os("SHOW").is_some() && (tube > 1.0 || corner > 1.0 || acceleration > 1.251 || filament > 1.25) {
+            println!("{plan}: {worst:?} a {} T {:?} eps {} {:?} {:?}", case.acceleration, case.smooth_time_s, case.path_tolerance_mm, case.shapers[0], case.shapers[1]);
+        }
+    }
+    println!("{tried} corners: {most:?}");
+    assert!(most.tube <= 1.0 && most.corner <= 1.0, "{most:?}");
+    assert!(most.acceleration <= MOST_ACCELERATION && most.filament <= MOST_ACCELERATION, "{most:?}");
+}
