@@ -4,6 +4,7 @@
 use crate::limits::Limits;
 use crate::pressure_advance::PressureAdvance;
 use crate::shaping::{AxisShaper, Shaping};
+use crate::tolerance::PathTolerance;
 
 /// How the motors' steps follow a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -133,6 +134,14 @@ impl MotionChoice {
         let [.., acceleration] = limits.max_acceleration_mm_per_s2;
         let (_, acceleration) = advance.left_to_flow(feed as f32, acceleration as f32);
         Some(f64::from(acceleration))
+    }
+
+    /// What the tolerance leaves of accelerations where corners follow each other within the filters' reach, mm/s^2; in proportion to it.
+    /// `None` without a tolerance or filters, and where they cannot be made.
+    pub fn tolerance_acceleration_mm_per_s2(&self) -> Option<f64> {
+        let shaping = Shaping::new(&self.shapers, self.smooth_time_s, &PressureAdvance::NONE).ok()?;
+        let tolerance = PathTolerance::new(self.path_tolerance_mm?, &shaping)?;
+        Some(f64::from(tolerance.crowded_mm_per_s2()))
     }
 
     /// Step Bresenham and trapezoids; the other parameters as profiles have them that do not say otherwise.

@@ -21,8 +21,9 @@
 //!
 //! With a moving average over T the same rule holds the acceleration of the filtered path to 5/4 of what the moves may have, and that of the
 //! extruder: it is the change of the velocity within T, divided by T. A lone corner adds to a T its jump J: together
-//! sqrt((aT)^2 + J^2 + k J a T). In a crowd moves keep 3/5 of their acceleration, and jumps of no more than 13/20 a d T / (d + T),
-//! d being the time of the shorter move, add up to no more than 13/20 a T in any T, since d T / (d + T) is concave.
+//! sqrt((aT)^2 + J^2 + k J a T). In a crowd moves keep 0.59 of their acceleration, and jumps of no more than 0.65 a d T / (d + T),
+//! d being the time of the shorter move, add up to no more than 0.65 a T in any T, since d T / (d + T) is concave. A hundredth of a is left
+//! for speeds and lengths that are rounded.
 
 mod filter;
 
@@ -38,17 +39,22 @@ use filter::{Filter, apart};
 pub const PATH_TOLERANCE_MM: [f64; 2] = [0.001, 1.0];
 
 /// What is kept back for what the bound leaves out: rounded weights and delays, and Z's filter on slopes.
-const KEPT_BACK: f32 = 0.05;
+const KEPT_BACK: f32 = 0.02;
 
-/// The part of the tolerance that acceleration may take; the rest is the corner's speed.
-const PART_OF_ACCELERATION: f32 = 0.9;
+/// The part of the tolerance that acceleration may take beside a lone corner, and in a crowd; the rest is the corner's speed.
+const ALONE: f32 = 0.95;
+const CROWDED: f32 = 0.85;
+const RATIO: f32 = 1.5;
 
 /// The least difference of directions that is a corner: single precision does not know smaller ones.
 const LEAST_TURN: f32 = 1e-6;
 
 /// In a crowd, with a moving average: of a move's acceleration, what is left along the path, and what its corners may take.
-const ALONG: f32 = 0.6;
+const ALONG: f32 = 0.59;
 const ACROSS: f32 = 0.65;
+
+/// How often a speed between one that keeps the tolerance and one that does not is tried.
+const HALVINGS: u32 = 3;
 
 /// Of the extruder's acceleration, what its jumps at corners may take beside what it has along lines.
 const EXTRUDER_JUMPS: f32 = 0.25;
@@ -124,8 +130,13 @@ impl PathTolerance {
             apart_s2,
             apart_from_z_s2: (0.5 * apart_from_z * squared) as f32,
             smooth_s,
-            crowded_mm_per_s2: PART_OF_ACCELERATION * tolerance_mm / (8.0 / 3.0 * bend_s2 + 0.5 * apart_s2),
+            crowded_mm_per_s2: RATIO * CROWDED * tolerance_mm / ((2.0 + 2.0 / 3.0 * RATIO) * bend_s2 + 0.5 * RATIO * apart_s2),
         })
+    }
+
+    /// The acceleration of moves in a crowd, mm/s^2.
+    pub fn crowded_mm_per_s2(&self) -> f32 {
+        self.crowded_mm_per_s2
     }
 
     /// The acceleration of a move by itself, mm/s^2: on its line it parts from it by no more than the tolerance.
@@ -134,7 +145,7 @@ impl PathTolerance {
             return acceleration;
         }
         let (plane, slope) = self.apart_along(path);
-        let in_plane = smaller(acceleration, PART_OF_ACCELERATION * self.tolerance_mm / plane);
+        let in_plane = smaller(acceleration, ALONE * self.tolerance_mm / plane);
         smaller(in_plane, KEPT_BACK * self.tolerance_mm / slope)
     }
 
@@ -183,7 +194,7 @@ impl PathTolerance {
     fn alone(&self, moves: &[Beside<'_>; 2], turn: f32, extruder: &ExtruderRule) -> Corner {
         let [(plane_before, _), (plane_after, _)] = moves.each_ref().map(|one| self.apart_along(one.path));
         let of_acceleration = turn * self.bend_s2 + larger(plane_before, plane_after);
-        let most = PART_OF_ACCELERATION * self.tolerance_mm / of_acceleration;
+        let most = ALONE * self.tolerance_mm / of_acceleration;
         let reach_s = self.reach_s;
         let accelerations = moves.each_ref().map(|one| {
             let least = smaller(one.acceleration, most);
@@ -200,8 +211,8 @@ impl PathTolerance {
         if self.smooth_s > 0.0 {
             let [before, after] = moves;
             let acceleration = smaller(before.allowed, after.allowed);
-            // J^2 + k J a T <= (25/16 - 1) (a T)^2
-            let jump = 0.5 * (square_root_f32(turn * turn + 2.25) - turn) * acceleration * self.smooth_s;
+            // J^2 + k J a T <= (1.24^2 - 1) (a T)^2
+            let jump = 0.5 * (square_root_f32(turn * turn + 2.15) - turn) * acceleration * self.smooth_s;
             mm_per_s = smaller(smaller(mm_per_s, jump / turn), self.alone_with_filament(extruder));
         }
         Corner { mm_per_s: larger(mm_per_s, 0.0), accelerations }
@@ -217,37 +228,62 @@ impl PathTolerance {
 
     /// What a corner that turns by less than 1 allows beside others.
     fn crowded(&self, moves: &[Beside<'_>; 2], turn: f32, extruder: &ExtruderRule) -> Corner {
-        let Self { tolerance_mm, jump_s, bend_s2, side, smooth_s, crowded_mm_per_s2, .. } = *self;
         let turn_s = turn * self.reach_s;
+        let lengths = moves.each_ref().map(|one| length_mm(one.path));
+        let [before_mm, after_mm] = lengths;
+        let shorter_mm = smaller(before_mm, after_mm);
         let accelerations = moves
             .each_ref()
             .map(|one| smaller(self.along_in_crowd(one), length_mm(one.path) / (turn_s * turn_s)));
-        let lengths = moves.each_ref().map(|one| length_mm(one.path));
-        let shorter_mm = smaller(lengths[0], lengths[1]);
-        // k v <= A d, d = 2 l / (v + sqrt(v^2 + 2 A l)) being the least time of the shorter move.
-        let fitting = square_root_f32(crowded_mm_per_s2 * shorter_mm / (turn * (1.0 + 0.5 * turn)));
-        let time_s = turn * fitting / crowded_mm_per_s2;
-        // What the corner's own time covers of the integral of G; G falls by no more than the weight of a side.
-        let most_s = smaller(time_s, 2.0 * jump_s / side);
-        let covered_s2 = most_s * (jump_s - 0.25 * side * most_s);
-        let others_mm = crowded_mm_per_s2 * (bend_s2 * (8.0 / 3.0 + 0.417 * turn) + 0.5 * self.apart_s2);
-        let by_cover = tolerance_mm - others_mm + crowded_mm_per_s2 * covered_s2;
-        // With what it turns by alone, others are so much farther away.
-        let by_distance = tolerance_mm - others_mm + 1.5 * turn * crowded_mm_per_s2 * bend_s2;
-        let mut mm_per_s = smaller(fitting, larger(by_cover, by_distance) / (turn * jump_s));
+        let mut mm_per_s = self.fitting_in_crowd(turn, shorter_mm);
         for (length_mm, acceleration) in lengths.into_iter().zip(accelerations) {
+            // It lasts at least k H.
             mm_per_s = smaller(mm_per_s, length_mm / turn_s - 0.5 * acceleration * turn_s);
         }
-        if smooth_s > 0.0 {
+        if self.smooth_s > 0.0 {
             let [before, after] = moves;
             let acceleration = smaller(before.allowed, after.allowed);
             // 1/d <= v / l + sqrt(A / 2 l)
-            let rate = square_root_f32(larger(accelerations[0], accelerations[1]) / (2.0 * shorter_mm)) + 1.0 / smooth_s;
+            let [along_before, along_after] = accelerations;
+            let along = larger(along_before, along_after);
+            let rate = square_root_f32(along / (2.0 * shorter_mm)) + 1.0 / self.smooth_s;
             mm_per_s = smaller(mm_per_s, spread_speed(ACROSS * acceleration / turn, rate, shorter_mm));
             let for_filament = EXTRUDER_JUMPS * extruder.acceleration / extruder.jump;
             mm_per_s = smaller(mm_per_s, spread_speed(for_filament, rate, shorter_mm));
         }
         Corner { mm_per_s: larger(mm_per_s, 0.0), accelerations }
+    }
+
+    /// The speed at which a corner beside others keeps the tolerance: its jump, what it covers of the others', and what it turns.
+    fn fitting_in_crowd(&self, turn: f32, shorter_mm: f32) -> f32 {
+        let Self { jump_s, bend_s2, crowded_mm_per_s2, .. } = *self;
+        let across = crowded_mm_per_s2 / RATIO;
+        // k v <= A d, d = 2 l / (v + sqrt(v^2 + 2 A l)) being the least time of the shorter move.
+        let most = square_root_f32(across * shorter_mm / (turn * (1.0 + 0.5 * RATIO * turn)));
+        let left_mm = self.tolerance_mm - 2.0 * across * bend_s2 - crowded_mm_per_s2 * (bend_s2 * (2.0 / 3.0 + 0.417 * turn) + 0.5 * self.apart_s2);
+        let allowed = |covered_s2: f32| (left_mm + across * covered_s2) / (turn * jump_s);
+        let covered = |mm_per_s: f32| {
+            let root = square_root_f32(mm_per_s * mm_per_s + 2.0 * crowded_mm_per_s2 * shorter_mm);
+            self.covered_s2(2.0 * shorter_mm / (mm_per_s + root))
+        };
+        if allowed(covered(most)) >= most {
+            return most;
+        }
+        // The slower, the longer the moves last and the more they cover. With what the corner turns, others are so much farther away.
+        let mut kept = larger(allowed(covered(most)), allowed(1.5 * turn * bend_s2));
+        let mut not_kept = most;
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (kept + not_kept);
+            if allowed(covered(middle)) >= middle { kept = middle } else { not_kept = middle }
+        }
+        kept
+    }
+
+    /// What a move that lasts so long covers of the integral of G, half of it to each side of the corner: G falls by no more than the
+    /// weight of a side.
+    fn covered_s2(&self, time_s: f32) -> f32 {
+        let within_s = smaller(time_s, 2.0 * self.jump_s / self.side);
+        within_s * (self.jump_s - 0.25 * self.side * within_s)
     }
 }
 

@@ -3,8 +3,9 @@
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_papers::table::FrequencyTable;
 use ferrostep_planner::{
-    AccelerationProfile, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation, MotionChoice, PressureAdvance,
-    SCurveTableSettings, SMOOTH_TIME_S, SecondSlope, ShaperError, ShaperKind, TICKS_PER_SECOND, smooth_ticks,
+    AccelerationProfile, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation, MotionChoice, PATH_TOLERANCE_MM,
+    PressureAdvance, SCurveTableSettings, SMOOTH_TIME_S, SecondSlope, ShaperError, ShaperKind, TICKS_PER_SECOND,
+    smooth_ticks,
 };
 
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
@@ -19,6 +20,11 @@ const FILAMENT_SPEED: Range =
 const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
 
 const MS_PER_TICK: f64 = 1e3 / TICKS_PER_SECOND as f64;
+const PATH_TOLERANCE: Range = range(PATH_TOLERANCE_MM[0], PATH_TOLERANCE_MM[1], "mm");
+
+/// The least acceleration of short moves in curves that a tolerance may lead to, mm/s^2.
+const MIN_ACCELERATION_MM_PER_S2: f64 = 100.0;
+
 const AXES_SMOOTH_TIME: Range = range(SMOOTH_TIME_S[0], SMOOTH_TIME_S[1], "s");
 
 /// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves are apart, and what is shaped is
@@ -57,6 +63,7 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         ),
         ..choice
     };
+    let choice = MotionChoice { path_tolerance_mm: path_tolerance(keys, &choice), ..choice };
     if choice.smooth_time_s.is_some() && choice.acceleration != AccelerationProfile::Trapezoid {
         let expected = "\"trapezoid\" with input_shaper.smooth_time_s, which limits the jerk by itself";
         keys.refuse("acceleration", expected);
@@ -66,6 +73,36 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         keys.refuse("interpolation", expected);
     }
     choice
+}
+
+/// How far the filtered path may be from the programmed one. Accelerations and corners follow from it and the filters, so that prepared
+/// jobs are for both.
+fn path_tolerance(keys: &Section<'_>, choice: &MotionChoice) -> Option<f64> {
+    let tolerance_mm = keys.apart().number("path_tolerance_mm", PATH_TOLERANCE).optional(
+        "corners are rounded as the filters round them",
+        "how far the commanded path may be from the programmed one [after the filters](path-tolerance.md) of input_shaper: \
+         speeds in corners and accelerations are lowered to that, besides junction_deviation_mm",
+    )?;
+    keys.bind("path_tolerance_mm", &(tolerance_mm, choice.shapers, choice.smooth_time_s));
+    let with_tolerance = MotionChoice { path_tolerance_mm: Some(tolerance_mm), ..*choice };
+    match with_tolerance.tolerance_acceleration_mm_per_s2() {
+        None => {
+            let expected = "an input_shaper.x, input_shaper.y or input_shaper.smooth_time_s beside it: without a filter the \
+                            commanded path is the programmed one, and junction_deviation_mm says how fast its corners are";
+            keys.refuse("path_tolerance_mm", expected);
+        }
+        Some(acceleration) if acceleration < MIN_ACCELERATION_MM_PER_S2 => {
+            let least_mm = (tolerance_mm * MIN_ACCELERATION_MM_PER_S2 / acceleration * 1e4).ceil() * 1e-4;
+            let expected = format!(
+                "at least {least_mm:.4} mm, with which short moves accelerate at {MIN_ACCELERATION_MM_PER_S2} mm/s^2: with less \
+                 nothing but crawling keeps it; or shorter filters, by a higher input_shaper frequency_hz, a kind such as \"zv\" or a \
+                 smaller smooth_time_s"
+            );
+            keys.refuse("path_tolerance_mm", expected);
+        }
+        _ => {}
+    }
+    Some(tolerance_mm)
 }
 
 /// Whether a motor goes through a filter.
