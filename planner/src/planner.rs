@@ -261,6 +261,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// Motion ends with the last move taken; everything in the look-ahead ring may leave.
     pub fn flush(&mut self) {
         self.flushing = true;
+        // Now, not when there is room for it: the move before is not known any more then.
+        self.keep_tolerance_before_any();
         self.close_open_block();
         self.previous.acceleration = CornerAcceleration::ZERO;
         self.previous.is_forgotten = false;

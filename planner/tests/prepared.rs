@@ -3,10 +3,27 @@
 
 use ferrostep_planner::look_ahead::{EntrySpeed, PlanFault, Slot};
 use ferrostep_planner::{
-    Coordinate, Geometry, Kinematics, Limits, Move, MoveError, Moved, PlannedBlock, Planner, Prepared, PreparedMove,
-    Recorded, Recorder, Retuned, SquaredSpeed, StepsPerMm,
+    AxisShaper, Coordinate, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, Moved, PlannedBlock, Planner,
+    Prepared, PreparedMove, Recorded, Recorder, Retuned, ShaperKind, SquaredSpeed, StepsPerMm,
 };
 use proptest::prelude::*;
+
+/// A planner with this much room, whose path keeps this tolerance after its filters, mm.
+fn tolerant(ring: usize, path_tolerance_mm: Option<f64>) -> Planner<Vec<Slot>> {
+    let mut planner = planner(ring);
+    if path_tolerance_mm.is_some() {
+        let shapers = [50.0, 40.0].map(|frequency_hz| AxisShaper { kind: ShaperKind::Mzv, frequency_hz, damping: 0.1 });
+        let choice =
+            MotionChoice { shapers, smooth_time_s: Some(0.004), path_tolerance_mm, ..MotionChoice::DEFAULT };
+        planner.set_motion_choice(&choice).unwrap();
+    }
+    planner
+}
+
+/// None, and tolerances that lower few accelerations or nearly all.
+fn tolerance() -> impl Strategy<Value = Option<f64>> {
+    prop_oneof![Just(None), Just(Some(0.1)), Just(Some(0.01))]
+}
 
 fn planner(ring: usize) -> Planner<Vec<Slot>> {
     let steps = |value| StepsPerMm::from_f64(value).unwrap();
@@ -59,8 +76,8 @@ fn prepared_move(request: &Move, entry: EntrySpeed) -> PreparedMove {
 }
 
 /// The plan of a path with all look-ahead: its moves with their entries, and its blocks.
-fn plan(path: &[Move]) -> (Vec<(PreparedMove, Option<Retuned>)>, Vec<PlannedBlock>) {
-    let mut planner = planner(1_000);
+fn plan(path: &[Move], keeps: Option<f64>) -> (Vec<(PreparedMove, Option<Retuned>)>, Vec<PlannedBlock>) {
+    let mut planner = tolerant(1_000, keeps);
     planner.set_position([10_000_000; 3]);
     let mut prepared = Vec::new();
     for request in path {
@@ -82,8 +99,12 @@ fn plan(path: &[Move]) -> (Vec<(PreparedMove, Option<Retuned>)>, Vec<PlannedBloc
 }
 
 /// Executes prepared moves with a ring of this size; the blocks, and why it ended early.
-fn execute(prepared: &[(PreparedMove, Option<Retuned>)], ring: usize) -> (Vec<PlannedBlock>, Option<MoveError>) {
-    let mut planner = planner(ring);
+fn execute(
+    prepared: &[(PreparedMove, Option<Retuned>)],
+    ring: usize,
+    keeps: Option<f64>,
+) -> (Vec<PlannedBlock>, Option<MoveError>) {
+    let mut planner = tolerant(ring, keeps);
     planner.set_position([10_000_000; 3]);
     let (mut blocks, mut refused) = (Vec::new(), None);
     'moves: for (next, now) in prepared {
@@ -130,32 +151,32 @@ fn keeps_limits(blocks: &[PlannedBlock]) -> Result<(), TestCaseError> {
 
 proptest! {
     #[test]
-    fn a_plan_is_followed(path in path()) {
-        let (prepared, planned) = plan(&path);
-        let (executed, refused) = execute(&prepared, 1_000);
+    fn a_plan_is_followed(path in path(), keeps in tolerance()) {
+        let (prepared, planned) = plan(&path, keeps);
+        let (executed, refused) = execute(&prepared, 1_000, keeps);
         prop_assert_eq!(refused, None);
         prop_assert_eq!(executed, planned);
     }
 
     /// However small the ring: slower perhaps, but never beyond a limit, and always able to stop.
     #[test]
-    fn a_small_ring_can_always_stop(path in path(), ring in 2usize..12, cut in any::<prop::sample::Index>()) {
-        let (prepared, _) = plan(&path);
-        let (executed, refused) = execute(&prepared[..cut.index(prepared.len() + 1)], ring);
+    fn a_small_ring_can_always_stop(path in path(), ring in 2usize..12, cut in any::<prop::sample::Index>(), keeps in tolerance()) {
+        let (prepared, _) = plan(&path, keeps);
+        let (executed, refused) = execute(&prepared[..cut.index(prepared.len() + 1)], ring, keeps);
         prop_assert_eq!(refused, None);
         keeps_limits(&executed)?;
     }
 
     /// M220 on the way, up or down.
     #[test]
-    fn the_feed_may_change(path in path(), ring in 2usize..40, factors in [0.1f32..4.0, 0.1f32..4.0], at in any::<prop::sample::Index>()) {
-        let (mut prepared, _) = plan(&path);
+    fn the_feed_may_change(path in path(), ring in 2usize..40, factors in [0.1f32..4.0, 0.1f32..4.0], at in any::<prop::sample::Index>(), keeps in tolerance()) {
+        let (mut prepared, _) = plan(&path, keeps);
         let at = at.index(prepared.len());
         for (index, (next, now)) in prepared.iter_mut().enumerate() {
             let feed_mm_per_s = Some(next.feed_mm_per_s * factors[usize::from(index >= at)]);
             *now = Some(Retuned { filament_100pm: next.filament_100pm, feed_mm_per_s });
         }
-        let (executed, refused) = execute(&prepared, ring);
+        let (executed, refused) = execute(&prepared, ring, keeps);
         prop_assert_eq!(refused, None);
         keeps_limits(&executed)?;
     }
@@ -169,12 +190,13 @@ proptest! {
                 1 => (0u64..1 << 40).prop_map(|units| Some(EntrySpeed::Given(SquaredSpeed::from_units(units)))),
             ], 1..120),
         ring in 2usize..40,
+        keeps in tolerance(),
     ) {
-        let (mut prepared, _) = plan(&path);
+        let (mut prepared, _) = plan(&path, keeps);
         for ((next, _), entry) in prepared.iter_mut().zip(entries) {
             next.entry = entry.unwrap_or(next.entry);
         }
-        let (executed, refused) = execute(&prepared, ring);
+        let (executed, refused) = execute(&prepared, ring, keeps);
         if let Some(refused) = refused {
             prop_assert!(matches!(refused, MoveError::Plan(_)), "{:?}", refused);
         }

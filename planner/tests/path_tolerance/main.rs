@@ -111,11 +111,40 @@ fn the_filtered_path_keeps_its_tolerance_and_its_acceleration() {
             filament: most.filament.max(filament),
             time_s: most.time_s + time_s,
         };
-        if std::env::var_os("SHOW").is_some() && (tube > 1.0 || corner > 1.0 || acceleration > 1.25 || filament > 1.25) {
-            println!("{plan}: {worst:?} a {} T {:?} eps {} {:?} {:?}", case.acceleration, case.smooth_time_s, case.path_tolerance_mm, case.shapers[0], case.shapers[1]);
-        }
+        let is_kept = tube <= 1.0
+            && corner <= 1.0
+            && acceleration <= MOST_ACCELERATION
+            && filament <= MOST_ACCELERATION
+            && time_s.is_finite();
+        assert!(is_kept, "plan {plan}: {worst:?} of {:?}", Case { moves: Vec::new(), ..case });
     }
-    println!("{tried} corners: {most:?}");
-    assert!(most.tube <= 1.0 && most.corner <= 1.0, "{most:?}");
-    assert!(most.acceleration <= MOST_ACCELERATION && most.filament <= MOST_ACCELERATION, "{most:?}");
+    println!("{tried} corners, at most these parts of what is allowed: {most:?}");
+    // All of them are reached nearly: a rule that gave more would break them.
+    assert!(most.tube > 0.9 && most.corner > 0.9 && most.acceleration > 1.2 && most.filament > 0.95, "{most:?}");
+}
+
+/// Without the tolerance the same machines break it, and by far.
+#[test]
+fn without_a_tolerance_there_is_none() {
+    let (mut beyond, plans) = (0, 60);
+    for plan in 1..=plans {
+        let mut random = Random((plan as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let case = case(&mut random);
+        let worst = worst(&case, false);
+        beyond += usize::from(worst.tube > 1.0 || worst.corner > 1.0);
+    }
+    assert!(beyond > plans / 2, "{beyond} of {plans}");
+}
+
+/// The same moves in a small ring and in a large one, with all the room that is needed made at any time, have the same accelerations.
+#[test]
+fn the_plan_does_not_depend_on_when_there_is_room() {
+    for plan in 1..=40_u64 {
+        let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let case = case(&mut random);
+        let held = |ring: usize| -> Vec<_> {
+            case.blocks_with(true, ring).iter().map(|one| (one.block.line, one.block.acceleration)).collect()
+        };
+        assert_eq!(held(8), held(400));
+    }
 }

@@ -37,6 +37,11 @@ impl Case {
 
     /// The blocks with their speeds, with the tolerance or without.
     pub fn blocks(&self, keeps: bool) -> Vec<PlannedBlock> {
+        self.blocks_with(keeps, 64)
+    }
+
+    /// The same, with a look-ahead ring of so many places.
+    pub fn blocks_with(&self, keeps: bool, ring: usize) -> Vec<PlannedBlock> {
         let steps = |value: f64| StepsPerMm::from_f64(value).unwrap();
         let geometry = Geometry {
             kinematics: Kinematics::Cartesian,
@@ -45,7 +50,7 @@ impl Case {
             event_cost_ticks: 0,
             move_cost_ticks: 0,
         };
-        let mut planner: Planner<Vec<Slot>> = Planner::new(geometry, self.limits(), vec![Slot::EMPTY; 64]);
+        let mut planner: Planner<Vec<Slot>> = Planner::new(geometry, self.limits(), vec![Slot::EMPTY; ring]);
         let choice = MotionChoice {
             shapers: self.shapers,
             smooth_time_s: self.smooth_time_s,
