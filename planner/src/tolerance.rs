@@ -13,8 +13,8 @@
 //! - *alone*: both moves beside it last as long as the filter reaches. Nothing else counts, and k (v G(0) + a K(0)) is all.
 //! - *in a crowd*: the velocity jumps by no more than A times the time of the shorter move beside it, and the path turns by no more than
 //!   a radian in the filter's reach H. As G is convex, each jump of the others is no more than A times the integral of G over the move's own time
-//!   around it, together 2 A K(0); and their terms of K are at most A K(0) / 3 a side. The corner's own jump leaves out of that what it
-//!   covers itself.
+//!   around it, together 2 A K(0), less what the corner's own time covers. Their terms of K are at most a K(0) / 3 a side, since the integral
+//!   of K is no more than H K(0) / 3.
 //!
 //! Unequal filters of X and Y, and of Z, which has the moving average only, part from a straight line while the speed along it changes:
 //! by a |u_x u_y| times the integral of |G_x - G_y|.
@@ -44,7 +44,9 @@ const KEPT_BACK: f32 = 0.02;
 /// The part of the tolerance that acceleration may take beside a lone corner, and in a crowd; the rest is the corner's speed.
 const ALONE: f32 = 0.95;
 const CROWDED: f32 = 0.85;
-const RATIO: f32 = 1.5;
+
+/// In a crowd: how many times the acceleration across the path, A, moves have along it. More makes short lines faster, less curves.
+const ALONG_PER_ACROSS: f32 = 1.5;
 
 /// The least difference of directions that is a corner: single precision does not know smaller ones.
 const LEAST_TURN: f32 = 1e-6;
@@ -77,8 +79,10 @@ pub(crate) struct PathTolerance {
     apart_from_z_s2: f32,
     /// T, s; 0 without a moving average.
     smooth_s: f32,
-    /// A, mm/s^2.
-    crowded_mm_per_s2: f32,
+    /// In a crowd: A, mm/s^2.
+    across_mm_per_s2: f32,
+    /// ... and the acceleration along the path.
+    along_mm_per_s2: f32,
 }
 
 /// One of the moves at a corner.
@@ -121,6 +125,8 @@ impl PathTolerance {
         let tolerance_mm = (1.0 - KEPT_BACK) * tolerance_mm as f32;
         let bend_s2 = (most(|side| side.bend) * squared) as f32;
         let apart_s2 = (apart(kernel_x, kernel_y, half_average, reach) * squared) as f32;
+        let turns_s2 = ALONG_PER_ACROSS * (2.0 / 3.0 * bend_s2 + 0.5 * apart_s2);
+        let across_mm_per_s2 = CROWDED * tolerance_mm / (2.0 * bend_s2 + turns_s2);
         Some(Self {
             tolerance_mm,
             jump_s,
@@ -130,13 +136,14 @@ impl PathTolerance {
             apart_s2,
             apart_from_z_s2: (0.5 * apart_from_z * squared) as f32,
             smooth_s,
-            crowded_mm_per_s2: RATIO * CROWDED * tolerance_mm / ((2.0 + 2.0 / 3.0 * RATIO) * bend_s2 + 0.5 * RATIO * apart_s2),
+            across_mm_per_s2,
+            along_mm_per_s2: ALONG_PER_ACROSS * across_mm_per_s2,
         })
     }
 
-    /// The acceleration of moves in a crowd, mm/s^2.
+    /// The acceleration of moves in a crowd, mm/s^2; in proportion to the tolerance.
     pub fn crowded_mm_per_s2(&self) -> f32 {
-        self.crowded_mm_per_s2
+        self.along_mm_per_s2
     }
 
     /// The acceleration of a move by itself, mm/s^2: on its line it parts from it by no more than the tolerance.
@@ -164,7 +171,7 @@ impl PathTolerance {
     /// What a crowd leaves to acceleration along the path.
     fn along_in_crowd(&self, one: &Beside<'_>) -> f32 {
         let along = if self.smooth_s > 0.0 { ALONG * one.allowed } else { one.allowed };
-        smaller(smaller(along, one.acceleration), self.crowded_mm_per_s2)
+        smaller(smaller(along, one.acceleration), self.along_mm_per_s2)
     }
 
     /// Whether a stop of so many ticks is longer than the filters see.
@@ -202,8 +209,7 @@ impl PathTolerance {
             if turn >= 1.0 { smaller(least, length_mm(one.path) / (reach_s * reach_s)) } else { least }
         });
         let [before, after] = accelerations;
-        let mut mm_per_s =
-            (self.tolerance_mm - larger(before, after) * of_acceleration) / (turn * self.jump_s);
+        let mut mm_per_s = (self.tolerance_mm - larger(before, after) * of_acceleration) / (turn * self.jump_s);
         for (one, acceleration) in moves.iter().zip(accelerations) {
             // d >= v H + a H^2 / 2: it lasts at least H, whatever its other end is.
             mm_per_s = smaller(mm_per_s, length_mm(one.path) / reach_s - 0.5 * acceleration * reach_s);
@@ -232,9 +238,8 @@ impl PathTolerance {
         let lengths = moves.each_ref().map(|one| length_mm(one.path));
         let [before_mm, after_mm] = lengths;
         let shorter_mm = smaller(before_mm, after_mm);
-        let accelerations = moves
-            .each_ref()
-            .map(|one| smaller(self.along_in_crowd(one), length_mm(one.path) / (turn_s * turn_s)));
+        let accelerations =
+            moves.each_ref().map(|one| smaller(self.along_in_crowd(one), length_mm(one.path) / (turn_s * turn_s)));
         let mut mm_per_s = self.fitting_in_crowd(turn, shorter_mm);
         for (length_mm, acceleration) in lengths.into_iter().zip(accelerations) {
             // It lasts at least k H.
@@ -256,20 +261,23 @@ impl PathTolerance {
 
     /// The speed at which a corner beside others keeps the tolerance: its jump, what it covers of the others', and what it turns.
     fn fitting_in_crowd(&self, turn: f32, shorter_mm: f32) -> f32 {
-        let Self { jump_s, bend_s2, crowded_mm_per_s2, .. } = *self;
-        let across = crowded_mm_per_s2 / RATIO;
-        // k v <= A d, d = 2 l / (v + sqrt(v^2 + 2 A l)) being the least time of the shorter move.
-        let most = square_root_f32(across * shorter_mm / (turn * (1.0 + 0.5 * RATIO * turn)));
-        let left_mm = self.tolerance_mm - 2.0 * across * bend_s2 - crowded_mm_per_s2 * (bend_s2 * (2.0 / 3.0 + 0.417 * turn) + 0.5 * self.apart_s2);
+        let Self { tolerance_mm, jump_s, bend_s2, apart_s2, across_mm_per_s2: across, along_mm_per_s2: along, .. } =
+            *self;
+        // k v <= A d, d = 2 l / (v + sqrt(v^2 + 2 a l)) being the least time of the shorter move.
+        let most = square_root_f32(across * shorter_mm / (turn * (1.0 + 0.5 * ALONG_PER_ACROSS * turn)));
+        // k + 2/3 (1 - k/2)^3 is convex: 2/3 at 0, 13/12 at 1.
+        let turns_s2 = bend_s2 * (2.0 / 3.0 + 5.0 / 12.0 * turn) + 0.5 * apart_s2;
+        let left_mm = tolerance_mm - 2.0 * across * bend_s2 - along * turns_s2;
         let allowed = |covered_s2: f32| (left_mm + across * covered_s2) / (turn * jump_s);
         let covered = |mm_per_s: f32| {
-            let root = square_root_f32(mm_per_s * mm_per_s + 2.0 * crowded_mm_per_s2 * shorter_mm);
+            let root = square_root_f32(mm_per_s * mm_per_s + 2.0 * along * shorter_mm);
             self.covered_s2(2.0 * shorter_mm / (mm_per_s + root))
         };
         if allowed(covered(most)) >= most {
             return most;
         }
-        // The slower, the longer the moves last and the more they cover. With what the corner turns, others are so much farther away.
+        // The slower, the longer the moves last and the more they cover. Lasting k H they keep the others away by half of that, which
+        // leaves 2 (1 - k/2)^2 of the 2 for jumps.
         let mut kept = larger(allowed(covered(most)), allowed(1.5 * turn * bend_s2));
         let mut not_kept = most;
         for _ in 0..HALVINGS {
@@ -307,4 +315,67 @@ fn spread_speed(share: f32, rate: f32, length_mm: f32) -> f32 {
 
 fn length_mm(path: &Path) -> f32 {
     path.length / UNITS_PER_MM as f32
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::pressure_advance::PressureAdvance;
+    use crate::shaping::{AxisShaper, ShaperKind};
+
+    fn tolerance(kind: ShaperKind, smooth_time_s: Option<f64>, tolerance_mm: f64) -> PathTolerance {
+        let shaper = AxisShaper { kind, frequency_hz: 50.0, damping: 0.0 };
+        let shaping = Shaping::new(&[shaper; 2], smooth_time_s, &PressureAdvance::NONE).unwrap();
+        PathTolerance::new(tolerance_mm, &shaping).unwrap()
+    }
+
+    /// A corner of this many radians between moves of these lengths, at 3000 mm/s^2.
+    fn corner(tolerance: &PathTolerance, angle: f64, lengths_mm: [f64; 2]) -> Corner {
+        let [before, after] = lengths_mm.map(|length_mm| length_mm * 1e5);
+        let before = Path::along([before.round() as i32, 0, 0]);
+        let after = Path::along([(after * angle.cos()).round() as i32, (after * angle.sin()).round() as i32, 0]);
+        let beside = [&before, &after].map(|path| Beside { path, allowed: 3000.0, acceleration: 3000.0 });
+        tolerance.corner(&beside, 500.0, 5000.0)
+    }
+
+    #[test]
+    fn a_lone_corner_has_the_speed_of_the_formula() {
+        // ZV without damping: E|tau| is a quarter of the period, the variance its square over 16.
+        let (mean_s, variance_s2) = (0.005, 0.02 * 0.02 / 16.0);
+        for (angle, tolerance_mm) in [(0.5f64, 0.05), (1.0, 0.05), (1.57, 0.1), (3.0, 0.1)] {
+            let Corner { mm_per_s, accelerations } =
+                corner(&tolerance(ShaperKind::Zv, None, tolerance_mm), angle, [80.0, 90.0]);
+            let sine = (angle / 2.0).sin();
+            let expected = ((0.98 * tolerance_mm) / sine - 0.5 * 3000.0 * variance_s2) / mean_s;
+            assert!((f64::from(mm_per_s) / expected - 1.0).abs() < 1e-3, "{angle}: {mm_per_s} {expected}");
+            assert_eq!(accelerations, [3000.0; 2]);
+        }
+    }
+
+    #[test]
+    fn where_not_even_a_stop_keeps_it_the_acceleration_is_lower() {
+        // A reversal rounds by a Var / 2.
+        let Corner { mm_per_s, accelerations } =
+            corner(&tolerance(ShaperKind::Zv, None, 0.02), core::f64::consts::PI, [80.0, 90.0]);
+        let rounded_mm = 0.5 * f64::from(accelerations[0]) * 0.02 * 0.02 / 16.0;
+        assert!(mm_per_s > 0.0 && rounded_mm < 0.02 && rounded_mm > 0.018, "{mm_per_s} {accelerations:?}");
+        // Also beside a short move, which must last as long as the filter reaches.
+        let Corner { mm_per_s, accelerations } = corner(&tolerance(ShaperKind::Zv, None, 0.1), 1.57, [0.02, 90.0]);
+        assert!(
+            mm_per_s > 0.0 && accelerations[0] < 1000.0 && accelerations[1] > 2500.0,
+            "{mm_per_s} {accelerations:?}"
+        );
+    }
+
+    #[test]
+    fn nearly_in_line_nothing_is_held() {
+        let held = corner(&tolerance(ShaperKind::Mzv, Some(0.008), 0.02), 1e-4, [80.0, 90.0]);
+        assert!(held.mm_per_s > 500.0 && held.accelerations == [3000.0; 2], "{held:?}");
+    }
+
+    #[test]
+    fn filters_that_do_nothing_have_no_tolerance() {
+        assert_eq!(PathTolerance::new(0.05, &Shaping::NONE), None);
+    }
 }

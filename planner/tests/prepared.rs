@@ -13,8 +13,7 @@ fn tolerant(ring: usize, path_tolerance_mm: Option<f64>) -> Planner<Vec<Slot>> {
     let mut planner = planner(ring);
     if path_tolerance_mm.is_some() {
         let shapers = [50.0, 40.0].map(|frequency_hz| AxisShaper { kind: ShaperKind::Mzv, frequency_hz, damping: 0.1 });
-        let choice =
-            MotionChoice { shapers, smooth_time_s: Some(0.004), path_tolerance_mm, ..MotionChoice::DEFAULT };
+        let choice = MotionChoice { shapers, smooth_time_s: Some(0.004), path_tolerance_mm, ..MotionChoice::DEFAULT };
         planner.set_motion_choice(&choice).unwrap();
     }
     planner

@@ -49,14 +49,13 @@ pub(crate) struct Previous {
 
 impl Previous {
     /// No move before.
-    pub const NONE: Self =
-        Self {
-            path: Path::NONE,
-            acceleration: CornerAcceleration::ZERO,
-            unended_line: None,
-            is_part: false,
-            is_forgotten: true,
-        };
+    pub const NONE: Self = Self {
+        path: Path::NONE,
+        acceleration: CornerAcceleration::ZERO,
+        unended_line: None,
+        is_part: false,
+        is_forgotten: true,
+    };
 }
 
 /// A straight move, its target within reach.

@@ -98,11 +98,12 @@ mod tests {
         for kind in ShaperKind::EXAMPLES {
             let kernel = AxisShaper { kind, frequency_hz: 50.0, damping: 0.0 }.kernel().unwrap_or(Kernel::IDENTITY);
             let filter = Filter::of(&kernel, 0.0);
-            // Without damping filters are symmetric.
-            assert!((4.0 * filter.bend - kernel.variance()).abs() < 1e-3 * kernel.variance(), "{kind:?} {filter:?}");
+            // Without damping filters are symmetric, or nearly: of two unequal sides the larger counts.
+            let per_variance = 4.0 * filter.bend / kernel.variance();
+            assert!((0.999..1.05).contains(&per_variance) || kernel.variance() == 0.0, "{kind:?} {filter:?}");
             // A filter against none: the integral of G.
             let apart = apart(&kernel, &Kernel::IDENTITY, 1000.0, filter.reach + 1000.0);
-            assert!((apart - 0.5 * kernel.variance()).abs() < 1e-2 * kernel.variance(), "{kind:?} {apart}");
+            assert!((apart - 0.5 * kernel.variance()).abs() <= 1e-2 * kernel.variance(), "{kind:?} {apart}");
         }
     }
 }

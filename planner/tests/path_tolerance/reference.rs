@@ -122,13 +122,7 @@ impl Plan {
         assert_eq!(next, moves.len());
         let last = moves.last().map_or([0.0; 3], place);
         assert!(distance([from[0], from[1], from[2]], last) < 1e-3, "{from:?} {last:?}");
-        plan.pieces.push(Piece {
-            start_s: plan.end_s,
-            from,
-            speed: [0.0; 4],
-            acceleration: [0.0; 4],
-            sum,
-        });
+        plan.pieces.push(Piece { start_s: plan.end_s, from, speed: [0.0; 4], acceleration: [0.0; 4], sum });
         plan
     }
 

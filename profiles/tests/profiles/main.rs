@@ -13,6 +13,7 @@ mod mesh;
 mod mini_heat;
 mod motor_drivers;
 mod nozzle_refusals;
+mod path_tolerance;
 mod pauses;
 mod pressure_advance;
 mod refusals;

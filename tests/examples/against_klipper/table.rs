@@ -66,11 +66,20 @@ impl Case {
 }
 
 /// The plans, in the order of the rows.
-pub const PLANS: [Plan; 5] =
-    [Plan::Ferrostep, Plan::CloserFerrostep, Plan::BudgetFerrostep, Plan::Klipper, Plan::TunedKlipper];
+pub const PLANS: [Plan; 6] = [
+    Plan::Ferrostep,
+    Plan::CloserFerrostep,
+    Plan::BudgetFerrostep,
+    Plan::TolerantFerrostep,
+    Plan::Klipper,
+    Plan::TunedKlipper,
+];
 
 /// The error budget of [`Plan::BudgetFerrostep`], mm.
 const BUDGET_MM: f64 = 0.04;
+
+/// The tolerance of the filtered path of [`Plan::TolerantFerrostep`], mm.
+const TOLERANCE_MM: f64 = 0.1;
 
 /// Whose rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,6 +91,8 @@ pub enum Plan {
     /// With the profile's junction deviation, and accelerations that follow from an error budget of 0.04 mm on a frame that is known to
     /// 5 %.
     BudgetFerrostep,
+    /// With the profile's junction deviation, and a filtered path that keeps a tolerance of 0.1 mm.
+    TolerantFerrostep,
     /// Klipper's rules with its defaults.
     Klipper,
     /// Klipper's rules as its users set them who want time: corners at 10 mm/s, no minimum cruise.
@@ -94,6 +105,7 @@ impl Plan {
             Self::Ferrostep => "Ferrostep, 0.02 mm",
             Self::CloserFerrostep => "Ferrostep, 0.005 mm",
             Self::BudgetFerrostep => "Ferrostep, budget",
+            Self::TolerantFerrostep => "Ferrostep, tolerance",
             Self::Klipper => "Klipper",
             Self::TunedKlipper => "Klipper, tuned",
         }
@@ -143,6 +155,9 @@ pub fn measure(case: &Case, job: &Path, cell: Cell) -> Figures {
     let text = if cell.plan == Plan::BudgetFerrostep { with_budget(&text, case, cell.kind) } else { text };
     let mut profile = ferrostep_profiles::parse(&text, &case.profile).unwrap();
     assert_eq!(profile.limits.junction_deviation_mm, 0.02, "{}", case.profile);
+    if cell.plan == Plan::TolerantFerrostep {
+        profile.motion.path_tolerance_mm = Some(TOLERANCE_MM);
+    }
     if cell.plan == Plan::CloserFerrostep {
         profile.limits.junction_deviation_mm = 0.005;
     }
@@ -172,7 +187,7 @@ pub fn measure(case: &Case, job: &Path, cell: Cell) -> Figures {
         Plan::TunedKlipper => {
             klipper(KlipperSettings { square_corner_velocity_mm_per_s: 10.0, minimum_cruise_ratio: 0.0, ..default })
         }
-        Plan::Ferrostep | Plan::CloserFerrostep | Plan::BudgetFerrostep => {
+        Plan::Ferrostep | Plan::CloserFerrostep | Plan::BudgetFerrostep | Plan::TolerantFerrostep => {
             simulation.set_filters(filters.steps);
             let ((report, _), stopped) = simulation.run(&machine, |_| {}).unwrap();
             assert!(stopped.is_none(), "{}: {stopped:?}", case.name);

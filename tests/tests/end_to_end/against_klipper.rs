@@ -36,6 +36,7 @@ fn the_books_rows_are_what_the_simulator_measures() {
         (Plan::Ferrostep, ShaperKind::Zv, 0),
         (Plan::CloserFerrostep, ShaperKind::Mzv, 5),
         (Plan::BudgetFerrostep, ShaperKind::Zv, 1),
+        (Plan::TolerantFerrostep, ShaperKind::Mzv, 2),
         (Plan::Klipper, ShaperKind::Mzv, 0),
         (Plan::TunedKlipper, ShaperKind::Zv, 3),
     ] {
