@@ -77,7 +77,7 @@ fn no_more_is_released_than_waits() {
     push(&mut ring, 3);
     assert!(!ring.can_leave(), "released with the one before");
     // One for each time, markers included.
-    assert!(ring.push_marker(Marker::FanPower { power: 9 }));
+    assert!(ring.push_marker(Marker::FanPower { fan: 0, power: 9 }));
     ring.release();
     ring.release();
     pop(&mut ring);

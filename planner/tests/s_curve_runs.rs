@@ -276,7 +276,7 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
         nominal_before = block.nominal;
         stopped = false;
         if random.next().is_multiple_of(50) && ring.has_room() {
-            assert!(ring.push_marker(Marker::FanPower { power: 1 }));
+            assert!(ring.push_marker(Marker::FanPower { fan: 0, power: 1 }));
         }
         if starves && random.next().is_multiple_of(10) {
             ring.release();

@@ -62,7 +62,7 @@ impl Case {
         for one in &self.moves {
             // A fan that changes between two moves closes the block before it is known what comes.
             if one.line % 23 == 0 {
-                while !planner.add_fan_power(0) {
+                while !planner.add_fan_power(0, 0) {
                     blocks.extend(planner.next_planned());
                 }
             }
