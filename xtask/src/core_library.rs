@@ -116,6 +116,9 @@ impl CoreLibrary {
             command.args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"]);
             // The linked part mostly formats text: optimised for size it takes 2 KB less.
             command.args(["--config", "profile.release.package.core.opt-level=\"s\""]);
+            // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode:
+            // 4 KB.
+            command.arg("--config").arg(format!("target.{TARGET}.rustflags=[\"-Zfmt-debug=none\"]"));
             // -Zbuild-std wants a nightly compiler or this; the crates themselves use no nightly feature.
             command.env("RUSTC_BOOTSTRAP", "1");
         }
