@@ -23,8 +23,8 @@ pub use chip::Chip;
 pub use functions::{Adc, TimerChannel};
 pub use image::{Image, check_image};
 pub use printer::{
-    AxisHoming, DriverSettings, DriverSignals, End, FrameMode, HeaterModel, HeaterSettings, Homing, HomingSensor, Kinematics,
-    NamedThermistor, Printer, ThermistorKind,
+    AxisHoming, DriverSettings, DriverSignals, End, FrameMode, HeaterModel, HeaterSettings, Homing, HomingSensor,
+    Kinematics, NamedThermistor, Printer, ThermistorKind,
 };
 pub use refusal::Refusal;
 

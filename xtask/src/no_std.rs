@@ -7,7 +7,8 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The crates that the firmware is made of.
-const PACKAGES: [&str; 13] = [
+const PACKAGES: [&str; 14] = [
+    "ferrostep-adxl345",
     "ferrostep-binary-gcode",
     "ferrostep-card",
     "ferrostep-gcode",

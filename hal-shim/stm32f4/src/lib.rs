@@ -45,5 +45,5 @@ pub use pin_lines::PinLines;
 pub use pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput, TimerChannel};
 pub use reset_cause::ResetCause;
 pub use software_pwm::{SOFTWARE_PERIOD_TICKS, SoftwarePwm};
-pub use software_spi::{SoftwareSpi, SpiPins};
+pub use software_spi::{SoftwareSpi, SpiPace, SpiPins};
 pub use watchdog::{FASTEST_TIMEOUT_MS, SLOWEST_TIMEOUT_MS, UnderDebugger, Watchdog};

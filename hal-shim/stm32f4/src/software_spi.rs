@@ -24,19 +24,26 @@ pub struct SpiPins {
     pub cs: (u8, u8),
 }
 
-/// The bus. Whoever makes it has set its pins up: the part's input `miso` an input, the others outputs, `cs` and `sck` high.
+/// The pace of a bus. A type without fields costs a board nothing.
+pub trait SpiPace {
+    /// Shortest time that half of a clock's period lasts, ns.
+    const HALF_PERIOD_NS: u32;
+    /// Lets half of a period pass.
+    fn half_period(&mut self);
+}
+
+/// The bus. Whoever makes it has set its pins up: `miso` an input, the others outputs, `cs` and `sck` high.
 #[derive(Debug)]
 pub struct SoftwareSpi<R, P> {
     registers: R,
     pins: SpiPins,
-    half_period: P,
-    half_period_ns: u32,
+    pace: P,
 }
 
-impl<R: Registers, P: FnMut()> SoftwareSpi<R, P> {
-    /// A bus. `half_period` lets half of a clock's period pass, at least `half_period_ns`.
-    pub const fn new(registers: R, pins: SpiPins, half_period: P, half_period_ns: u32) -> Self {
-        Self { registers, pins, half_period, half_period_ns }
+impl<R: Registers, P: SpiPace> SoftwareSpi<R, P> {
+    /// A bus.
+    pub const fn new(registers: R, pins: SpiPins, pace: P) -> Self {
+        Self { registers, pins, pace }
     }
 
     fn set(&mut self, (port, number): (u8, u8), high: bool) {
@@ -51,10 +58,10 @@ impl<R: Registers, P: FnMut()> SoftwareSpi<R, P> {
         (0..8).rev().fold(0, |received, place| {
             self.set(sck, false);
             self.set(mosi, sent >> place & 1 == 1);
-            (self.half_period)();
+            self.pace.half_period();
             self.set(sck, true);
             let bit = self.registers.read(gpio::port(port) + IDR) >> (number & 15) & 1;
-            (self.half_period)();
+            self.pace.half_period();
             received << 1 | bit as u8
         })
     }
@@ -75,8 +82,8 @@ impl<R: Registers, P: FnMut()> SoftwareSpi<R, P> {
             }
             Operation::TransferInPlace(words) => words.iter_mut().for_each(|word| *word = self.exchange(*word)),
             Operation::DelayNs(ns) => {
-                let halves = ns.div_ceil(self.half_period_ns.max(1));
-                (0..halves).for_each(|_| (self.half_period)());
+                let halves = ns.div_ceil(P::HALF_PERIOD_NS);
+                (0..halves).for_each(|_| self.pace.half_period());
             }
         }
     }
@@ -86,14 +93,14 @@ impl<R, P> ErrorType for SoftwareSpi<R, P> {
     type Error = Infallible;
 }
 
-impl<R: Registers, P: FnMut()> SpiDevice for SoftwareSpi<R, P> {
+impl<R: Registers, P: SpiPace> SpiDevice for SoftwareSpi<R, P> {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
         self.set(self.pins.cs, false);
-        (self.half_period)();
+        self.pace.half_period();
         operations.iter_mut().for_each(|operation| self.operate(operation));
         self.set(self.pins.cs, true);
         // A part wants some time between two frames.
-        (self.half_period)();
+        self.pace.half_period();
         Ok(())
     }
 }
@@ -167,12 +174,22 @@ mod tests {
         }
     }
 
+    /// Counts halves of a period.
+    struct Halves<'a>(&'a Cell<u32>);
+
+    impl SpiPace for Halves<'_> {
+        const HALF_PERIOD_NS: u32 = 300;
+
+        fn half_period(&mut self) {
+            self.0.set(self.0.get() + 1);
+        }
+    }
+
     /// What a transaction makes of a part, which rests with the clock high.
-    fn after(act: impl FnOnce(&mut SoftwareSpi<Wires<'_>, &mut dyn FnMut()>)) -> Part {
+    fn after(act: impl FnOnce(&mut SoftwareSpi<Wires<'_>, Halves<'_>>)) -> Part {
         let part = RefCell::new(Part { outputs: [1 << 15, 1 << 3], ..Part::default() });
         let halves = Cell::new(0);
-        let mut pass = || halves.set(halves.get() + 1);
-        act(&mut SoftwareSpi::new(Wires { part: &part, halves: &halves }, PINS, &mut pass, 300));
+        act(&mut SoftwareSpi::new(Wires { part: &part, halves: &halves }, PINS, Halves(&halves)));
         part.into_inner()
     }
 

@@ -210,7 +210,9 @@ impl Adxl345 {
     fn write(&mut self, now_ns: u64, register: u8, value: u8) {
         let register = usize::from(register);
         // DEVID, reserved registers, and those that only the chip writes.
-        if !(0x1d..REGISTERS).contains(&register) || matches!(register, 0x2b | INT_SOURCE | DATAX0..=DATAZ1 | FIFO_STATUS) {
+        if !(0x1d..REGISTERS).contains(&register)
+            || matches!(register, 0x2b | INT_SOURCE | DATAX0..=DATAZ1 | FIFO_STATUS)
+        {
             return;
         }
         self.registers[register] = value;

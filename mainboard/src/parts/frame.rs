@@ -33,7 +33,8 @@ impl Mode {
         let left = (-decay * time_s).exp();
         let (away, speed) = (self.away_mm, self.speed_mm_per_s);
         self.away_mm = left * (away * cosine + (speed + decay * away) / damped * sine);
-        self.speed_mm_per_s = left * (speed * cosine - (decay * speed + self.omega * self.omega * away) / damped * sine);
+        self.speed_mm_per_s =
+            left * (speed * cosine - (decay * speed + self.omega * self.omega * away) / damped * sine);
     }
 
     /// The motors move to this place at once.

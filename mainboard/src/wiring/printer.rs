@@ -278,9 +278,9 @@ impl Printer {
         }
         let frame = [raw.frame.x, raw.frame.y];
         for (mode, axis) in frame.iter().zip(["x", "y"]) {
-            if let Some(mode) = mode.filter(|mode| {
-                !((1.0..=1000.0).contains(&mode.frequency_hz) && (0.0..=0.95).contains(&mode.damping))
-            }) {
+            if let Some(mode) = mode
+                .filter(|mode| !((1.0..=1000.0).contains(&mode.frequency_hz) && (0.0..=0.95).contains(&mode.damping)))
+            {
                 let problem = format!("no frame rings at {} Hz with a damping of {}", mode.frequency_hz, mode.damping);
                 let mend = "write 1 to 1000 Hz, and a damping of 0 to 0.95";
                 return Err(Refusal::new(file, format!("frame.{axis}"), problem, mend));

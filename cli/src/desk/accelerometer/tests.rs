@@ -1,20 +1,14 @@
 //! What the chip measures of a frame.
 
-use ferrostep_planner::{Kinematics, StepsPerMm};
+use ferrostep_planner::Kinematics;
 
 use super::*;
 
 const SECOND: u64 = TICKS_PER_SECOND as u64;
 
+/// On a cartesian machine of 80, 80 and 400 steps a millimetre, or one whose A and B are as its X and Y.
 fn accelerometer(kinematics: Kinematics) -> DeskAccelerometer {
-    let steps = |value| StepsPerMm::from_f64(value).unwrap();
-    let geometry = Geometry {
-        kinematics,
-        steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
-        minimum_event_interval_ticks: 168,
-        event_cost_ticks: 0,
-        move_cost_ticks: 0,
-    };
+    let geometry = Geometry { kinematics, ..ferrostep_profiles::load("cartesian").unwrap().geometry() };
     DeskAccelerometer::new(geometry, [Mode::new(50.0, 0.05).unwrap(), Mode::new(40.0, 0.05).unwrap()])
 }
 

@@ -89,7 +89,9 @@ fn rates_resolutions_and_ranges() {
         // Its oscillator is 2 % fast, and it wakes up first.
         assert!((samples as f64 - 10.0 * rate_hz * 1.02).abs() <= 0.012 * rate_hz, "{samples} at {rate_hz} Hz");
     }
-    for (format, units) in [(0x0b, [256, -4096, 4095]), (0x03, [32, -512, 511]), (0x00, [256, -512, 511]), (0x01, [128, -512, 511])] {
+    for (format, units) in
+        [(0x0b, [256, -4096, 4095]), (0x03, [32, -512, 511]), (0x00, [256, -512, 511]), (0x01, [128, -512, 511])]
+    {
         let mut wires = Wires::new(SILENT);
         wires.write(0x31, format);
         wires.write(0x2d, 8);
