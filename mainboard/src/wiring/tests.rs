@@ -257,3 +257,18 @@ fn an_image_truncated_anywhere_is_refused() {
         assert!(check_image(&board, "f.elf", &file[..length]).is_err(), "{length}");
     }
 }
+
+#[test]
+fn an_accelerometer_and_the_frame_that_it_feels() {
+    let plug = Board::parse("octopus.toml", OCTOPUS).unwrap().accelerometer.unwrap();
+    assert_eq!([plug.sck, plug.miso, plug.mosi, plug.cs], ["PB3", "PB4", "PB5", "PA15"].map(pin));
+    assert_eq!(Board::parse("bench.toml", BENCH).unwrap().accelerometer, None);
+    let refusal = refused(OCTOPUS, "chip = \"adxl345\"", "chip = \"lis2dw12\"");
+    assert_eq!((refusal.key.as_str(), refusal.mend.as_str()), ("accelerometer.chip", "write \"adxl345\""));
+    assert_eq!(refused(OCTOPUS, "miso = \"PB4\"", "miso = \"PB7\"").key, "accelerometer.miso");
+    let framed = format!("{COREXY}\n[frame.x]\nfrequency_hz = 48.5\nfrequency_uncertainty_hz = 1\n");
+    let frame = Printer::parse("corexy.toml", &framed).unwrap().frame;
+    assert_eq!(frame, [Some(FrameMode { frequency_hz: 48.5, damping: 0.1 }), None]);
+    let stiff = framed.replace("48.5", "0.2");
+    assert_eq!(Printer::parse("corexy.toml", &stiff).unwrap_err().key, "frame.x");
+}
