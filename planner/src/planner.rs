@@ -264,8 +264,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         // Now, not when there is room for it: the move before is not known any more then.
         self.keep_tolerance_before_any();
         self.close_open_block();
+        // A stop stays one.
+        self.previous.is_forgotten &= !self.previous.acceleration.is_some();
         self.previous.acceleration = CornerAcceleration::ZERO;
-        self.previous.is_forgotten = false;
     }
 
     /// The step queue runs low and no input is at hand: the oldest block leaves with the speeds it has.
