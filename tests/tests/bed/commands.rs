@@ -200,3 +200,17 @@ fn a_stop_in_mid_move_keeps_the_height() {
     let [x, y, z] = done.place_mm();
     assert!(near(z - sheet_mm(&machine, [x, y]), 1.0), "{z} over {}", sheet_mm(&machine, [x, y]));
 }
+
+/// Where the surface is high, and Z follows it to the top, the travel ends lower by that.
+#[test]
+fn z_stays_below_its_upper_end() {
+    let machine = profile(TILTED);
+    let top = machine.size_10nm[2] as f64 / 1e5;
+    let lines = ["G28", "G29", "G1 X200 Y200 Z5 F6000", "G1 Z300"];
+    let done = run(&machine, lines).well();
+    let said = done.line("echo:line 4: outside the soft limits, Z ends at ");
+    let ends: f64 = said.split(' ').next().unwrap().parse().unwrap();
+    let above_home = sheet_mm(&machine, [200.0, 200.0]) - sheet_mm(&machine, [100.0, 100.0]);
+    assert!(ends < top - above_home, "{said}");
+    assert!(done.place_mm()[2] - sheet_mm(&machine, [100.0, 100.0]) <= top, "{:?}", done.place_mm());
+}
