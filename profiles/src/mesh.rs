@@ -18,7 +18,7 @@ const SCATTER: Range = range(0.0, 1.0, "mm");
 const SAMPLES: Range = range(1.0, 10.0, "approaches");
 
 /// Prusa's number of points for a bed of 180 mm.
-const DEFAULT_POINTS: [u8; 2] = [4, 4];
+const DEFAULT_POINTS: [f64; 2] = [4.0, 4.0];
 /// The correction is gone where nobody sees a layer's height any more, and long before the top.
 const DEFAULT_FADE_MM: f64 = 10.0;
 /// More than beds are bent, and little enough for a nozzle that presses on a sheet.
@@ -38,7 +38,7 @@ pub(crate) fn mesh(
     let reach_mm = reach_mm(travel, safe);
     let lift_mm = safe.raise_10nm as f64 / 100_000.0;
     let mut settings = MeshSettings {
-        points: DEFAULT_POINTS,
+        points: DEFAULT_POINTS.map(|points| points as u8),
         area_10nm: reach_mm.map(|ends| ends.map(units_10nm)),
         fade_10nm: units_10nm(DEFAULT_FADE_MM),
         lift_10nm: safe.raise_10nm,
@@ -54,10 +54,13 @@ pub(crate) fn mesh(
             let expected = "\"cartesian\" or \"corexy\" with the table [mesh]: on others Z has no motor of its own";
             keys.refuse("kinematics", expected);
         }
-        let points = table.optional_section("points", "4 by 4", "how many there are, whole numbers");
-        if let Some(points) = points {
-            settings.points = ["x", "y"].map(|axis| points.whole(axis, POINTS).required("") as u8);
+        let points = table.numbers("points", ["x", "y"], [POINTS; 2]).or(DEFAULT_POINTS, "how many there are");
+        for (axis, number) in ["x", "y"].into_iter().zip(points) {
+            if number.fract() != 0.0 {
+                table.refuse(&format!("points.{axis}"), "a whole number of points");
+            }
         }
+        settings.points = points.map(|points| points as u8);
         let about = "where they are: from the first to the last, places of the probe";
         if let Some(area) = table.optional_section("area_mm", "all that the probe reaches of the bed", about) {
             for (index, axis) in ["x", "y"].into_iter().enumerate() {

@@ -202,14 +202,7 @@ impl BedStage {
 
     /// How much of the correction is left at a height of the plan, 10 nm.
     fn left_at(&self, z_10nm: f32) -> f32 {
-        let left = 1.0 - z_10nm * self.per_fade;
-        if left > 1.0 {
-            1.0
-        } else if left < 0.0 {
-            0.0
-        } else {
-            left
-        }
+        (1.0 - z_10nm * self.per_fade).clamp(0.0, 1.0)
     }
 
     /// Where the tool is by the plan, 10 nm.

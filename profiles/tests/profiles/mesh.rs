@@ -59,7 +59,7 @@ fn bad_values_are_refused_by_name() {
         ("[mesh]\ndepth_mm = 4\n", "mesh.depth_mm = 4: expected 0.1 to 3 mm"),
         ("[mesh]\nlift_mm = 0\n", "mesh.lift_mm = 0: expected 0.5 to 50 mm"),
         ("[mesh]\nsamples = 11\n", "mesh.samples = 11: expected 1 to 10"),
-        ("[mesh]\npoint = 4\n", "mesh.point: unknown key"),
+        ("[mesh]\npoint = 4\n", "unknown key \"mesh.point\""),
         ("[mesh]\n[mesh.sheet]\nbend_mm = 9\n", "mesh.sheet.bend_mm = 9: expected -5 to 5 mm"),
     ] {
         let error = error(table);
