@@ -9,6 +9,9 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use ferrostep_adxl345::Adxl345;
 use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, WaitingSamples};
 
+/// What a wire makes of a byte.
+type Wire = fn(u8) -> u8;
+
 /// A chip that does as the data sheet's pages *Serial communications*, *Register map* and *FIFO* say.
 #[derive(Debug)]
 struct Chip {
@@ -16,8 +19,8 @@ struct Chip {
     memory: VecDeque<[i16; 3]>,
     is_filled: bool,
     /// Bits that a loose wire makes of those that are sent, and of those that come.
-    hears: fn(u8) -> u8,
-    says: fn(u8) -> u8,
+    hears: Wire,
+    says: Wire,
     frames: usize,
 }
 
@@ -26,7 +29,7 @@ impl Chip {
         let mut registers = [0; 64];
         registers[0x00] = 0xe5;
         registers[0x2c] = 0x0a;
-        let (hears, says): (fn(u8) -> u8, fn(u8) -> u8) = (|byte| byte, |byte| byte);
+        let [hears, says]: [Wire; 2] = [|byte| byte; 2];
         RefCell::new(Self { registers, memory: VecDeque::new(), is_filled: false, hears, says, frames: 0 })
     }
 
@@ -66,7 +69,8 @@ impl Chip {
             } else {
                 let value = (self.hears)(*word);
                 if register == 0x38 && value >> 6 == 0 {
-                    (self.memory.clear(), self.is_filled = false);
+                    self.memory.clear();
+                    self.is_filled = false;
                 }
                 assert!(register >= 0x1d && !(0x32..=0x37).contains(&register), "{register:#x} is read-only");
                 self.registers[register] = value;
@@ -165,7 +169,7 @@ fn a_full_memory_is_told_until_it_is_read() {
 #[test]
 fn loose_wires_and_other_chips_are_told_apart_from_samples() {
     let identity = |read| AccelerometerFault::Identity { read, expected: 0xe5 };
-    let faults: [(fn(u8) -> u8, fn(u8) -> u8, AccelerometerFault); 4] = [
+    let faults: [(Wire, Wire, AccelerometerFault); 4] = [
         // Nobody holds the line, or it is shorted.
         (|byte| byte, |_| 0xff, identity(0xff)),
         (|byte| byte, |_| 0x00, identity(0x00)),

@@ -162,7 +162,7 @@ mod tests {
                         let bit = u8::from(level(part.outputs, PINS.mosi));
                         part.shift = part.shift << 1 | bit;
                         part.bits += 1;
-                        if part.bits % 8 == 0 {
+                        if part.bits.is_multiple_of(8) {
                             let heard = part.shift;
                             part.bytes.push(heard);
                             part.answer = heard.wrapping_add(1);
