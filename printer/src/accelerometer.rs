@@ -4,7 +4,6 @@ mod recorder;
 
 use core::fmt;
 
-use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{AccelerometerFault, AccelerometerType};
 
 pub use recorder::Recorder;
@@ -130,13 +129,23 @@ impl fmt::Display for FaultText {
     }
 }
 
+/// Millionths of standard gravity as g with five decimals. In integers: a board writes ten thousand a second.
+struct Gravities(i32);
+
+impl fmt::Display for Gravities {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let units = (self.0.unsigned_abs() + 5) / 10;
+        let sign = if self.0 < 0 && units > 0 { "-" } else { "" };
+        write!(out, "{sign}{}.{:05}", units / 100_000, units % 100_000)
+    }
+}
+
 impl fmt::Display for RecordEvent {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Begun => out.write_str("Sample,X,Y,Z"),
             Self::Sample { number, micro_g: [x, y, z] } => {
-                let [x, y, z] = [x, y, z].map(|micro_g| Real::fixed(f64::from(*micro_g) / 1e6, 5));
-                write!(out, "{number},{x},{y},{z}")
+                write!(out, "{number},{},{},{}", Gravities(*x), Gravities(*y), Gravities(*z))
             }
             Self::Ended { rate_hz, overflows } => write!(out, "Rate {rate_hz}, overflows {overflows}"),
             Self::Failed(RecordFault::Chip(fault)) => write!(out, "echo:record ended: {}", FaultText(*fault)),
@@ -172,5 +181,22 @@ impl<'a, P: Ports> Printer<'a, P> {
             "Accelerometer 0 type {name} with orientation 20 samples at {rate_hz}Hz with {resolution_bits}-bit resolution"
         ));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_g_with_five_decimals() {
+        for (micro_g, expected) in [
+            ([0, 4, -4], "7,0.00000,0.00000,0.00000"),
+            ([5, -5, 3_906], "7,0.00001,-0.00001,0.00391"),
+            ([1_000_000, -999_995, 15_996_094], "7,1.00000,-1.00000,15.99609"),
+            ([-16_000_000, i32::MAX, i32::MIN], "7,-16.00000,2147.48365,-2147.48365"),
+        ] {
+            assert_eq!(RecordEvent::Sample { number: 7, micro_g }.to_string(), expected);
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The recorder of the board's accelerometer, as commands see it, and as the task does that takes its samples.
 
 use core::cell::RefCell;
-use core::fmt;
+use core::fmt::{self, Write};
 
 use ferrostep_adxl345::Adxl345;
 use ferrostep_printer::{Accelerometer, AccelerometerSettings, CommandError, Recorder};
@@ -16,6 +16,9 @@ use crate::ports::BoardReplies;
 /// Most lines that the task sends without a rest, so that the others of its priority have their turn: a full memory, and both ends
 /// of a record.
 pub const MAX_LINES: u32 = 36;
+
+/// Longest line of a record, bytes.
+const MAX_LINE: usize = 160;
 
 /// The recorder, and for whom the record is.
 pub struct BoardRecorder {
@@ -54,7 +57,10 @@ pub fn send_line(
         return false;
     }
     let Some(event) = recorder.lock(|shared| shared.recorder.next(now_ticks)) else { return false };
-    writers.lock(|writers| writers.line(to, event));
+    // Written once, and not once more to find its length. The longest fits: it gives the reason of an end.
+    let mut line = heapless::String::<MAX_LINE>::new();
+    let _cut = write!(line, "{event}");
+    writers.lock(|writers| writers.line(to, line.as_str()));
     true
 }
 
