@@ -108,33 +108,31 @@ impl PathTolerance {
     /// For these filters; `None` without any, which leave the path as it is.
     #[cold]
     pub fn new(tolerance_mm: f64, shaping: &Shaping) -> Option<Self> {
-        let half_average = 0.5 * f64::from(shaping.smooth_ticks);
-        let [x, y] = [Filter::of(&shaping.x, half_average), Filter::of(&shaping.y, half_average)];
-        let per_second = 1.0 / f64::from(TICKS_PER_SECOND);
-        let most = |of: fn(&Filter) -> f64| if of(&x) > of(&y) { of(&x) } else { of(&y) };
-        let smooth_s = (2.0 * half_average * per_second) as f32;
-        let jump_s = (most(|side| side.jump) * per_second) as f32;
+        const PER_SECOND: f32 = 1.0 / TICKS_PER_SECOND as f32;
+        const SQUARED: f32 = PER_SECOND * PER_SECOND;
+        let Shaping { x: kernel_x, y: kernel_y, smooth_ticks, .. } = shaping;
+        let half_average = 0.5 * *smooth_ticks as f32;
+        let (x, y) = (Filter::of(kernel_x, half_average), Filter::of(kernel_y, half_average));
+        let smooth_s = 2.0 * half_average * PER_SECOND;
+        let jump_s = larger(x.jump, y.jump) * PER_SECOND;
         if jump_s <= 0.0 {
             return None;
         }
-        let squared = per_second * per_second;
-        let (kernel_x, kernel_y) = (&shaping.x, &shaping.y);
-        let variances = [kernel_x.variance(), kernel_y.variance()];
-        let apart_from_z = if variances[0] > variances[1] { variances[0] } else { variances[1] };
-        let reach = most(|side| side.reach);
+        let apart_from_z = larger(kernel_x.variance() as f32, kernel_y.variance() as f32);
+        let reach = larger(x.reach, y.reach);
         let tolerance_mm = (1.0 - KEPT_BACK) * tolerance_mm as f32;
-        let bend_s2 = (most(|side| side.bend) * squared) as f32;
-        let apart_s2 = (apart(kernel_x, kernel_y, half_average, reach) * squared) as f32;
+        let bend_s2 = larger(x.bend, y.bend) * SQUARED;
+        let apart_s2 = apart(kernel_x, kernel_y, half_average, reach) * SQUARED;
         let turns_s2 = ALONG_PER_ACROSS * (2.0 / 3.0 * bend_s2 + 0.5 * apart_s2);
         let across_mm_per_s2 = CROWDED * tolerance_mm / (2.0 * bend_s2 + turns_s2);
         Some(Self {
             tolerance_mm,
             jump_s,
             bend_s2,
-            reach_s: larger((reach * per_second) as f32, smooth_s),
-            side: most(|side| side.weight) as f32,
+            reach_s: larger(reach * PER_SECOND, smooth_s),
+            side: larger(x.weight, y.weight),
             apart_s2,
-            apart_from_z_s2: (0.5 * apart_from_z * squared) as f32,
+            apart_from_z_s2: 0.5 * apart_from_z * SQUARED,
             smooth_s,
             across_mm_per_s2,
             along_mm_per_s2: ALONG_PER_ACROSS * across_mm_per_s2,
