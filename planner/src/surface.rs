@@ -10,6 +10,7 @@ mod mesh;
 mod stage;
 
 use core::fmt::Debug;
+use core::future::{Pending, pending};
 
 pub use bounds::SurfaceBounds;
 pub use entries::BedEntries;
@@ -23,6 +24,13 @@ use crate::step_queue::{Notice, StepEntry};
 pub trait Bed: Debug {
     /// Whether there is anything.
     const PRESENT: bool;
+
+    /// A command's future in a build with a bed, and in another one that never ends, and contains no code of it: what a future
+    /// may be waiting for is compiled even where nothing begins it.
+    type Only<F: Future>: Future<Output = F::Output>;
+
+    /// The future that `begin` makes, in a build with a bed.
+    fn only<F: Future>(begin: impl FnOnce() -> F) -> Self::Only<F>;
 
     /// No mesh; Z follows nothing.
     fn new(geometry: &Geometry) -> Self;
@@ -62,6 +70,12 @@ pub struct NoBed;
 
 impl Bed for NoBed {
     const PRESENT: bool = false;
+
+    type Only<F: Future> = Pending<F::Output>;
+
+    fn only<F: Future>(_: impl FnOnce() -> F) -> Pending<F::Output> {
+        pending()
+    }
 
     fn new(_: &Geometry) -> Self {
         Self

@@ -5,6 +5,7 @@ use ferrostep_gcode::{
     Reply, SettingsCommand, ShaperWords, WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
+use ferrostep_planner::surface::Bed;
 
 use crate::error::CommandError;
 use crate::paused::{PauseReason, PauseWords};
@@ -135,7 +136,8 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
             Waiting::Bed(command) => {
                 if P::Motion::HAS_BED {
-                    self.bed(command).await?;
+                    let printer = &mut *self;
+                    <P::Motion as Motion>::Bed::only(move || printer.bed(command)).await?;
                 }
             }
             Waiting::Card(command) => self.card_command(*command).await?,

@@ -6,7 +6,7 @@ use core::future::Future;
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
-use ferrostep_planner::surface::{Mesh, MeshError};
+use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
@@ -73,8 +73,10 @@ pub trait Motion {
     /// # Errors
     /// [`ChoiceError`]; nothing has changed then.
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError>;
-    /// Whether Z can follow the bed: the code for it is compiled only then.
-    const HAS_BED: bool = false;
+    /// What lets Z follow the bed, or nothing: its code is compiled only then.
+    type Bed: Bed;
+    /// Whether Z can follow the bed.
+    const HAS_BED: bool = Self::Bed::PRESENT;
     /// Looks at the measured mesh of the bed, or changes it while Z does not follow it; `None` without memory for one.
     fn mesh<T>(&mut self, _act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
         None

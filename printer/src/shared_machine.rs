@@ -5,7 +5,7 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{FanOutput, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::surface::{Bed, Mesh, MeshError};
+use ferrostep_planner::surface::{Mesh, MeshError};
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, PressureAdvance, Request,
 };
@@ -190,7 +190,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.machine.with(|machine| machine.set_motion_choice(choice))
     }
 
-    const HAS_BED: bool = <S::Methods as MotionMethods>::Bed::PRESENT;
+    type Bed = <S::Methods as MotionMethods>::Bed;
 
     fn mesh<T>(&mut self, act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
         self.machine.with(|machine| machine.mesh().map(act))

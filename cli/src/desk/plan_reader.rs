@@ -455,7 +455,7 @@ impl Motion for PlannedMotion<'_> {
         self.reader.plan.borrow_mut().planner.set_motion_choice(choice)
     }
 
-    const HAS_BED: bool = true;
+    type Bed = BedStage;
 
     fn mesh<T>(&mut self, act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
         self.reader.plan.borrow_mut().bed.mesh().map(act)

@@ -59,6 +59,12 @@ pub struct BedStage {
 impl Bed for BedStage {
     const PRESENT: bool = true;
 
+    type Only<F: Future> = F;
+
+    fn only<F: Future>(begin: impl FnOnce() -> F) -> F {
+        begin()
+    }
+
     fn new(geometry: &Geometry) -> Self {
         Self {
             mesh: Mesh::NONE,

@@ -135,6 +135,8 @@ fn execute(printer: &mut PlacesPrinter<'_>, line: &str) -> Result<(), CommandErr
 struct PlacesMotion<'a>(&'a Places);
 
 impl Motion for PlacesMotion<'_> {
+    type Bed = ferrostep_planner::surface::NoBed;
+
     async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
         let Some(request) = request.as_move() else { unreachable!("no prepared jobs here") };
         let way = self.0.way_to(request.target_10nm);

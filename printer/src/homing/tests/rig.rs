@@ -6,6 +6,7 @@ use core::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
+use ferrostep_planner::surface::NoBed;
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
@@ -200,6 +201,8 @@ impl<'a> RigMotion<'a> {
 }
 
 impl Motion for RigMotion<'_> {
+    type Bed = NoBed;
+
     fn stops(&self) -> u32 {
         self.0.stops.get()
     }
