@@ -78,7 +78,6 @@ mod app {
     use ferrostep_stm32f4_board::settings_memory;
     use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
-    #[cfg(tachometers)]
     use ferrostep_stm32f4_board::thermal::FanSpeeds;
     use ferrostep_stm32f4_board::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Usb};
@@ -161,6 +160,7 @@ mod app {
         motion_clock: MotionClock,
         drivers_clock: MotionClock,
         accelerometer_clock: MotionClock,
+        fan_speeds: Option<FanSpeeds>,
         patience: Patience,
         measured: Switch,
         watchdog: Watchdog,
@@ -204,6 +204,7 @@ mod app {
 
         let converters = (device.ADC1, device.ADC3, device.ADC_COMMON, device.DMA2);
         let heat = Heat::new(&PROFILE, converters, &clock);
+        let fan_speeds = FanSpeeds::start();
         let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
         let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
         let card = card::start(device.SDIO, &clock, motion_clock);
@@ -253,6 +254,7 @@ mod app {
                 motion_clock,
                 drivers_clock: motion_clock,
                 accelerometer_clock: motion_clock,
+                fan_speeds,
                 patience: Patience::new(clock.source),
                 measured,
                 watchdog: Watchdog::start(device.IWDG),
@@ -369,9 +371,9 @@ mod app {
 
     #[cfg(tachometers)]
     /// Counts the pulses of the fans' tachometers. Must run every few milliseconds: a pulse of a fast fan lasts two.
-    #[task(priority = 8)]
-    async fn tachometers(_: tachometers::Context) {
-        let Some(mut speeds) = FanSpeeds::start() else { return };
+    #[task(priority = 8, local = [fan_speeds])]
+    async fn tachometers(cx: tachometers::Context) {
+        let Some(speeds) = cx.local.fan_speeds else { return };
         loop {
             Mono::delay(TACHOMETERS_INTERVAL_MS.millis()).await;
             speeds.look();

@@ -42,13 +42,13 @@ pub fn start(_converters: Converters, clock: &Clock) -> Option<Heaters> {
 pub struct FanSpeeds(Tachometers);
 
 impl FanSpeeds {
-    /// Makes their pins inputs. After [`BoardPins::new`](crate::board::BoardPins::new).
+    /// Makes their pins inputs. In `init`, after [`BoardPins::new`](crate::board::BoardPins::new).
     pub fn start() -> Option<Self> {
         let fans = THERMAL?.fans;
         if !fans.iter().flatten().any(|fan| fan.tachometer.is_some()) {
             return None;
         }
-        // SAFETY: pins that the board's file gives to tachometers alone. Other pins of their ports are set up in `init`, as these are.
+        // SAFETY: pins that the board's file gives to tachometers alone. Nothing else runs yet that changes their ports' registers.
         let mut registers = unsafe { Volatile::new() };
         Some(Self(Tachometers::start(&fans, &mut registers)))
     }
