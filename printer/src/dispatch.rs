@@ -2,7 +2,7 @@
 
 use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BedCommand, CardCommand, Command, Decimal, PrintClockCommand, Remarks,
-    Reply, SettingsCommand, ShaperWords, WaitTarget,
+    Reply, SettingsCommand, ShaperWords, TowerWords, WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::surface::Bed;
@@ -46,6 +46,9 @@ enum Waiting<'a> {
         cycles: Option<u8>,
         uses: bool,
     },
+    Tower(Option<&'a TowerWords<'a>>),
+    Stop(Stop),
+    ShowSettings(SettingsCommand),
     Pause(PauseReason, PauseWords),
     LoadFilament {
         loads: bool,
@@ -84,6 +87,16 @@ enum Then {
         samples: u16,
         at_next_move: bool,
     },
+}
+
+/// What stops motion at once.
+enum Stop {
+    /// M410.
+    Quick,
+    /// M112.
+    Emergency,
+    /// M999: what M112 has stopped.
+    Restart,
 }
 
 /// What became of a command that was looked at.
@@ -125,6 +138,11 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
             Waiting::Autotune { heater, target, cycles, uses } => self.autotune(heater, target, cycles, uses).await?,
             Waiting::Fan { output, power } => self.motion.set_fan_power(output, power).await?,
+            Waiting::Tower(words) => self.set_tower(words)?,
+            Waiting::ShowSettings(command) => self.show_settings(command),
+            Waiting::Stop(Stop::Quick) => self.stop_motion(),
+            Waiting::Stop(Stop::Emergency) => return self.emergency_stop(),
+            Waiting::Stop(Stop::Restart) => self.restart()?,
             Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
             Waiting::LoadFilament { loads, length, rise } => self.load_filament(loads, length, rise).await?,
             Waiting::ResumePrint => self.start_print(None).await?,
@@ -206,7 +224,6 @@ impl<P: Ports> Printer<'_, P> {
                 self.forget_rested_heaters();
             }
             Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
-            Command::EmergencyStop => return self.emergency_stop().map(Dispatched::Done),
             Command::KeepAlive(Some(seconds)) => self.signals.set_keep_alive_s(seconds),
             Command::KeepAlive(None) => self.replies.send(Reply::KeepAlive(self.signals.keep_alive_s())),
             Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
@@ -239,7 +256,9 @@ impl<P: Ports> Printer<'_, P> {
                 self.needed_accelerometer()?;
                 return waiting(Waiting::Finish(Then::Record { samples, at_next_move }));
             }
-            Command::Tower(ref words) => self.set_tower(words.as_ref())?,
+            // Not here, where they would need more of the stack than all other commands: a tower reads lines, M503 writes many, and who
+            // stops motion plans it to its end.
+            Command::Tower(ref words) => return waiting(Waiting::Tower(words.as_ref())),
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
             Command::FeedPercent(words) => self.feed_percent(words)?,
             Command::HomeOffset(ref words) => self.home_offset(words)?,
@@ -251,10 +270,11 @@ impl<P: Ports> Printer<'_, P> {
             // ANCHOR: m302
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
             // ANCHOR_END: m302
-            Command::QuickStop => self.stop_motion(),
+            Command::QuickStop => return waiting(Waiting::Stop(Stop::Quick)),
+            Command::EmergencyStop => return waiting(Waiting::Stop(Stop::Emergency)),
+            Command::Restart => return waiting(Waiting::Stop(Stop::Restart)),
             Command::CheckNozzle(diameter) => self.check_nozzle(diameter)?,
             Command::CheckModel(model) => self.check_model(model)?,
-            Command::Restart => self.restart()?,
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.unknown(self.line, text),
@@ -306,7 +326,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Settings(command) if Self::needs_standstill(command) => {
                 return waiting(Waiting::Finish(Then::Settings(command)));
             }
-            Command::Settings(command) => self.show_settings(command),
+            Command::Settings(command) => return waiting(Waiting::ShowSettings(command)),
             Command::Bed(ref command) if self.has_bed() => return waiting(Waiting::Bed(command)),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),

@@ -101,6 +101,8 @@ fn is_live(command: &Command<'_>) -> bool {
 }
 
 impl Tower {
+    // Not inlined, as the one below: both need much of the stack, and never at once.
+    #[inline(never)]
     fn new(words: &TowerWords<'_>) -> Result<Self, TowerRefusal> {
         let TowerWords { command, parameter, start, skip, course } = *words;
         if parse(command).is_ok_and(|command| !is_live(&command)) {
@@ -108,22 +110,22 @@ impl Tower {
         }
         // `M900`, and no name.
         let is_code = matches!(command.as_bytes(), [_, b'0'..=b'9', ..]);
-        let no_number = TowerRefusal::NoNumber(ShortText::new(parameter));
         let is_name = parameter.bytes().all(|byte| byte.is_ascii_alphabetic() || (byte == b'_' && !is_code));
         if !is_name || parameter.is_empty() || (is_code && parameter.len() > 1) {
-            return Err(no_number);
+            return Err(TowerRefusal::NoNumber(ShortText::new(parameter)));
         }
         let mut prefix = heapless::String::new();
         write!(prefix, "{command} {parameter}{}", if is_code { "" } else { "=" }).map_err(|_| TowerRefusal::TooLong)?;
-        let tower = Self { prefix, command_bytes: command.len(), start, skip, course, height_10nm: None, value: None };
-        // A number changes the command, and nothing of it is ignored.
+        Ok(Self { prefix, command_bytes: command.len(), start, skip, course, height_10nm: None, value: None })
+    }
+
+    /// Whether a number changes the command, and nothing of it is ignored.
+    #[inline(never)]
+    fn sets_a_value(&self) -> bool {
         let mut remarks = Remarks::NONE;
-        let [one, two] = [1, 2].map(|number| tower.line(Decimal::from_nanos(number * 1_000_000_000)));
+        let [one, two] = [1, 2].map(|number| self.line(Decimal::from_nanos(number * 1_000_000_000)));
         let [one, two] = [&one, &two].map(|line| parse_with_remarks(line, &mut remarks));
-        match (one, two) {
-            (Ok(one), Ok(two)) if one != two && is_live(&one) && is_live(&two) && remarks.is_empty() => Ok(tower),
-            _ => Err(no_number),
-        }
+        matches!((one, two), (Ok(one), Ok(two)) if one != two && is_live(&one) && is_live(&two) && remarks.is_empty())
     }
 
     /// The line that sets a value.
@@ -175,7 +177,11 @@ impl<P: Ports> Printer<'_, P> {
             if self.interpreter.modal.in_prepared_job {
                 return Err(CommandError::Tower(TowerRefusal::InJob));
             }
-            self.tower = Some(Tower::new(words).map_err(CommandError::Tower)?);
+            let tower = Tower::new(words).map_err(CommandError::Tower)?;
+            if !tower.sets_a_value() {
+                return Err(CommandError::Tower(TowerRefusal::NoNumber(ShortText::new(words.parameter))));
+            }
+            self.tower = Some(tower);
             return Ok(());
         }
         match &self.tower {

@@ -45,11 +45,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         0 | 1 => stop(code, remarks),
         602 => code.without_words(Command::ResumePrint, remarks),
         125 | 600 | 601 => pause(code, remarks),
-        603 => {
-            let mut words = code.words(remarks)?;
-            Ok(Command::FilamentLengths { unload: words.value(b'U'), load: words.value(b'L') })
-        }
-        701 | 702 => load_filament(code, remarks),
+        603 | 701 | 702 => filament(code, remarks),
         // With P it waits for a pin, of which this machine has none to name.
         226 if code.words(&mut Remarks::default())?.has(b'P') => Ok(code.unknown()),
         226 => pause(code, remarks),
@@ -358,10 +354,15 @@ fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     Ok(Command::ChangeFilament { park, unload: words.value(b'U'), load: words.value(b'L') })
 }
 
-/// M701 and M702. `M702 C`, at the end of prints for Prusa's MK3, unloads where there is a multi-material unit, and nothing without one.
-fn load_filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+/// M603, M701 and M702. `M702 C`, at the end of prints for Prusa's MK3, unloads where there is a multi-material unit, and nothing without
+/// one.
+#[inline(never)]
+fn filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let loads = code.number == 701;
     let mut words = code.words(remarks)?;
+    if code.number == 603 {
+        return Ok(Command::FilamentLengths { unload: words.value(b'U'), load: words.value(b'L') });
+    }
     if !loads && words.has(b'C') {
         words.forgive();
         words.remark(Remark::NoEffect(b'C'));
@@ -394,6 +395,7 @@ fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<Driv
 }
 
 /// M106 and M107. Slicers write powers such as 252.45, which are rounded.
+#[inline(never)]
 fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let number = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
