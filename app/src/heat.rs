@@ -38,8 +38,8 @@ impl Parts for VirtualHeaters {
 }
 
 impl Parts for Heaters {
-    fn start(_: &Profile, converters: Converters, clock: &Clock) -> Option<Self> {
-        thermal::start(converters, clock)
+    fn start(profile: &Profile, converters: Converters, clock: &Clock) -> Option<Self> {
+        thermal::start(profile.fans.map(|fan| fan.is_some()), converters, clock)
     }
 
     fn pass(&mut self) {

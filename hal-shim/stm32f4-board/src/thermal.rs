@@ -23,10 +23,13 @@ static PULSES: PulseCounts = [const { AtomicU16::new(0) }; FanOutput::COUNT];
 /// What measures.
 pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
 
-/// Starts converter and timers, all heaters and fans off; `None` on a board without heaters. After
-/// [`BoardPins::new`](crate::board::BoardPins::new).
-pub fn start(_converters: Converters, clock: &Clock) -> Option<Heaters> {
-    let pins = THERMAL?;
+/// Starts converter and timers, all heaters and fans off; `None` on a board without heaters. Fans that the machine does not use stay
+/// plain outputs, and low. After [`BoardPins::new`](crate::board::BoardPins::new).
+pub fn start(used_fans: [bool; FanOutput::COUNT], _converters: Converters, clock: &Clock) -> Option<Heaters> {
+    let mut pins = THERMAL?;
+    for (fan, is_used) in pins.fans.iter_mut().zip(used_fans) {
+        *fan = fan.filter(|_| is_used);
+    }
     let clocks = PwmClocks { slow_hz: clock.slow_timers.raw(), fast_hz: clock.fast_timers.raw() };
     // SAFETY: the converters and the stream were given up to this. The timers are those that the board's file gives to
     // heaters and fans, which are none that the firmware uses otherwise (`boards/src/signals.rs`); their pins are
