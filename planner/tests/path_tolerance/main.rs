@@ -9,6 +9,8 @@ mod paths;
 #[path = "../../src/random.rs"]
 mod random;
 mod reference;
+#[path = "../textbook/mod.rs"]
+mod textbook;
 
 use paths::{Case, case};
 use random::Random;

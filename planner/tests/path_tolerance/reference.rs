@@ -3,6 +3,8 @@
 use ferrostep_planner::{AxisShaper, Move, PlannedBlock, ShaperKind, TICKS_PER_SECOND, smooth_ticks};
 use ferrostep_simulator::shapers::{Impulse, Shaper};
 
+use super::textbook::trapezoid;
+
 /// X, Y, Z and the filament.
 pub type Place = [f64; 4];
 
@@ -25,22 +27,6 @@ pub struct Plan {
     pub corners: Vec<([f64; 3], f64)>,
 }
 
-/// Duration, speed and acceleration of the parts of a block, in mm and s.
-fn textbook(planned: &PlannedBlock) -> Vec<[f64; 3]> {
-    let [entry, nominal, exit] = [planned.entry, planned.block.nominal, planned.exit].map(|speed| speed.mm_per_s());
-    let length = planned.block.length_mm();
-    let mut a = planned.block.acceleration.mm_per_s2();
-    if (entry * entry - exit * exit).abs() >= 2.0 * a * length {
-        a = (entry * entry - exit * exit).abs() / (2.0 * length);
-    }
-    let meet = (a * length + 0.5 * (entry * entry + exit * exit)).sqrt();
-    let peak = nominal.max(entry).max(exit).min(meet.max(entry).max(exit));
-    let (up, down) = ((peak - entry) / a, (peak - exit) / a);
-    let ramps = 0.5 * (entry + peak) * up + 0.5 * (peak + exit) * down;
-    let cruise = ((length - ramps) / peak).max(0.0);
-    [[up, entry, a], [cruise, peak, 0.0], [down, peak, -a]].into_iter().filter(|[time, ..]| *time > 0.0).collect()
-}
-
 fn place(one: &Move) -> [f64; 3] {
     one.target_10nm.map(|units| units as f64 * 1e-5)
 }
@@ -54,7 +40,7 @@ impl Plan {
         let mut plan = Self { pieces: Vec::new(), end_s: 0.0, corners: vec![([0.0; 3], 0.0)] };
         let (mut from, mut sum, mut next) = ([0.0; 4], [0.0; 4], 0);
         for planned in blocks {
-            let parts = textbook(planned);
+            let parts = trapezoid(planned);
             // The moves of a block: its line is the last one's.
             let first = next;
             next = planned.block.line as usize;

@@ -8,23 +8,14 @@ use ferrostep_simulator::motion::Motion;
 use ferrostep_simulator::shapers::{Impulse, Shaper};
 
 use super::case::Case;
+use super::textbook::trapezoid;
 
-/// A part of a block at a constant acceleration: ticks, speed at its start (10 nm/tick) and acceleration.
+/// The parts of a block at a constant acceleration: ticks, speed at the start (10 nm/tick) and acceleration.
 fn textbook(planned: &PlannedBlock) -> Vec<[f64; 3]> {
-    let unit = 100_000.0 / f64::from(TICKS_PER_SECOND);
-    let [entry, nominal, exit] =
-        [planned.entry, planned.block.nominal, planned.exit].map(|speed| speed.mm_per_s() * unit);
-    let length = f64::from(planned.block.length_10nm);
-    let mut a = planned.block.acceleration.mm_per_s2() * unit / f64::from(TICKS_PER_SECOND);
-    if (entry * entry - exit * exit).abs() >= 2.0 * a * length {
-        a = (entry * entry - exit * exit).abs() / (2.0 * length);
-    }
-    let meet = (a * length + 0.5 * (entry * entry + exit * exit)).sqrt();
-    let peak = nominal.max(entry).max(exit).min(meet.max(entry).max(exit));
-    let (up, down) = ((peak - entry) / a, (peak - exit) / a);
-    let ramps = 0.5 * (entry + peak) * up + 0.5 * (peak + exit) * down;
-    let cruise = ((length - ramps) / peak).max(0.0);
-    [[up, entry, a], [cruise, peak, 0.0], [down, peak, -a]].into_iter().filter(|[ticks, ..]| *ticks > 0.0).collect()
+    let second = f64::from(TICKS_PER_SECOND);
+    let unit = 100_000.0 / second;
+    let in_ticks = |[time, speed, a]: [f64; 3]| [time * second, speed * unit, a * unit / second];
+    trapezoid(planned).into_iter().map(in_ticks).collect()
 }
 
 /// The parts of a line from rest to rest under an S-curve that reaches its speed, each so short that its acceleration is as

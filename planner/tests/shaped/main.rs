@@ -16,6 +16,8 @@ mod case;
 mod law;
 #[path = "../../src/random.rs"]
 mod random;
+#[path = "../textbook/mod.rs"]
+mod textbook;
 
 use average::Averaged;
 use case::{Case, case, limits};
