@@ -1,11 +1,10 @@
 //! M106, M107, M123, SET_FAN_SPEED, and the pause when a fan does not turn.
 
-use core::fmt;
-
 use ferrostep_gcode::{AxisWords, Command};
 use ferrostep_hal_shim::{FanOutput, Heater};
 
 use crate::fans::{self, FanRule, FanSettings, FanTable};
+use crate::heat::FanStatus;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::signals::Signals;
@@ -38,19 +37,6 @@ pub fn tell_stalled_fan(
     }
 }
 
-/// A fan as M123 shows it.
-struct Line<'a>(&'a FanSettings, crate::heat::FanStatus);
-
-impl fmt::Display for Line<'_> {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self(FanSettings { name, .. }, status) = self;
-        match status.rpm {
-            Some(rpm) => write!(out, "{name}:{rpm} RPM {name}@:{}", status.power),
-            None => write!(out, "{name}@:{}", status.power),
-        }
-    }
-}
-
 impl<P: Ports> Printer<'_, P> {
     /// The output of the fan that M106 calls by this P.
     pub(crate) fn numbered_fan(&self, number: u8) -> Option<FanOutput> {
@@ -66,8 +52,11 @@ impl<P: Ports> Printer<'_, P> {
     /// M123: every fan's power, 0 to 255, and its speed where it has a tachometer, as Prusa's firmware writes them.
     pub(crate) fn report_fans(&self) {
         for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
-            if let Some(fan) = fan {
-                self.replies.say(format_args!("{}", Line(fan, self.heating.fan(output))));
+            let Some(FanSettings { name, .. }) = fan else { continue };
+            let FanStatus { power, rpm } = self.heating.fan(output);
+            match rpm {
+                Some(rpm) => self.replies.say(format_args!("{name}:{rpm} RPM {name}@:{power}")),
+                None => self.replies.say(format_args!("{name}@:{power}")),
             }
         }
     }
@@ -82,14 +71,14 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether a print is to pause because a fan does not turn. Who goes on with the print has seen it: it pauses once for each time
-    /// that a fan stands.
+    /// Whether a print must pause because a fan does not turn. It pauses once for each failure: the person who resumes it has read the
+    /// message.
     #[inline(never)]
     pub(crate) fn has_stalled_fan(&self) -> bool {
         self.heating.status(Heater::Nozzle).target_celsius > 0.0 && self.signals.take_stalled_fan()
     }
 
-    /// Whether the hot end's own fan is one that does not turn: the nozzle must not stay hot while nobody looks.
+    /// Whether the hot end's own fan is one that does not turn: the nozzle must not stay hot unattended.
     pub(crate) fn is_hot_end_fan_stalled(&self) -> bool {
         let Some(output) = self.heating.stalled_fan() else { return false };
         matches!(self.profile.fans.get(output.index()), Some(Some(FanSettings { rule: FanRule::HotEnd, .. })))

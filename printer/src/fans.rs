@@ -106,11 +106,11 @@ pub(crate) struct Heated {
 /// A fan at work.
 #[derive(Clone, Copy, Debug)]
 struct Fan {
-    /// Whether its rule lets it turn: for the hot end between its two temperatures, and for a controller in its while.
+    /// The hot end's fan turns: between its two temperatures it keeps its state.
     is_on: bool,
-    /// Samples for which it still blows fully, after it has started.
+    /// Remaining samples of the kick start.
     kick_samples: u16,
-    /// Samples for which a controller's fan goes on.
+    /// Remaining samples of a controller's `idle_s`.
     idle_samples: u32,
     power: u8,
     watch: TurnWatch,

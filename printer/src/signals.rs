@@ -146,7 +146,7 @@ impl Signals {
         self.fan_stalled.store(true, Ordering::Release);
     }
 
-    /// Takes that note: who goes on with the print knows.
+    /// Takes that note, so that the print pauses once.
     pub(crate) fn take_stalled_fan(&self) -> bool {
         self.fan_stalled.swap(false, Ordering::AcqRel)
     }

@@ -35,7 +35,7 @@ impl Tachometers {
         for ((pin, was_low), count) in self.pins.iter().zip(&mut self.was_low).zip(counts) {
             let Some(pin) = pin else { continue };
             let is_low = pin.is_triggered(registers);
-            if is_low && !core::mem::replace(was_low, is_low) {
+            if is_low && !*was_low {
                 count.fetch_add(1, Ordering::Relaxed);
             }
             *was_low = is_low;
