@@ -119,7 +119,7 @@ fn accelerometer_pins(board: &Board) -> Vec<Pin> {
     board.accelerometer.iter().flat_map(|plug| [plug.sck, plug.mosi, plug.cs, plug.miso]).collect()
 }
 
-/// The bus at rest: clock and select high before they are outputs. What nobody says is ones.
+/// The bus at rest: clock and select high before they are outputs. An undriven data line reads ones.
 fn accelerometer(board: &Board) -> Vec<Store> {
     let Some(Accelerometer { sck, miso, mosi, cs, .. }) = board.accelerometer else { return Vec::new() };
     let driven = [sck, mosi, cs];
@@ -336,7 +336,7 @@ mod tests {
         }
     }
 
-    /// No clock edge and no select before the first frame, and a line that nobody drives reads ones.
+    /// No clock edge and no select before the first frame, and an undriven data line reads ones.
     #[test]
     fn an_accelerometers_bus_rests_before_it_is_driven() {
         let board = crate::load("btt-octopus-1.1").unwrap();

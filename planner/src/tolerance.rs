@@ -172,7 +172,7 @@ impl PathTolerance {
         smaller(smaller(along, one.acceleration), self.along_mm_per_s2)
     }
 
-    /// Whether a stop of so many ticks is longer than the filters see.
+    /// Whether a stop of this many ticks is longer than the filters.
     pub fn forgets(&self, ticks: u64) -> bool {
         ticks as f32 >= 2.0 * self.reach_s * TICKS_PER_SECOND as f32
     }

@@ -104,7 +104,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE));
     }
 
-    /// M420, and G29 A. A mesh that is missing is told and no more, as in Marlin: slicers write M420 S1 for those that were stored.
+    /// M420, and G29 A. A missing mesh is reported and nothing else happens, as in Marlin: slicers write M420 S1 for those that were stored.
     #[inline(never)]
     fn follow(&mut self, on: Option<bool>, fade: Option<Decimal>, reports: bool) -> Result<(), CommandError> {
         let follows = self.interpreter.modal.follows_bed;

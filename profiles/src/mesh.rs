@@ -19,7 +19,7 @@ const SAMPLES: Range = range(1.0, 10.0, "approaches");
 
 /// Prusa's number of points for a bed of 180 mm.
 const DEFAULT_POINTS: [f64; 2] = [4.0, 4.0];
-/// The correction is gone where nobody sees a layer's height any more, and long before the top.
+/// The correction has faded where a layer's height is no longer visible, long before the top.
 const DEFAULT_FADE_MM: f64 = 10.0;
 /// More than beds are bent, and little enough for a nozzle that presses on a sheet.
 const DEFAULT_DEPTH_MM: f64 = 1.0;
@@ -111,7 +111,7 @@ pub(crate) fn mesh(
                     sheet.number("bend_mm", SHEET).or(0.0, "by how much its middle is above its corners"),
                 ),
                 scatter_10nm: units_10nm(
-                    sheet.number("scatter_mm", SCATTER).or(0.0, "the probe triggers up to so much above or below it"),
+                    sheet.number("scatter_mm", SCATTER).or(0.0, "the probe triggers within this distance of it"),
                 ),
             };
         }

@@ -45,7 +45,7 @@ pub fn recorder() -> BoardRecorder {
     BoardRecorder { recorder, to: To::Host(Port::Serial), motor_steps: [0; 4] }
 }
 
-/// Sends the next line of a record; `false` if there is none, or no room for it.
+/// Sends the next line of a record; `false` without a line, or without room for it.
 pub fn send_line(
     recorder: &mut impl Mutex<T = BoardRecorder>,
     writers: &mut impl Mutex<T = Writers>,

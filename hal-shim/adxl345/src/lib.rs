@@ -112,7 +112,7 @@ impl<S: SpiDevice> AccelerometerChip for Adxl345<S> {
     }
 
     fn end(&mut self) {
-        // Without an answer there is nobody to be told.
+        // Without an answer the host has left.
         let _ = self.write(POWER_CONTROL, STANDBY);
     }
 

@@ -170,7 +170,7 @@ fn a_full_memory_is_told_until_it_is_read() {
 fn loose_wires_and_other_chips_are_told_apart_from_samples() {
     let identity = |read| AccelerometerFault::Identity { read, expected: 0xe5 };
     let faults: [(Wire, Wire, AccelerometerFault); 4] = [
-        // Nobody holds the line, or it is shorted.
+        // The line is undriven or shorted.
         (|byte| byte, |_| 0xff, identity(0xff)),
         (|byte| byte, |_| 0x00, identity(0x00)),
         // Another chip's number.

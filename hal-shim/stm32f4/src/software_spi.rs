@@ -32,7 +32,7 @@ pub trait SpiPace {
     fn half_period(&mut self);
 }
 
-/// The bus. Whoever makes it has set its pins up: `miso` an input, the others outputs, `cs` and `sck` high.
+/// The bus. The caller has set its pins up: `miso` an input, the others outputs, `cs` and `sck` high.
 #[derive(Debug)]
 pub struct SoftwareSpi<R, P> {
     registers: R,

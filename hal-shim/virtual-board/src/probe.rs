@@ -7,7 +7,7 @@ pub struct SheetShape {
     pub tilt_10nm: [i64; 2],
     /// By how much its middle is higher than the corners of its outline.
     pub bend_10nm: i64,
-    /// Each approach ends up to so much above or below the sheet, all places alike.
+    /// Each approach ends within this distance of the sheet, evenly distributed.
     pub scatter_10nm: i64,
 }
 

@@ -241,9 +241,9 @@ fn a_missing_chip_is_refused_by_name_and_one_that_is_pulled_ends_the_record() {
     assert!(line.contains("its identity reads 0x44, expected 0xe5"), "{line}");
 }
 
-/// Nobody reads: the cable is pulled, and the chip rests after a while.
+/// The cable is pulled: the record ends after a while, and the chip rests.
 #[test]
-fn a_record_that_nobody_reads_ends() {
+fn an_unread_record_ends() {
     let mut scene = Scene::new(Via::Usb, |_| {});
     scene.say("M955 S100");
     scene.say("M956 S60000");

@@ -23,7 +23,7 @@ pub(super) struct Ends {
 }
 
 impl Ends {
-    /// Of a cell with this number among so many points.
+    /// The cell of this number, in a row of that many points.
     pub fn of(cell: u8, points: u8) -> Self {
         Self { is_first: cell == 0, is_last: cell + 2 >= points }
     }
@@ -96,7 +96,7 @@ impl Slopes {
         Self { lower: (c - a) / y, upper: (d - b) / y }
     }
 
-    /// At so much of the way from the lower to the upper side.
+    /// The height at this share of the path from the lower to the upper side.
     fn at(&self, way: f32) -> f32 {
         self.lower + (self.upper - self.lower) * way
     }

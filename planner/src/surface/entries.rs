@@ -3,7 +3,7 @@
 use crate::event_buffer::EventBuffer;
 use crate::step_queue::StepEntry;
 
-/// Entries handed on together: few, since they are on the stack of whoever hands them on.
+/// Entries handed on together: few, since they are on the caller's stack.
 const AT_ONCE: usize = 16;
 
 /// The most entries that one event needs: a change of direction before it, and a step of Z in the middle of its interval.

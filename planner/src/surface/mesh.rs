@@ -25,7 +25,7 @@ pub(super) const UM_10NM: f32 = 100.0;
 /// Why Z cannot follow a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MeshError {
-    /// There is none, or not all of its points have heights.
+    /// The mesh is missing, or some of its points have no heights.
     Incomplete,
     /// The bed rises or falls too steeply between two points.
     TooSteep {

@@ -268,7 +268,7 @@ impl BedStage {
         }
     }
 
-    /// Notes that so many events of the present entry are done, of which the last may be its last.
+    /// Notes how many events of the present entry are done; the last of them may end it.
     fn note(&mut self, events: u16, is_end: bool) {
         if is_end {
             (self.done, self.events_done) = (self.done + 1, 0);
@@ -333,12 +333,12 @@ impl BedStage {
             self.turn_z(self.planned, out);
         }
         out.push(if axes == 0 { StepEntry::wait(interval) } else { StepEntry::event(interval, axes) });
-        // So many events cannot take the surface out of reach. The cast saturates, also where nothing changes.
+        // This number of events cannot take the surface out of reach. The cast saturates, also where nothing changes.
         self.sure = ((MAX_AWAY - away.abs()) * ROUNDING / self.per_event) as u32;
         self.note(1, is_end);
     }
 
-    /// Follows the plan by so many steps of these motors.
+    /// Follows the plan by this number of steps of these motors.
     fn follow(&mut self, axes: u8, steps: i32) {
         for (motor, bit) in self.motors.iter_mut().zip(0..) {
             if axes >> bit & 1 == 1 {

@@ -208,7 +208,7 @@ impl<C: AccelerometerChip> Recorder<C> {
         }
     }
 
-    /// The host's line has no room. A record that nobody reads ends after a while.
+    /// The host's line is full. An unread record ends after a while.
     pub fn wait_for_room(&mut self, now_ticks: u32) {
         let State::Recording(record) = &mut self.state else { return };
         record.pass_to(now_ticks);

@@ -40,7 +40,7 @@ impl World {
         Self { table, demand: FanDemand::default(), heated, control: FanControl::new(), board }
     }
 
-    /// The powers of a fan in so many samples.
+    /// The powers of a fan in this many samples.
     fn powers(&mut self, fan: FanOutput, samples: usize) -> Vec<u8> {
         let sample = |_| {
             self.control.update(&self.table, &self.demand, &self.heated, &mut self.board);

@@ -94,7 +94,7 @@ impl Observer for Nozzle {
 
 /// What lines have done.
 pub struct Done {
-    /// The failure of each line, as it is told.
+    /// The failure of each line, as the printer reports it.
     pub failures: Vec<(String, Failure)>,
     /// All replies, the `ok`s left out.
     pub said: Vec<String>,

@@ -75,7 +75,7 @@ fn registers_are_read_and_written_in_frames() {
     assert_eq!(wires.chip.output(), None, "deselected it floats");
     assert_eq!(wires.chip.violations(), Violations::default());
     wires.chip.set_plugged(false);
-    assert_eq!(wires.read(0x00), 0xff, "nobody drives the line");
+    assert_eq!(wires.read(0x00), 0xff, "the line is undriven");
 }
 
 #[test]

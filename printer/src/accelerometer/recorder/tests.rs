@@ -157,7 +157,7 @@ fn what_the_memory_loses_is_counted_and_the_record_goes_on() {
     let mut rig = Rig::new(&chip);
     rig.record(2000, false).unwrap();
     rig.pass(100, 2 * MS);
-    // Twice nobody comes for 50 ms, in which 80 samples are taken.
+    // Twice the recorder is not called for 50 ms, in which the chip takes 80 samples.
     for _ in 0..2 {
         rig.pass(1, 50 * MS);
         rig.pass(10, 2 * MS);
@@ -165,7 +165,7 @@ fn what_the_memory_loses_is_counted_and_the_record_goes_on() {
     rig.pass(1000, 2 * MS);
     assert_eq!(rig.heard.last(), Some(&RecordEvent::Ended { rate_hz: 1600, overflows: 2 }));
     let samples = rig.samples();
-    assert!(samples.iter().map(|(number, _)| *number).eq(0..2000), "numbered as they are told");
+    assert!(samples.iter().map(|(number, _)| *number).eq(0..2000), "numbered as they are reported");
     assert_eq!(samples[1999].1, 1999 + 2 * 48);
 }
 
@@ -179,13 +179,13 @@ fn a_record_may_wait_for_a_move_and_another_ends_it() {
     rig.recorder.move_began(rig.now());
     rig.pass(10, 2 * MS);
     assert!(!rig.recorder.awaits_move() && rig.samples().len() == 32);
-    // Another begins: first the end of this one is told.
+    // Another begins: first the recorder reports the end of this one.
     rig.record(5, false).unwrap();
     rig.heard.clear();
     rig.pass(10, 2 * MS);
     let end = RecordEvent::Ended { rate_hz: 1600, overflows: 0 };
     assert_eq!((rig.heard[0], rig.heard[1], rig.heard.len()), (end, RecordEvent::Begun, 8));
-    // One that nobody has heard of ends silently, as does one that waits.
+    // A record without a line yet ends silently, as does one that waits.
     for at_next_move in [false, true] {
         rig.heard.clear();
         rig.record(5, at_next_move).unwrap();
@@ -253,7 +253,7 @@ fn a_chip_that_takes_no_samples_ends_the_record() {
 }
 
 #[test]
-fn a_record_that_nobody_reads_ends() {
+fn an_unread_record_ends() {
     let chip = RefCell::default();
     let mut rig = Rig::new(&chip);
     rig.set(25);
