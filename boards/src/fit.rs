@@ -164,6 +164,8 @@ const fn type_name(kind: &ThermistorType) -> &'static str {
         ThermistorType::Semitec104Gt2 => "semitec-104gt-2",
         ThermistorType::Epcos100k => "epcos-100k",
         ThermistorType::Beta { .. } => "a beta",
+        ThermistorType::ThreePoints { .. } => "three points",
+        ThermistorType::Pt1000 => "pt1000",
     }
 }
 

@@ -103,6 +103,31 @@ impl<'r> Section<'r> {
         Field::new(self, key, [range.low, range.high], value, show).described(words, book, range.unit)
     }
 
+    /// As many numbers, rising or falling as they like; `example` is such a list.
+    pub fn several<const N: usize>(
+        &self,
+        key: &'static str,
+        range: Range,
+        example: &'static str,
+    ) -> Field<'r, [f64; N]> {
+        self.declare(key);
+        let words = format!("{N} numbers within {range}, such as {example}");
+        let value = self.value(key).and_then(|value| {
+            let numbers = value.get_ref().as_array().map(|array| array.iter().map(|it| number(it.get_ref())));
+            let numbers = numbers.and_then(Iterator::collect::<Option<Vec<f64>>>);
+            let Some(numbers) = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()) else {
+                return self.wrong_type(&self.path(key), value, &words);
+            };
+            if !numbers.iter().all(|number| range.contains(*number)) {
+                return self.out_of_range(&self.path(key), value, &words);
+            }
+            Some(numbers)
+        });
+        let book = format!("{N} numbers, such as `{example}`, within {}", range.for_book());
+        let show = |numbers: &[f64; N]| numbers.map(book_number).join(", ");
+        Field::new(self, key, [range.low; N], value, show).described(words, book, range.unit)
+    }
+
     /// `true` or `false`.
     pub fn flag(&self, key: &'static str) -> Field<'r, bool> {
         self.declare(key);

@@ -16,6 +16,8 @@ const RESIDENCY_WINDOW: Range = range(0.1, 20.0, "degrees");
 const RESIDENCY: Range = range(0.0, 600.0, "s");
 const R25: Range = range(1_000.0, 1_000_000.0, "ohms");
 const BETA: Range = range(2_000.0, 6_000.0, "K");
+const POINT_CELSIUS: Range = range(-50.0, 500.0, "degrees Celsius");
+const POINT_OHM: Range = range(1.0, 10_000_000.0, "ohms");
 const PULL_UP: Range = range(100.0, 100_000.0, "ohms");
 // Long times and small rises would let a failed heater go unnoticed until something melts; short times and large rises trip
 // on a sound one. A weak bed gains a degree a minute, and melts nothing in five.
@@ -158,18 +160,46 @@ fn thermistor(heater: &Section<'_>) -> Thermistor {
         ("semitec-104gt-2", ThermistorType::Semitec104Gt2),
         // EPCOS B57560G104F.
         ("epcos-100k", ThermistorType::Epcos100k),
+        ("pt1000", ThermistorType::Pt1000),
     ];
     let kind = heater
-        .word_or_section("sensor", named, "{ r25_ohm = 100000, beta_k = 3950 }", |beta| ThermistorType::Beta {
-            r25_ohm: beta.number("r25_ohm", R25).required("resistance at 25 °C") as f32,
-            beta_k: beta.number("beta_k", BETA).required("beta of the data sheet") as f32,
-        })
-        .required("the thermistor ([below](#thermistors))");
+        .word_or_section("sensor", named, "{ r25_ohm = 100000, beta_k = 3950 }", by_data_sheet)
+        .required("the sensor ([below](#thermistors))");
     let pull_up_ohm = heater
         .number("pull_up_ohm", PULL_UP)
-        .or(Thermistor::USUAL_PULL_UP_OHM.into(), "from the thermistor to the reference voltage")
+        .or(Thermistor::USUAL_PULL_UP_OHM.into(), "from the sensor to the reference voltage")
         as f32;
     Thermistor { kind, pull_up_ohm }
+}
+
+/// A thermistor by numbers of its data sheet: three points, or a resistance and beta.
+fn by_data_sheet(sheet: &Section<'_>) -> ThermistorType {
+    let celsius = sheet
+        .several("celsius", POINT_CELSIUS, "[25, 150, 250]")
+        .optional("`r25_ohm` and `beta_k`", "three temperatures, rising, as far apart as the heater's use");
+    let ohm = sheet
+        .several("ohm", POINT_OHM, "[100000, 1642, 226.2]")
+        .optional("`r25_ohm` and `beta_k`", "the resistances there");
+    let other = match (celsius, ohm) {
+        (None, None) => {
+            return ThermistorType::Beta {
+                r25_ohm: sheet.number("r25_ohm", R25).required("resistance at 25 °C, beside `beta_k`") as f32,
+                beta_k: sheet.number("beta_k", BETA).required("beta of the data sheet") as f32,
+            };
+        }
+        (Some(celsius), Some(ohm)) if celsius.is_sorted_by(|lower, upper| lower < upper) => {
+            if let Some(kind) = ThermistorType::through(celsius, ohm) {
+                return kind;
+            }
+            let expected = "three resistances that fall as a thermistor's do; or r25_ohm and beta_k";
+            ("ohm", expected)
+        }
+        (Some(_), Some(_)) => ("celsius", "three temperatures that rise"),
+        (None, Some(_)) => ("ohm", "celsius beside it: the three temperatures, such as [25, 150, 250]"),
+        (Some(_), None) => ("celsius", "ohm beside it: the three resistances, such as [100000, 1642, 226.2]"),
+    };
+    sheet.refuse(other.0, other.1);
+    ThermistorType::Epcos100k
 }
 
 /// The lowest and the highest whole degree that a thermistor can read; the range has no gaps.

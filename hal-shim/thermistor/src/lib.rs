@@ -1,6 +1,6 @@
-//! Thermistors: from the converter's readings to degrees Celsius, and back for the virtual board.
+//! Thermistors and platinum resistors: from the converter's readings to degrees Celsius, and back for the virtual board.
 //!
-//! The circuit is the one that printer boards have: a pull-up resistor to the converter's reference, the thermistor to
+//! The circuit is the one that printer boards have: a pull-up resistor to the converter's reference, the sensor to
 //! ground. The f32 arithmetic and libm's logarithm, exponential and cube root are the same code on every processor, so
 //! that a reading is the same temperature, bit for bit, on the desk and on the board.
 #![cfg_attr(not(test), no_std)]
@@ -26,6 +26,20 @@ const ZERO_CELSIUS_K: f32 = 273.15;
 /// 25 degrees Celsius, K: where data sheets name the resistance.
 const NOMINAL_K: f32 = 298.15;
 
+/// Highest temperature of glass beads, degrees Celsius; those of an unknown maker are assumed to have the same limit.
+const GLASS_CELSIUS: f32 = 300.0;
+
+/// Highest temperature of a platinum resistor's conversion, degrees Celsius: no hot end is hotter, and class B of IEC 60751 goes
+/// to 600.
+const PLATINUM_CELSIUS: f32 = 500.0;
+
+/// A and B of R = R0 (1 + A T + B T^2), T in degrees Celsius (IEC 60751, 4.2). The standard's third term, for T below 0, is 0.02 degrees
+/// at -50.
+const PLATINUM: [f32; 2] = [3.9083e-3, -5.775e-7];
+
+/// R0 of a PT1000, ohms.
+const PT1000_OHM: f32 = 1000.0;
+
 /// Coefficients of the Steinhart-Hart equation, 1/T = a + b ln(R) + c ln(R)^3, with T in K and R in ohms.
 #[derive(Clone, Copy, Debug)]
 struct SteinhartHart {
@@ -42,14 +56,14 @@ const SEMITEC_104GT_2: SteinhartHart = SteinhartHart { a: 8.096_510_5e-4, b: 2.1
 /// out at 4091 K; the data sheet says 4092 K, +-1 %.
 const EPCOS_100K: SteinhartHart = SteinhartHart { a: 7.221_363e-4, b: 2.167_665_7e-4, c: 8.929_358e-8 };
 
-/// A type of thermistor.
+/// A type of sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ThermistorType {
     /// Semitec 104GT-2: most hot ends since E3D's V6. 100 kilohms at 25 degrees, up to 300 degrees.
     Semitec104Gt2,
     /// EPCOS (TDK) B57560G104F: beds, older hot ends. 100 kilohms at 25 degrees, up to 300 degrees.
     Epcos100k,
-    /// Any other, by two numbers of its data sheet: R = r25 exp(beta (1/T - 1/298.15 K)). Good near the two
+    /// Any other thermistor, by two numbers of its data sheet: R = r25 exp(beta (1/T - 1/298.15 K)). Good near the two
     /// temperatures that its beta is for (25 and 50, 85 or 100 degrees), some degrees off far from them.
     Beta {
         /// Resistance at 25 degrees Celsius, ohms.
@@ -57,13 +71,41 @@ pub enum ThermistorType {
         /// Beta, K.
         beta_k: f32,
     },
+    /// Any other thermistor, by three points of its data sheet: see [`ThermistorType::through`].
+    ThreePoints {
+        /// a, b and c of the Steinhart-Hart equation; b and c are above 0.
+        steinhart_hart: [f32; 3],
+        /// Highest temperature, degrees Celsius.
+        highest_celsius: f32,
+    },
+    /// A platinum resistor of 1000 ohms at 0 degrees (IEC 60751), without an amplifier.
+    Pt1000,
 }
 
 impl ThermistorType {
-    /// Highest temperature that it is made for, degrees Celsius; readings beyond it are meaningless. Glass beads of an
-    /// unknown maker are assumed to have the same limit.
+    /// A thermistor through three points of its data sheet, degrees Celsius and ohms, the temperatures rising; `None` if no
+    /// thermistor's curve goes through them. It is made for 300 degrees, or for the highest of the points.
+    pub fn through(celsius: [f64; 3], ohm: [f64; 3]) -> Option<Self> {
+        let log = ohm.map(libm::log);
+        let inverse_k = celsius.map(|celsius| 1.0 / (celsius + f64::from(ZERO_CELSIUS_K)));
+        let slope = |index: usize| (inverse_k[index] - inverse_k[0]) / (log[index] - log[0]);
+        let c = (slope(2) - slope(1)) / ((log[2] - log[1]) * (log[0] + log[1] + log[2]));
+        let b = slope(1) - c * (log[0] * log[0] + log[0] * log[1] + log[1] * log[1]);
+        let a = inverse_k[0] - log[0] * (b + c * log[0] * log[0]);
+        let steinhart_hart = [a, b, c].map(|coefficient| coefficient as f32);
+        let highest_celsius = (celsius[2] as f32).max(GLASS_CELSIUS);
+        let is_curve = ohm[0] > ohm[1] && ohm[1] > ohm[2] && steinhart_hart.iter().all(|number| number.is_finite());
+        // A smaller c is lost in f32, and the curve's inverse with it.
+        (is_curve && b > 0.0 && c > 1e-10).then_some(Self::ThreePoints { steinhart_hart, highest_celsius })
+    }
+
+    /// Highest temperature that it is made for, degrees Celsius; readings beyond it are meaningless.
     pub const fn highest_celsius(self) -> f32 {
-        300.0
+        match self {
+            Self::Semitec104Gt2 | Self::Epcos100k | Self::Beta { .. } => GLASS_CELSIUS,
+            Self::ThreePoints { highest_celsius, .. } => highest_celsius,
+            Self::Pt1000 => PLATINUM_CELSIUS,
+        }
     }
 
     /// Temperature at a resistance in ohms, degrees Celsius.
@@ -72,6 +114,8 @@ impl ThermistorType {
             Self::Semitec104Gt2 => SEMITEC_104GT_2.inverse_k(ohm),
             Self::Epcos100k => EPCOS_100K.inverse_k(ohm),
             Self::Beta { r25_ohm, beta_k } => libm::logf(ohm / r25_ohm) / beta_k + 1.0 / NOMINAL_K,
+            Self::ThreePoints { steinhart_hart: [a, b, c], .. } => SteinhartHart { a, b, c }.inverse_k(ohm),
+            Self::Pt1000 => return platinum_celsius(ohm / PT1000_OHM),
         };
         1.0 / inverse_k - ZERO_CELSIUS_K
     }
@@ -83,8 +127,21 @@ impl ThermistorType {
             Self::Semitec104Gt2 => SEMITEC_104GT_2.ohm(inverse_k),
             Self::Epcos100k => EPCOS_100K.ohm(inverse_k),
             Self::Beta { r25_ohm, beta_k } => r25_ohm * libm::expf(beta_k * (inverse_k - 1.0 / NOMINAL_K)),
+            Self::ThreePoints { steinhart_hart: [a, b, c], .. } => SteinhartHart { a, b, c }.ohm(inverse_k),
+            Self::Pt1000 => {
+                let [a, b] = PLATINUM;
+                PT1000_OHM * (1.0 + celsius * (a + b * celsius))
+            }
         }
     }
+}
+
+/// Temperature of a platinum resistor, degrees Celsius, from its resistance as a share of that at 0 degrees. The square root is of
+/// what is below 0 only beyond 3000 degrees, whose resistance is taken then.
+fn platinum_celsius(share: f32) -> f32 {
+    let [a, b] = PLATINUM;
+    let root = libm::sqrtf((a * a - 4.0 * b * (1.0 - share)).max(0.0));
+    (root - a) / (2.0 * b)
 }
 
 impl SteinhartHart {
@@ -102,12 +159,12 @@ impl SteinhartHart {
     }
 }
 
-/// A thermistor on its pull-up resistor.
+/// A sensor on its pull-up resistor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermistor {
     /// Which.
     pub kind: ThermistorType,
-    /// The resistor from the thermistor to the reference voltage, ohms.
+    /// The resistor from the sensor to the reference voltage, ohms.
     pub pull_up_ohm: f32,
 }
 

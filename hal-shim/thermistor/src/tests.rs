@@ -39,7 +39,26 @@ const EPCOS_CHART: [(f32, f32); 7] = [
     (300.0, 107.8),
 ];
 
-const ALL: [ThermistorType; 4] = [
+/// A platinum resistor by the standard's table (IEC 60751, table 1, PT100 times ten): degrees Celsius and ohms.
+const PLATINUM_TABLE: [(f32, f32); 10] = [
+    (-50.0, 803.1),
+    (-20.0, 921.6),
+    (0.0, 1000.0),
+    (25.0, 1097.3),
+    (50.0, 1194.0),
+    (100.0, 1385.1),
+    (200.0, 1758.6),
+    (300.0, 2120.5),
+    (400.0, 2470.9),
+    (500.0, 2809.8),
+];
+
+/// The maker's 104GT through other points than the built-in ones.
+fn through_the_table() -> ThermistorType {
+    ThermistorType::through([40.0, 140.0, 260.0], [50_960.0, 1758.0, 147.5]).unwrap()
+}
+
+const FALLING: [ThermistorType; 4] = [
     ThermistorType::Semitec104Gt2,
     ThermistorType::Epcos100k,
     ThermistorType::Beta { r25_ohm: 100_000.0, beta_k: 3950.0 },
@@ -83,8 +102,52 @@ fn beta_is_its_definition() {
 }
 
 #[test]
+fn platinum_is_within_a_tenth_of_a_degree_of_the_standards_table() {
+    for (celsius, ohm) in PLATINUM_TABLE {
+        let converted = ThermistorType::Pt1000.celsius(ohm);
+        assert!((converted - celsius).abs() < 0.1, "{converted} at {celsius}");
+        assert!((ThermistorType::Pt1000.ohm(celsius) - ohm).abs() < 0.2, "at {celsius}");
+    }
+    let sensor = on_usual_board(ThermistorType::Pt1000);
+    assert!(sensor.can_tell(-50.0) && sensor.can_tell(500.0) && !sensor.can_tell(501.0));
+    // A hotter sensor reads more, with no step of the converter wider than a twentieth of a degree.
+    for reading in sensor.reading(-50.0)..sensor.reading(500.0) {
+        let step = sensor.celsius(reading + 1).unwrap() - sensor.celsius(reading).unwrap();
+        assert!(step > 0.0 && step < 0.05, "{step} at {reading}");
+    }
+}
+
+#[test]
+fn three_points_make_the_makers_curve() {
+    for (celsius, kilohm) in SEMITEC_TABLE.into_iter().filter(|(celsius, _)| *celsius >= 0.0) {
+        let converted = through_the_table().celsius(kilohm * 1000.0);
+        assert!((converted - celsius).abs() < 0.3, "{converted} at {celsius}");
+    }
+    assert_eq!(through_the_table().highest_celsius(), 300.0);
+    let hot = ThermistorType::through([25.0, 150.0, 450.0], [100_000.0, 1642.0, 13.0]).unwrap();
+    assert_eq!(hot.highest_celsius(), 450.0);
+}
+
+#[test]
+fn points_of_no_thermistor_are_refused() {
+    let celsius = [25.0, 150.0, 250.0];
+    for ohm in [
+        [100_000.0, 100_000.0, 226.15],
+        [226.15, 1641.9, 100_000.0],
+        [1000.0, 1573.0, 1940.0],
+        [100_000.0, 226.15, 1641.9],
+        // Bent the other way.
+        [100_000.0, 1000.0, 300.0],
+        [f64::NAN, 1641.9, 226.15],
+        [100_000.0, 1641.9, 0.0],
+    ] {
+        assert_eq!(ThermistorType::through(celsius, ohm), None, "{ohm:?}");
+    }
+}
+
+#[test]
 fn readings_at_the_ends_are_open_or_shorted() {
-    for kind in ALL {
+    for kind in FALLING.into_iter().chain([through_the_table(), ThermistorType::Pt1000]) {
         let thermistor = on_usual_board(kind);
         for open in [65_535, 65_520, OPEN] {
             assert_eq!(thermistor.celsius(open), Err(SensorError::Open));
@@ -114,17 +177,24 @@ fn what_can_be_told_depends_on_the_resistor() {
 proptest! {
     /// There and back: off by the half of a step that the reading is rounded by.
     #[test]
-    fn a_temperature_and_its_reading_are_one(kind in proptest::sample::select(&ALL), celsius in 0.0_f32..300.0) {
+    fn a_temperature_and_its_reading_are_one(
+        kind in prop_oneof![
+            proptest::sample::select(&FALLING),
+            Just(through_the_table()),
+            Just(ThermistorType::Pt1000),
+        ],
+        celsius in 0.0_f32..300.0,
+    ) {
         let thermistor = on_usual_board(kind);
         let reading = thermistor.reading(celsius);
         let back = thermistor.celsius(reading).unwrap();
-        let step = thermistor.celsius(reading - 1).unwrap() - thermistor.celsius(reading + 1).unwrap();
+        let step = (thermistor.celsius(reading - 1).unwrap() - thermistor.celsius(reading + 1).unwrap()).abs();
         prop_assert!((back - celsius).abs() < step * 0.5 + 0.002, "{celsius} is read as {back}, steps of {step}");
     }
 
     /// Hotter is less: a higher reading is never a higher temperature.
     #[test]
-    fn every_reading_has_an_answer_and_they_fall(kind in proptest::sample::select(&ALL), reading in 0..u16::MAX) {
+    fn every_reading_has_an_answer_and_they_fall(kind in proptest::sample::select(&FALLING), reading in 0..u16::MAX) {
         let thermistor = on_usual_board(kind);
         if let (Ok(hotter), Ok(colder)) = (thermistor.celsius(reading), thermistor.celsius(reading + 1)) {
             prop_assert!(hotter.is_finite() && hotter >= colder - 1e-4);

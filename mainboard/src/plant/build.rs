@@ -209,7 +209,11 @@ fn curve(kind: ThermistorKind) -> Curve {
     match kind {
         ThermistorKind::Named(NamedThermistor::Semitec104Gt2) => Curve::semitec_104gt_2(),
         ThermistorKind::Named(NamedThermistor::Epcos100k) => Curve::epcos_b57560g104f(),
+        ThermistorKind::Named(NamedThermistor::Pt1000) => Curve::pt1000(),
         ThermistorKind::Beta { r25_ohm, beta_k } => Curve::Beta { r25_ohm, beta_k },
+        ThermistorKind::Points { celsius: [t1, t2, t3], ohm: [r1, r2, r3] } => {
+            Curve::three_points([(t1, r1), (t2, r2), (t3, r3)])
+        }
     }
 }
 

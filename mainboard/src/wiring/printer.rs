@@ -118,6 +118,13 @@ pub enum ThermistorKind {
         /// The B constant, kelvin.
         beta_k: f64,
     },
+    /// Any other, through three points of its data sheet.
+    Points {
+        /// Degrees Celsius.
+        celsius: [f64; 3],
+        /// Ohm.
+        ohm: [f64; 3],
+    },
 }
 
 /// A thermistor by its part number.
@@ -129,6 +136,9 @@ pub enum NamedThermistor {
     /// EPCOS (TDK) B57560G104F.
     #[serde(rename = "epcos-100k")]
     Epcos100k,
+    /// A platinum resistor of 1000 ohm at 0 degrees Celsius.
+    #[serde(rename = "pt1000")]
+    Pt1000,
 }
 
 /// A heater and its thermistor.
@@ -352,7 +362,7 @@ fn heater(file: &str, key: &str, heater: HeaterSettings) -> Result<HeaterSetting
 }
 
 /// How to mend a thermistor that [`thermistor_fault`] rejects.
-pub(super) const THERMISTOR_CURE: &str = "copy R25 and B from its data sheet";
+pub(super) const THERMISTOR_CURE: &str = "copy R25 and B, or three points, from its data sheet";
 
 /// The problem of a thermistor with impossible values, if any.
 pub(super) fn thermistor_fault(kind: ThermistorKind) -> Option<&'static str> {
@@ -361,6 +371,13 @@ pub(super) fn thermistor_fault(kind: ThermistorKind) -> Option<&'static str> {
             if !(r25_ohm.is_finite() && r25_ohm > 0.0 && beta_k.is_finite() && beta_k > 0.0) =>
         {
             Some("r25_ohm and beta_k must be above 0")
+        }
+        ThermistorKind::Points { celsius, ohm }
+            if !(celsius.is_sorted_by(|low, high| low < high)
+                && ohm.is_sorted_by(|high, low| high > low)
+                && ohm.iter().all(|ohm| *ohm > 0.0)) =>
+        {
+            Some("three temperatures must rise and their resistances fall")
         }
         _ => None,
     }

@@ -17,10 +17,14 @@ fn with_sensor(lines: &str) -> Result<Profile, ProfileError> {
 }
 
 #[test]
-fn a_thermistor_is_a_name_or_two_numbers() {
+fn a_sensor_is_a_name_or_numbers_of_a_data_sheet() {
     let kind = |lines| with_sensor(lines).unwrap().nozzle.thermistor.kind;
     assert_eq!(kind("sensor = \"semitec-104gt-2\""), ThermistorType::Semitec104Gt2);
     assert_eq!(kind("sensor = \"epcos-100k\""), ThermistorType::Epcos100k);
+    assert_eq!(kind("sensor = \"pt1000\""), ThermistorType::Pt1000);
+    let (celsius, ohm) = ([25.0, 150.0, 250.0], [100_000.0, 1642.0, 226.2]);
+    let points = ThermistorType::through(celsius, ohm).unwrap();
+    assert_eq!(kind("sensor = { celsius = [25, 150, 250], ohm = [100000, 1642, 226.2] }"), points);
     let beta = ThermistorType::Beta { r25_ohm: 100_000.0, beta_k: 3950.0 };
     assert_eq!(kind("sensor = { r25_ohm = 100000, beta_k = 3950 }"), beta);
     assert_eq!(kind("sensor.r25_ohm = 1e5\nsensor.beta_k = 3950.0"), beta);
@@ -29,24 +33,47 @@ fn a_thermistor_is_a_name_or_two_numbers() {
     for (lines, message) in [
         (
             "sensor = \"semitec\"",
-            "nozzle.sensor = \"semitec\": expected \"semitec-104gt-2\" or \"epcos-100k\" or a table such as \
+            "nozzle.sensor = \"semitec\": expected \"semitec-104gt-2\", \"epcos-100k\" or \"pt1000\" or a table such as \
              { r25_ohm = 100000, beta_k = 3950 }",
         ),
         (
             "sensor = 5",
-            "nozzle.sensor = 5: expected \"semitec-104gt-2\" or \"epcos-100k\" or a table such as \
+            "nozzle.sensor = 5: expected \"semitec-104gt-2\", \"epcos-100k\" or \"pt1000\" or a table such as \
              { r25_ohm = 100000, beta_k = 3950 }",
         ),
         ("sensor = { r25_ohm = 100000 }", "missing key \"nozzle.sensor.beta_k\", expected 2000 to 6000 K"),
         (
             "sensor = { beta = 3950, r25_ohm = 100000 }",
-            "unknown key \"nozzle.sensor.beta\", expected \"r25_ohm\" or \"beta_k\"",
+            "unknown key \"nozzle.sensor.beta\", expected \"celsius\", \"ohm\", \"r25_ohm\" or \"beta_k\"",
         ),
         ("sensor = { beta_k = 395, r25_ohm = 100000 }", "nozzle.sensor.beta_k = 395: expected 2000 to 6000 K"),
         ("sensor = { beta_k = 3950, r25_ohm = nan }", "nozzle.sensor.r25_ohm = nan: expected 1000 to 1000000 ohms"),
         (
             "sensor = { beta_k = \"x\", r25_ohm = 1000 }",
             "nozzle.sensor.beta_k = \"x\": expected a number from 2000 to 6000 K",
+        ),
+        (
+            "sensor = { celsius = [25, 150, 250] }",
+            "nozzle.sensor.celsius = [25, 150, 250]: expected ohm beside it: the three resistances, such as \
+             [100000, 1642, 226.2]",
+        ),
+        (
+            "sensor = { ohm = [100000, 1642, 226.2] }",
+            "nozzle.sensor.ohm = [100000, 1642, 226.2]: expected celsius beside it: the three temperatures, such as \
+             [25, 150, 250]",
+        ),
+        (
+            "sensor = { celsius = [25, 150], ohm = [100000, 1642, 226.2] }",
+            "nozzle.sensor.celsius = [25, 150]: expected 3 numbers within -50 to 500 degrees Celsius, such as [25, 150, 250]",
+        ),
+        (
+            "sensor = { celsius = [150, 25, 250], ohm = [100000, 1642, 226.2] }",
+            "nozzle.sensor.celsius = [150, 25, 250]: expected three temperatures that rise",
+        ),
+        (
+            "sensor = { celsius = [25, 150, 250], ohm = [226.2, 1642, 100000] }",
+            "nozzle.sensor.ohm = [226.2, 1642, 100000]: expected three resistances that fall as a thermistor's do; or \
+             r25_ohm and beta_k",
         ),
     ] {
         assert_eq!(with_sensor(lines).unwrap_err().to_string(), format!("test.toml:{nozzle}: {message}"));
@@ -65,6 +92,10 @@ fn limits_are_what_the_thermistor_can_read() {
             line("max_celsius = 275")
         )
     );
+    // Platinum is read to the highest temperature of a nozzle.
+    let platinum =
+        text().replace("\"semitec-104gt-2\"", "\"pt1000\"").replace("max_celsius = 275", "max_celsius = 500");
+    assert_eq!(parse(&platinum, "test.toml").unwrap().nozzle.max_celsius, 500.0);
     // 130 ohms at 275 degrees are nothing beside 100 kilohms, and 275 kilohms at 5 degrees endless beside 100 ohms.
     assert_eq!(with_nozzle("pull_up_ohm = 100000").unwrap_err().key(), Some("nozzle.max_celsius"));
     assert_eq!(with_nozzle("pull_up_ohm = 100").unwrap_err().key(), Some("nozzle.min_celsius"));

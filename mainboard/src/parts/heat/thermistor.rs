@@ -6,6 +6,7 @@
 //! | Steinhart and Hart's equation, also through three points of a maker's table | | `three_points_*` |
 //! | a maker's table, interpolated linearly in ln R over 1/T | | `a_table_*` |
 //! | Semitec 104GT-2, EPCOS B57560G104F | makers' data | `known_sensors_*` |
+//! | platinum | IEC 60751, with the term for temperatures below 0 | `platinum_*` |
 //! | noise, open, short, slipped out, drift, loose contact | | `faults_*`, `noise_*` |
 //!
 //! Left out: self-heating of the bead (some 0.1 K at a pull-up of 4.7 kiloohm), the converter's own errors and sampling
@@ -34,6 +35,11 @@ pub enum Curve {
         /// c
         c: f64,
     },
+    /// Callendar and van Dusen's equation with the coefficients of IEC 60751.
+    Platinum {
+        /// Resistance at 0 degrees Celsius in ohms.
+        r0_ohm: f64,
+    },
     /// A maker's table: degrees Celsius, rising, and ohms, falling. Its outermost pairs extrapolate.
     Table(Vec<(f64, f64)>),
 }
@@ -53,6 +59,11 @@ impl Curve {
     /// EPCOS (TDK) B57560G104F through three points of its maker's table: 25, 150 and 250 degrees Celsius.
     pub fn epcos_b57560g104f() -> Self {
         Self::three_points([(25.0, 100_000.0), (150.0, 1_641.9), (250.0, 226.15)])
+    }
+
+    /// A PT1000.
+    pub fn pt1000() -> Self {
+        Self::Platinum { r0_ohm: 1000.0 }
     }
 
     /// Steinhart and Hart's equation through three pairs of degrees Celsius and ohms, all different.
@@ -81,6 +92,10 @@ impl Curve {
                 let third = b / (3.0 * c);
                 let root = (half * half + third.powi(3)).max(0.0).sqrt();
                 ((root - half).cbrt() - (root + half).cbrt()).exp()
+            }
+            Self::Platinum { r0_ohm } => {
+                let below = if celsius < 0.0 { -4.183e-12 * (celsius - 100.0) * celsius.powi(3) } else { 0.0 };
+                r0_ohm * (1.0 + 3.9083e-3 * celsius - 5.775e-7 * celsius * celsius + below)
             }
             Self::Table(points) => table_ohm(points, kelvin),
         }
@@ -235,6 +250,13 @@ mod tests {
         let ratio = Curve::epcos_b57560g104f().ohm(25.0) / Curve::epcos_b57560g104f().ohm(100.0);
         let beta_k = ratio.ln() / (1.0 / 298.15 - 1.0 / 373.15);
         assert!(near(beta_k, 4092.0, 0.005), "{beta_k}");
+    }
+
+    #[test]
+    fn platinum_has_the_standards_resistances() {
+        for (celsius, ohm) in [(-50.0, 803.06), (0.0, 1000.0), (100.0, 1385.06), (500.0, 2809.78)] {
+            assert!(near(Curve::pt1000().ohm(celsius), ohm, 1e-4), "{celsius}");
+        }
     }
 
     fn thermistor(noise_mv: f64) -> Thermistor {
