@@ -11,7 +11,9 @@ use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Planner, PressureAdvance, Request};
+use ferrostep_planner::{
+    ChoiceError, Limits, MotionChoice, Move, Moved, Planner, PressureAdvance, Request, StepsPerMm,
+};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, Printer, Replies};
 
@@ -92,6 +94,14 @@ impl Motion for Machine<'_, '_> {
 
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.planner.borrow_mut().set_motion_choice(choice)
+    }
+
+    fn extruder_steps_per_mm(&self) -> StepsPerMm {
+        self.planner.borrow().extruder_steps_per_mm()
+    }
+
+    fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
+        self.planner.borrow_mut().set_extruder_steps_per_mm(steps_per_mm)
     }
 
     fn set_motors_enabled(&mut self, _axes: u8, _enabled: bool) {}

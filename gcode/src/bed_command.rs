@@ -17,7 +17,7 @@ pub struct BedArea {
     pub is_size: bool,
 }
 
-/// G29, G30, G80, M48, M420, M421, M555 and Klipper's words for them.
+/// G29, G30, G35, G80, M48, M420, M421, M555 and Klipper's words for them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BedCommand {
     /// G29, G80, BED_MESH_CALIBRATE: measures the mesh, and Z follows it.
@@ -65,6 +65,8 @@ pub enum BedCommand {
         /// Q.
         adds: bool,
     },
+    /// G35, SCREWS_TILT_CALCULATE: probes the bed above its screws, and says by how much to turn each.
+    Screws,
     /// BED_MESH_CLEAR: the mesh is forgotten.
     Clear,
 }
@@ -77,7 +79,7 @@ impl BedCommand {
 
     /// Whether it moves the machine.
     pub const fn probes(&self) -> bool {
-        matches!(self, Self::Measure { .. } | Self::Probe { .. } | Self::Repeat { .. })
+        matches!(self, Self::Measure { .. } | Self::Probe { .. } | Self::Repeat { .. } | Self::Screws)
     }
 
     /// Whether it only reports.

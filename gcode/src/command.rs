@@ -347,6 +347,8 @@ pub enum Command<'a> {
     ReportEndStops,
     /// M201 X Y Z E: largest accelerations.
     MaxAcceleration(AxisWords),
+    /// M92 X Y Z E: steps for each mm; without words a query.
+    StepsPerMm(AxisWords),
     /// M203 X Y Z E: largest feed rates, mm/s.
     MaxFeed(AxisWords),
     /// M204.

@@ -111,7 +111,7 @@ const fn named(number: u16) -> (u8, u16, u16) {
     (NAMED, number, number)
 }
 
-const NO_MEMORY: &str = "meshes are not stored: G29 measures one";
+const STORED_MESH: &str = "M420 S1 follows the mesh that M500 has stored, G29 measures one";
 const NO_DISPLAY: &str = "there is no display";
 const NO_UNIT: &str = "there is no such unit: change filament by hand";
 const NO_STORE: &str = "the profile says where home is";
@@ -133,7 +133,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'G', 31, 32), "G31 and G32", "dock the probe, or probe the bed", "G29 measures the bed"),
     unknown(g(33), "G33", "calibrate a delta", "deltas are not supported"),
     unknown(g(34), "G34", "align several Z motors", "there is one Z motor"),
-    unknown(g(35), "G35", "measure how the bed's screws stand", "G30 probes the bed at one place"),
     refused(g(38), "G38", "move until the probe triggers", "the nozzle would not stand at the probed place; home with G28"),
     refused((b'G', 41, 42), "G41 and G42", "tool radius compensation, or a move to a place of the mesh", "the path would lie elsewhere; let the slicer correct it"),
     refused((b'G', 43, 44), "G43 and G44", "tool length compensation", "Z would be off by the tool's length; leave the offset out"),
@@ -156,7 +155,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(42), "M42", "switch a pin", NO_OUTPUT),
     accepted(m(74), "M74", "weight on the bed", "speeds do not depend on it"),
     unknown((b'M', 80, 81), "M80 and M81", "switch the power supply", "the supply cannot be switched"),
-    unknown(m(92), "M92", "steps for each mm", "the profile's steps_per_mm stay: lengths differ if the file's are others"),
     unknown((b'M', 120, 121), "M120 and M121", "watch the end stops", "they are read while homing"),
     unknown(m(132), "M132", "load the stored home position", NO_STORE),
     unknown(m(136), "M136", "begin a job (MakerBot)", "a job needs no such beginning"),
@@ -178,7 +176,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'M', 350, 351), "M350 and M351", "microsteps", "the profile's stay"),
     unknown(m(355), "M355", "light of the case", NO_OUTPUT),
     unknown((b'M', 360, 364), "M360 to M364", "places of a SCARA's arms", "SCARAs are not supported"),
-    unknown(m(375), "M375", "load the bed's mesh", NO_MEMORY),
+    unknown(m(375), "M375", "load the bed's mesh", STORED_MESH),
     unknown((b'M', 401, 402), "M401 and M402", "deploy and stow the probe", "the probe is fixed"),
     unknown(m(403), "M403", "filament of a multi-material unit", NO_UNIT),
     unknown((b'M', 404, 407), "M404 to M407", "measure the filament's diameter", "there is no such sensor"),
@@ -209,10 +207,10 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'M', 960, 991), "M960 to M991", "lamps, cameras and checks (Bambu)", "this machine does not have them"),
     unknown(m(997), "M997", "new firmware", "the book says how firmware is written"),
     unknown((b'M', 1001, 1006), "M1001 to M1006", "begin and end of a job, checks, sounds (Raise3D, Bambu)", "a job needs no such beginning"),
-    accepted(named(0), "BED_MESH_*", "load, save or show a mesh of the bed (Klipper)", NO_MEMORY),
+    accepted(named(0), "BED_MESH_*", "load, save or show a mesh of the bed (Klipper)", STORED_MESH),
     accepted(named(1), "EXCLUDE_OBJECT*", "names and outlines of objects, to leave one out (Klipper)", "all are printed"),
-    accepted(named(2), "START_PRINT, PRINT_START", "a macro that homes and heats (Klipper)", "nothing is homed and nothing heats: write G28, M190 and M109 into the slicer's start code"),
-    accepted(named(3), "END_PRINT, PRINT_END", "a macro that switches off (Klipper)", "heaters, fan and motors stay on: write M104 S0, M140 S0, M107 and M84 into the slicer's end code"),
+    accepted(named(2), "START_PRINT, PRINT_START", "a macro that homes and heats (Klipper)", "nothing is homed and nothing heats: give the profile a macro of this name, or write G28, M190 and M109 into the slicer's start code"),
+    accepted(named(3), "END_PRINT, PRINT_END", "a macro that switches off (Klipper)", "heaters, fan and motors stay on: give the profile a macro of this name, or write M104 S0, M140 S0, M107 and M84 into the slicer's end code"),
     accepted(named(4), "Z_TILT_ADJUST, QUAD_GANTRY_LEVEL", "align several Z motors (Klipper)", "there is one Z motor"),
     accepted(named(5), "SET_LED", "colour of a light (Klipper)", NO_OUTPUT),
     accepted(named(6), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),

@@ -44,6 +44,12 @@ impl Extruder {
         Self { steps_per_mm, at: ExtruderPosition { whole_256ths: 0, remainder: 0 } }
     }
 
+    /// From where it stands on, a millimetre of filament is so many steps. What was less than 1/256 step is forgotten.
+    pub(crate) fn set_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) {
+        let at = ExtruderPosition { whole_256ths: self.position_256ths(), remainder: 0 };
+        *self = Self { steps_per_mm, at };
+    }
+
     /// Whether the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
     /// 4,000 steps/mm, where the product with the steps would leave 64 bits.
     #[inline(always)]
@@ -187,6 +193,20 @@ mod tests {
         extruder.advance(12_345);
         assert_eq!(extruder.reset_to(60), 0);
         assert_eq!(extruder.position_256ths(), 60 * 256 + 31);
+    }
+
+    /// From each place on, the motor goes as many steps as the new number says, and nothing before it is lost but a part of 1/256 step.
+    #[test]
+    fn other_steps_hold_from_where_it_stands() {
+        for before in [3 * FILAMENT_UNITS_PER_MM + 12_345, -7 * FILAMENT_UNITS_PER_MM - 99] {
+            let mut extruder = Extruder::new(StepsPerMm::from_f64(100.0).unwrap());
+            extruder.advance(before);
+            let stood = extruder.position_256ths();
+            extruder.set_steps_per_mm(StepsPerMm::from_f64(104.5).unwrap());
+            assert_eq!(extruder.position_256ths(), stood);
+            extruder.advance(10 * FILAMENT_UNITS_PER_MM);
+            assert_eq!(extruder.position_256ths(), stood + 1045 * 256);
+        }
     }
 
     #[test]

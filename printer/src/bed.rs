@@ -1,10 +1,11 @@
-//! G29, G30, G80, M48, M420, M421 and M555: the bed is probed, and Z follows its surface.
+//! G29, G30, G35, G80, M48, M420, M421 and M555: the bed is probed, and Z follows its surface.
 //!
 //! Heights are those of the motors at which the probe triggers, less the one at which it has triggered when Z was homed: where Z is
 //! homed the surface is at 0, whatever the probe's offset (M851).
 
 mod area;
 mod reports;
+mod screws;
 
 use ferrostep_gcode::{BedCommand, Decimal};
 use ferrostep_planner::surface::{MeshError, MeshGrid};
@@ -24,7 +25,7 @@ const Z: usize = 2;
 const UM: i64 = 100;
 
 /// The greatest height of a point, either way, units of 10 nm.
-const MAX_HEIGHT_10NM: i64 = 1_000_000;
+pub(crate) const MAX_HEIGHT_10NM: i64 = 1_000_000;
 
 /// How often M48 probes without P, and at least: Marlin's numbers.
 const SAMPLES: u8 = 10;
@@ -72,6 +73,7 @@ impl<P: Ports> Printer<'_, P> {
                 let heights = self.probe_apart(place_10nm, samples, &settings).await?;
                 self.report_repeatability(&heights);
             }
+            BedCommand::Screws => self.measure_screws(&settings).await?,
             BedCommand::Follow { on, fade, reports } => self.follow(on, fade, reports)?,
             BedCommand::SetPoint { column, row, height, adds } => self.set_point([column, row], height, adds)?,
             BedCommand::Clear => self.forget_mesh(),
@@ -97,8 +99,16 @@ impl<P: Ports> Printer<'_, P> {
         outcome
     }
 
+    /// M502: no mesh, and the profile's fade.
+    pub(crate) fn reset_mesh(&mut self) {
+        if let Some(settings) = self.profile.mesh.filter(|_| self.has_bed()) {
+            self.forget_mesh();
+            self.interpreter.modal.mesh_fade_10nm = settings.fade_10nm;
+        }
+    }
+
     /// Z follows nothing, and the mesh has no points.
-    fn forget_mesh(&mut self) {
+    pub(crate) fn forget_mesh(&mut self) {
         // Only on can fail.
         let _off = self.switch_bed(false);
         self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE));

@@ -48,6 +48,8 @@ enum Waiting<'a> {
     },
     Tower(Option<&'a TowerWords<'a>>),
     Stop(Stop),
+    /// M92 without words.
+    ReportSteps,
     ShowSettings(SettingsCommand),
     Pause(PauseReason, PauseWords),
     LoadFilament {
@@ -72,14 +74,16 @@ enum Waiting<'a> {
     Bed(&'a BedCommand),
     Card(&'a CardCommand<'a>),
     /// Until motion has ended.
-    Finish(Then),
+    Finish(Then<'a>),
 }
 
 /// What comes at a standstill.
-enum Then {
+enum Then<'a> {
     Nothing,
     /// M500 to M502.
     Settings(SettingsCommand),
+    /// M92.
+    StepsPerMm(&'a AxisWords),
     /// M77, M78 S78.
     PrintClock(PrintClockCommand),
     /// M956.
@@ -140,6 +144,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Fan { output, power } => self.motion.set_fan_power(output, power).await?,
             Waiting::Tower(words) => self.set_tower(words)?,
             Waiting::ShowSettings(command) => self.show_settings(command),
+            Waiting::ReportSteps => self.report_steps_per_mm(),
             Waiting::Stop(Stop::Quick) => self.stop_motion(),
             Waiting::Stop(Stop::Emergency) => return self.emergency_stop(),
             Waiting::Stop(Stop::Restart) => self.restart()?,
@@ -165,6 +170,7 @@ impl<P: Ports> Printer<'_, P> {
                 match then {
                     Then::Nothing => {}
                     Then::Settings(command) => self.change_settings(command),
+                    Then::StepsPerMm(words) => self.set_steps_per_mm(words)?,
                     Then::PrintClock(command) => {
                         self.print_clock(command);
                         self.keep_statistics();
@@ -240,6 +246,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
+            Command::StepsPerMm(ref words) if *words == AxisWords::default() => return waiting(Waiting::ReportSteps),
+            Command::StepsPerMm(ref words) => return waiting(Waiting::Finish(Then::StepsPerMm(words))),
             Command::MaxFeed(ref words) => self.set_max_feed(words)?,
             Command::Acceleration { print, retract, travel, both } => {
                 self.set_acceleration(print, retract, travel, both)?;

@@ -112,8 +112,12 @@ pub enum CommandError {
     },
     /// Z follows the bed, or shall, and a prepared job brings its own heights.
     MeshAndJob,
+    /// M92 has set other steps of the extruder than the profile's, with which a prepared job is planned.
+    StepsAndJob,
     /// Z cannot follow the bed.
     Mesh(MeshError),
+    /// The profile names no screws of the bed.
+    NoScrews,
     /// The bed is probed and followed with all axes homed.
     BedUnhomed {
         /// Index of an axis that is not homed.
@@ -333,7 +337,12 @@ impl fmt::Display for CommandError {
             Self::MeshAndJob => out.write_str(
                 "a prepared job brings its own heights and follows no mesh: send M420 S0 before it, or print its G-code",
             ),
+            Self::StepsAndJob => out.write_str(
+                "a prepared job is planned with the profile's steps of the extruder, and M92 has set others: print its G-code, or write them \
+                 into the profile and prepare it anew",
+            ),
             Self::Mesh(error) => write_mesh_error(out, error),
+            Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: write its table bed_screws"),
             Self::BedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "{name} is not homed: send G28 before the bed is probed or followed")

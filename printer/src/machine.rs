@@ -14,7 +14,7 @@ use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, PressureAdvance, Request,
-    Standard, StepDigests, TICKS_PER_SECOND,
+    Standard, StepDigests, StepsPerMm, TICKS_PER_SECOND,
 };
 
 use crate::fans::FanDemand;
@@ -320,6 +320,19 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// [`ChoiceError`]; nothing has changed then.
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.planner.set_motion_choice(choice)
+    }
+
+    /// Steps of the extruder in a millimetre of filament.
+    pub fn extruder_steps_per_mm(&self) -> StepsPerMm {
+        self.planner.extruder_steps_per_mm()
+    }
+
+    /// Sets the steps of the extruder in a millimetre of filament, at standstill.
+    ///
+    /// # Errors
+    /// [`ChoiceError::InMotion`]; nothing has changed then.
+    pub fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
+        self.planner.set_extruder_steps_per_mm(steps_per_mm)
     }
 
     /// Sets how far the extruder runs ahead, see [`Planner::set_pressure_advance`].

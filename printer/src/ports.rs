@@ -7,7 +7,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use ferrostep_settings::{Slot, StoreError};
@@ -73,6 +73,13 @@ pub trait Motion {
     /// # Errors
     /// [`ChoiceError`]; nothing has changed then.
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError>;
+    /// Steps of the extruder in a millimetre of filament.
+    fn extruder_steps_per_mm(&self) -> StepsPerMm;
+    /// Sets the steps of the extruder in a millimetre of filament.
+    ///
+    /// # Errors
+    /// [`ChoiceError::InMotion`]: the machine is not at standstill; nothing has changed then.
+    fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError>;
     /// What lets Z follow the bed, or nothing: its code is compiled only then.
     type Bed: Bed;
     /// Whether Z can follow the bed.

@@ -165,6 +165,31 @@ pub struct HeaterSettings {
     pub mass: HeatedMass,
 }
 
+/// A screw that the bed stands on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BedScrew {
+    /// What people call it.
+    pub name: &'static str,
+    /// Where it is: X and Y in machine coordinates, units of 10 nm, within reach of the probe.
+    pub place_10nm: [i64; 2],
+}
+
+/// The screws that the bed stands on (G35).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BedScrews {
+    /// By how much a turn moves the bed, units of 10 nm, above 0.
+    pub pitch_10nm: i64,
+    /// A turn clockwise lifts the bed.
+    pub clockwise_lifts: bool,
+    /// The screws; the others are turned to the height of the first.
+    pub screws: [Option<BedScrew>; BedScrews::MAX],
+}
+
+impl BedScrews {
+    /// The most screws.
+    pub const MAX: usize = 8;
+}
+
 /// Firmware retraction, G10 and G11, before M207 and M208.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareRetraction {
@@ -307,6 +332,8 @@ pub struct Profile {
     pub safe_homing: SafeHoming,
     /// How the bed is measured; `None`: it cannot be.
     pub mesh: Option<MeshSettings>,
+    /// The bed's screws, with a mesh.
+    pub bed_screws: Option<BedScrews>,
     // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,

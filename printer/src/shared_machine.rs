@@ -7,7 +7,7 @@ use ferrostep_hal_shim::{FanOutput, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::surface::{Mesh, MeshError};
 use ferrostep_planner::{
-    ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, PressureAdvance, Request,
+    ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, PressureAdvance, Request, StepsPerMm,
 };
 
 use crate::machine::{Machine, Silence};
@@ -188,6 +188,14 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.machine.with(|machine| machine.set_motion_choice(choice))
+    }
+
+    fn extruder_steps_per_mm(&self) -> StepsPerMm {
+        self.machine.with(|machine| machine.extruder_steps_per_mm())
+    }
+
+    fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
+        self.machine.with(|machine| machine.set_extruder_steps_per_mm(steps_per_mm))
     }
 
     type Bed = <S::Methods as MotionMethods>::Bed;

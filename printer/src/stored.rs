@@ -4,13 +4,14 @@
 //! values come into force wherever no others were set.
 
 mod groups;
+mod mesh;
 mod values;
 
 use core::fmt;
 
 use ferrostep_gcode::{Reply, SettingsCommand};
 use ferrostep_hal_shim::Heater;
-use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, smooth_ticks};
+use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 
 use crate::axis_names::AXIS_NAMES;
@@ -30,14 +31,19 @@ struct Stored {
     foreign: usize,
     /// What has been mended.
     faults: usize,
+    /// Points of the mesh along X and Y.
+    mesh: Option<[u8; 2]>,
     /// What the machine has done in its life.
     statistics: Statistics,
 }
 
 impl fmt::Display for Stored {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { known, foreign, faults, .. } = self;
+        let Self { known, foreign, faults, mesh, .. } = self;
         write!(out, "{known} values, {faults} faults")?;
+        if let Some([columns, rows]) = mesh {
+            write!(out, ", a mesh of {columns} x {rows} points")?;
+        }
         if *foreign == 0 { Ok(()) } else { write!(out, ", {foreign} that this version does not know") }
     }
 }
@@ -127,6 +133,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     #[inline(never)]
     fn reset_settings(&mut self) -> Option<MotionChoice> {
         let values = self.profile_values();
+        self.reset_mesh();
         self.replies.send(Reply::Text("echo:Hardcoded Default Settings Loaded"));
         self.put_in_force(&values)
     }
@@ -189,6 +196,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         let MotionChoice { shapers, pressure_advance, .. } = self.motion.motion_choice();
         let modal = &self.interpreter.modal;
         Values {
+            extruder_steps_per_mm: self.motion.extruder_steps_per_mm().to_f64(),
             limits: self.motion.limits(),
             retraction: modal.retraction,
             home_offset_10nm: modal.home_offset_10nm,
@@ -206,7 +214,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// M503.
-    fn report_settings(&self, headings: bool) {
+    fn report_settings(&mut self, headings: bool) {
         let mut values = self.live_values();
         if headings {
             self.replies.send(Reply::Text("echo:; Linear Units:"));
@@ -227,6 +235,7 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.replies.send(Reply::Text(&text));
             }
         }
+        self.report_stored_mesh();
     }
 
     /// M500.
@@ -257,6 +266,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         self.see_heat();
         is_whole &= add_statistics(&mut self.print_clock.statistics, &mut record);
+        is_whole &= self.add_mesh(&mut record);
         let bytes = record.bytes();
         let saved = memory.save(bytes);
         self.print_clock.is_unsaved &= !is_whole || saved.is_err();
@@ -303,9 +313,10 @@ impl<'a, P: Ports> Printer<'a, P> {
         if is_start {
             self.print_clock.statistics = stored.statistics;
         }
-        if stored.known > 0 || stored.foreign > 0 || !is_start {
+        if stored.known > 0 || stored.foreign > 0 || stored.mesh.is_some() || !is_start {
             self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));
         }
+        self.load_mesh(memory, &stored);
         self.put_in_force(&stored.values)
     }
 
@@ -317,6 +328,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             known: 0,
             foreign: 0,
             faults: 0,
+            mesh: None,
             statistics: Statistics::default(),
         };
         let mut slot = [0; SLOT_BYTES];
@@ -352,6 +364,10 @@ impl<'a, P: Ports> Printer<'a, P> {
             }
             return;
         }
+        if entry.id == mesh::MESH && self.has_bed() {
+            stored.mesh = stored.mesh.or(mesh::points(entry));
+            return;
+        }
         let known = setting_of(entry).filter(|(group, setting)| index < group.values_of(setting));
         let place =
             known.and_then(|(group, setting)| Some((group, setting, (setting.place)(&mut stored.values, index)?)));
@@ -385,6 +401,10 @@ impl<'a, P: Ports> Printer<'a, P> {
                 .say(format_args!("echo:settings: {what}{name} as stored is not possible: the profile's is used"));
             *faults = faults.saturating_add(1);
         };
+        if !self.are_extruder_steps(values.extruder_steps_per_mm) {
+            values.extruder_steps_per_mm = of_profile.extruder_steps_per_mm;
+            mend("steps_per_mm.", 'e');
+        }
         for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
             if !is_possible(shaper, smooth_time_s) {
                 *shaper = other;
@@ -442,6 +462,8 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     #[inline(never)]
     fn put_motion_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
+        // At standstill it cannot fail.
+        let _always_works = self.motion.set_extruder_steps_per_mm(StepsPerMm::nearest(values.extruder_steps_per_mm));
         self.motion.set_limits(values.limits);
         self.interpreter.modal.retraction = values.retraction;
         self.interpreter.modal.set_home_offset(values.home_offset_10nm);

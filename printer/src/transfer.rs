@@ -252,6 +252,7 @@ impl<P: Ports> Printer<'_, P> {
         if !self.receives_jobs {
             return Err(CommandError::NoJobs);
         }
+        self.needs_profiles_steps()?;
         self.job_request = Some(JobRequest { size, silence_s });
         Ok(())
     }

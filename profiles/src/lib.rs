@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod axes;
+mod bed_screws;
 mod drivers;
 pub mod error_budget;
 mod extrusion;

@@ -49,7 +49,7 @@ pub(crate) fn mesh(
     let about = "with a probe: how [the bed is measured](levelling.md) (G29), and how far up Z follows it";
     if let Some(table) = apart.optional_section("mesh", "each key its default, with a probe", about) {
         if !is_probe {
-            keys.refuse("homing.z.sensor", "\"probe\" with the table [mesh]: without one the bed cannot be measured");
+            keys.refuse("mesh", "homing.z.sensor = \"probe\" with it: without a probe the bed cannot be measured");
         } else if !can_follow {
             let expected = "\"cartesian\" or \"corexy\" with the table [mesh]: on others Z has no motor of its own";
             keys.refuse("kinematics", expected);
@@ -120,7 +120,7 @@ pub(crate) fn mesh(
 }
 
 /// What the probe reaches of the bed, along X and along Y.
-fn reach_mm(travel: &Travel, safe: &SafeHoming) -> [[f64; 2]; 2] {
+pub(crate) fn reach_mm(travel: &Travel, safe: &SafeHoming) -> [[f64; 2]; 2] {
     let mm = |units: i64| units as f64 / 100_000.0;
     [0, 1].map(|axis: usize| {
         let (offset, [from, to]) = (mm(safe.probe_offset_10nm[axis]), safe.bed_10nm[axis].map(mm));

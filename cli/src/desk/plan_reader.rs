@@ -13,7 +13,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::surface::{Bed, BedStage, Mesh, MeshError};
 use ferrostep_planner::{
     ChoiceError, Limits, MotionChoice, Move, MoveError, Moved, Notice, PlannedBlock, Planner, PressureAdvance,
-    Progress, Recorded, Request, StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
+    Progress, Recorded, Request, StepDigests, StepEntry, StepLedger, StepSink, StepsPerMm, TICKS_PER_SECOND,
 };
 use ferrostep_printer::machine::HomingTime;
 use ferrostep_printer::{FanDemand, HomingOutcome, Motion, MotionError, Profile, Signals};
@@ -453,6 +453,14 @@ impl Motion for PlannedMotion<'_> {
 
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.reader.plan.borrow_mut().planner.set_motion_choice(choice)
+    }
+
+    fn extruder_steps_per_mm(&self) -> StepsPerMm {
+        self.reader.plan.borrow().planner.extruder_steps_per_mm()
+    }
+
+    fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
+        self.reader.plan.borrow_mut().planner.set_extruder_steps_per_mm(steps_per_mm)
     }
 
     type Bed = BedStage;

@@ -74,6 +74,8 @@ impl Passed {
                     | Command::Fan { number: 0, .. }
                     | Command::MaxAcceleration(_)
                     | Command::MaxFeed(_)
+                    // A job with other steps than the profile's is refused.
+                    | Command::StepsPerMm(_)
                     | Command::Acceleration { .. }
                     | Command::VelocityLimit { .. }
                     | Command::HeatersOff

@@ -179,6 +179,9 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
             Ok(Command::Bed(bed)) if bed.switches_on() && printer.has_bed() => Some(
                 "a prepared job brings its own heights and follows no mesh of the bed: take the line out, or print the G-code",
             ),
+            Ok(Command::StepsPerMm(words)) if printer.changes_extruder_steps(&words) => Some(
+                "M92 E changes the extruder's steps and cannot be prepared: write them into the profile, and take the line out",
+            ),
             Ok(Command::Tower(Some(_))) => {
                 Some("TUNING_TOWER changes values while a print is made and cannot be prepared: print the G-code")
             }

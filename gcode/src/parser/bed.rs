@@ -1,13 +1,16 @@
-//! G29, G30, G80, M48, M420, M421 and M555: the bed's mesh, in Marlin's words and Prusa's.
+//! G29, G30, G35, G80, M48, M420, M421 and M555: the bed's mesh, in Marlin's words and Prusa's.
 
 use super::code::Code;
 use super::words::Words;
 use crate::remarks::Remarks;
 use crate::{BedArea, BedCommand, Command, ParseError};
 
-/// G29, G80, and G30.
+/// G29, G80, G30 and G35.
 pub(super) fn g_code<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
+    if code.number == 35 {
+        return Ok(Command::Bed(BedCommand::Screws));
+    }
     if code.number == 30 {
         return Ok(Command::Bed(BedCommand::Probe { x: words.value(b'X'), y: words.value(b'Y') }));
     }
@@ -83,6 +86,13 @@ mod tests {
     fn part([left, right, front, back]: [&str; 4], is_size: bool) -> BedArea {
         let [left, right, front, back] = [left, right, front, back].map(number);
         BedArea { left, right, front, back, is_size }
+    }
+
+    #[test]
+    fn probes_above_the_screws() {
+        reads("G35", bed(BedCommand::Screws));
+        reads("SCREWS_TILT_CALCULATE", bed(BedCommand::Screws));
+        reads_with("G35 S40", bed(BedCommand::Screws), "S has no effect");
     }
 
     #[test]

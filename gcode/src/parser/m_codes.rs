@@ -87,6 +87,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         },
         86 => Ok(Command::HeaterTimeout(code.words(remarks)?.whole_up_to(b'S', u16::MAX)?)),
         87 => code.without_words(Command::HeaterTimeout(Some(0)), remarks),
+        92 => Ok(Command::StepsPerMm(code.words(remarks)?.axis_limits())),
         104 | 109 | 140 | 190 => temperature(code, remarks),
         106 | 107 => fan(code, remarks),
         105 => Ok(Command::ReportTemperatures),

@@ -138,7 +138,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 15] = [
+const EXECUTED: [(&str, &str); 16] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
@@ -158,6 +158,7 @@ const EXECUTED: [(&str, &str); 15] = [
     ("BED_MESH_CALIBRATE", "MESH_MIN and MESH_MAX with x,y, or neither"),
     ("BED_MESH_CLEAR", ""),
     ("PROBE_ACCURACY", "SAMPLES with a number up to 255"),
+    ("SCREWS_TILT_CALCULATE", ""),
 ];
 
 /// Reads a line that begins with a name, or with nothing known.
@@ -194,6 +195,7 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         11 => Command::ResumePrint,
         12 => Command::Bed(BedCommand::Measure { area: mesh_area(&words, remarks)?, unless_on: false }),
         13 => Command::Bed(BedCommand::Clear),
+        15.. => Command::Bed(BedCommand::Screws),
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })

@@ -65,7 +65,7 @@ fn what_is_missing_or_malformed_is_refused() {
 #[test]
 fn what_means_nothing_here_says_so() {
     for (text, says) in [
-        ("bed_mesh_profile LOAD=default", "meshes are not stored"),
+        ("bed_mesh_profile LOAD=default", "M420 S1 follows the mesh that M500 has stored"),
         ("EXCLUDE_OBJECT_DEFINE NAME=cube CENTER=100,100", "all are printed"),
         ("EXCLUDE_OBJECT_START NAME=cube", "all are printed"),
         ("START_PRINT EXTRUDER_TEMP=210 BED_TEMP=60", "write G28, M190 and M109"),

@@ -131,6 +131,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::SetLineNumber(number) => (110, given([('N', number.map(whole))])),
         Command::KeepAlive(seconds) => (113, given([('S', seconds.map(|value| whole(value.into())))])),
         Command::MaxAcceleration(limits) => (201, axes(limits)),
+        Command::StepsPerMm(steps) => (92, axes(steps)),
         Command::MaxFeed(limits) => (203, axes(limits)),
         Command::Acceleration { print, retract, travel, both } => {
             (204, given([('P', print), ('R', retract), ('T', travel), ('S', both)]))
@@ -403,6 +404,7 @@ fn motion() -> impl Strategy<Value = Command<'static>> {
 fn settings() -> impl Strategy<Value = Command<'static>> {
     prop_oneof![
         any_limits().prop_map(Command::MaxAcceleration),
+        any_limits().prop_map(Command::StepsPerMm),
         any_limits().prop_map(Command::MaxFeed),
         (of(above_zero()), of(above_zero()), of(above_zero()), of(above_zero()))
             .prop_map(|(print, retract, travel, both)| Command::Acceleration { print, retract, travel, both }),

@@ -7,7 +7,7 @@ use crate::bresenham::MAX_STEPS;
 use crate::budget::Budget;
 use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
 use crate::junction::{CornerAcceleration, radius_10nm, speed_of_jumps};
-use crate::kinematics::{Geometry, UNITS_PER_MM};
+use crate::kinematics::{Geometry, StepsPerMm, UNITS_PER_MM};
 use crate::limits::{AXES, ExtruderAdvance, FeedAndAcceleration, Limits, PathLimits, larger, smaller};
 use crate::methods::{MotionMethods, StepPattern};
 use crate::on_the_way::EXTRUDER_JUMP_MM_PER_S;
@@ -158,6 +158,13 @@ impl<M: MotionMethods> BlockRules<M> {
             budget: Budget::new(&geometry),
             surface: None,
         }
+    }
+
+    /// A millimetre of filament is so many steps of the extruder.
+    pub fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) {
+        let [.., extruder] = &mut self.geometry.steps_per_mm;
+        *extruder = steps_per_mm;
+        self.extruder_step_mm = 1.0 / steps_per_mm.to_f64() as f32;
     }
 
     /// The axes are shaped by filters of at most this length, ticks; 0: they are not.

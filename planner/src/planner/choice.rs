@@ -1,6 +1,6 @@
 //! How the planner moves: the methods that make the steps, the filters and the pressure advance that are chosen.
 
-use crate::kinematics::{Geometry, Kinematics};
+use crate::kinematics::{Geometry, Kinematics, StepsPerMm};
 use crate::limits::ExtruderAdvance;
 use crate::look_ahead::SpeedLaw;
 use crate::methods::{ChoiceError, MotionMethods};
@@ -125,6 +125,26 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     pub(super) fn advance_law(&self) -> AdvanceLaw {
         let [.., steps_per_mm] = self.rules.geometry.steps_per_mm;
         AdvanceLaw::new(&self.choice.pressure_advance, steps_per_mm.to_f64())
+    }
+
+    /// Steps of the extruder in a millimetre of filament.
+    pub fn extruder_steps_per_mm(&self) -> StepsPerMm {
+        let [.., extruder] = self.rules.geometry.steps_per_mm;
+        extruder
+    }
+
+    /// Sets the steps of the extruder in a millimetre of filament, at standstill: what it has pushed stays pushed.
+    ///
+    /// # Errors
+    /// [`ChoiceError::InMotion`]; nothing has changed then.
+    pub fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
+        if !self.is_idle() {
+            return Err(ChoiceError::InMotion);
+        }
+        self.rules.set_extruder_steps_per_mm(steps_per_mm);
+        self.position.extruder.set_steps_per_mm(steps_per_mm);
+        self.shaped.set_advance(self.advance_law());
+        Ok(())
     }
 
     /// The moves to come keep to what Z needs to follow a surface; `None`: it follows none.

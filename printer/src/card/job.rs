@@ -28,6 +28,10 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.say(format_args!("echo:card: a prepared job is printed from its beginning only"));
             return End::Stopped;
         }
+        if let Err(error) = self.needs_profiles_steps() {
+            self.replies.say(format_args!("echo:card: {error}"));
+            return End::Stopped;
+        }
         self.interpreter.modal.in_prepared_job = true;
         self.motion.set_bounded_in_time(false);
         let played = self.play_job(hosts, room, stops).await;

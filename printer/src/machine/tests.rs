@@ -76,6 +76,7 @@ pub(crate) fn profile() -> Profile {
         homing: [homing; 3],
         safe_homing: crate::profile::SafeHoming::NONE,
         mesh: None,
+        bed_screws: None,
         min_extrusion_celsius: 170.0,
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,

@@ -49,6 +49,8 @@ const fn setting(
 
 const AXES: &str = "XYZE";
 const LIMITS: [f64; 2] = [SMALLEST_LIMIT, LARGEST_LIMIT];
+/// Of a profile.
+const STEPS: [f64; 2] = [1.0, 10_000.0];
 const LENGTHS: [f64; 2] = [0.0, 100.0];
 /// The slowest and the fastest feed of M207 and M208.
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
@@ -57,7 +59,15 @@ const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::
 
 /// Every setting that M500 stores. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
 /// of machines contain them.
-pub(crate) static GROUPS: [Group; 16] = [
+pub(crate) static GROUPS: [Group; 17] = [
+    Group {
+        code: "M92",
+        heading: "echo:; Steps per unit:",
+        axes: None,
+        settings: &[setting("steps_per_mm.e", "E", STEPS, |values, _| {
+            Some(Place::Number(&mut values.extruder_steps_per_mm))
+        })],
+    },
     Group {
         code: "M203",
         heading: "echo:; Max feedrates (units/s):",

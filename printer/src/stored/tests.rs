@@ -123,7 +123,8 @@ fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
 }
 
 /// Commands that change every setting to a value that the profile does not have.
-const CHANGES: [&str; 19] = [
+const CHANGES: [&str; 20] = [
+    "M92 E104.57",
     "M203 X111 Y112.5 Z13.25 E14.123456",
     "M201 X1111 Y1112 Z113 E1114",
     "M204 P1234 R2345 T3456",
@@ -178,6 +179,7 @@ fn reported_lines_work_when_sent_back() {
         commands,
         [
             "G21 ; (mm)",
+            "M92 E104.57",
             "M203 X111.00 Y112.50 Z13.25 E14.123456",
             "M201 X1111.00 Y1112.00 Z113.00 E1114.00",
             "M204 P1234.00 R2345.00 T3456.00",
@@ -221,7 +223,10 @@ fn a_machine_without_probe_and_drivers_reports_what_it_has() {
     let codes: Vec<&str> = lines.iter().filter_map(|line| line["echo:  ".len()..].split(' ').next()).collect();
     assert_eq!(
         codes,
-        ["G21", "M203", "M201", "M204", "M205", "M207", "M208", "M603", "M593", "M593", "M572", "M206", "M301", "M304"]
+        [
+            "G21", "M92", "M203", "M201", "M204", "M205", "M207", "M208", "M603", "M593", "M593", "M572", "M206",
+            "M301", "M304"
+        ]
     );
     let before = printer.live_values();
     for line in &lines {
@@ -237,15 +242,15 @@ fn settings_survive_the_power() {
     let mut before = printer(&rig_before, &bank, Some(&memory));
     let values = changed(&rig_before, &mut before);
     let said = says(&rig_before, &mut before, "M500");
-    assert_eq!(said, ["echo:Settings Stored (608 bytes: 55 values that differ from the profile's)"]);
+    assert_eq!(said, ["echo:Settings Stored (619 bytes: 56 values that differ from the profile's)"]);
     // Switched off and on.
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
     assert_eq!(after.live_values(), after.profile_values());
     after.restore_settings();
-    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (55 values, 0 faults)"]);
+    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (56 values, 0 faults)"]);
     assert_eq!(after.live_values(), values);
-    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 55 values, 0 faults"]);
+    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 56 values, 0 faults"]);
     // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
@@ -450,10 +455,11 @@ fn names_are_distinct_and_stay() {
         "pressure_advance.above.seconds",
         "pressure_advance.seconds",
         "pressure_advance.smooth_time_s",
+        "steps_per_mm.e",
     ];
     names.sort_unstable();
     assert_eq!(names, known, "a new setting is added here; one that stood here is a setting that printers have stored");
-    names.push("statistics");
+    names.extend(["statistics", "bed_mesh"]);
     let mut ids: Vec<u16> = names.iter().map(|name| id_of(name)).collect();
     ids.sort_unstable();
     ids.dedup();

@@ -13,6 +13,8 @@ pub(super) const MM: f64 = 100_000.0;
 /// All of them, of the running machine or of a profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Values {
+    /// M92 E.
+    pub extruder_steps_per_mm: f64,
     pub limits: Limits,
     pub retraction: FirmwareRetraction,
     /// M206.
@@ -39,6 +41,7 @@ impl Values {
         }
         let has_probe = profile.homing[2].sensor == HomeSensor::Probe;
         Self {
+            extruder_steps_per_mm: profile.steps_per_mm[3].to_f64(),
             limits: profile.limits,
             retraction: profile.retraction,
             home_offset_10nm: [0; 3],

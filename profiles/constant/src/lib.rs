@@ -23,9 +23,9 @@ mod names {
         MotionChoice, PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
-        AxisHoming, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor, FirmwareRetraction,
-        HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings, PidGains, Profile,
-        SafeHoming,
+        AxisHoming, BedScrew, BedScrews, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor,
+        FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings,
+        PidGains, Profile, SafeHoming,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

@@ -1,6 +1,7 @@
 //! The built-in profiles, the refusal of everything that is not a profile, and the heaters' gains.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod bed_screws;
 mod book;
 mod builtin;
 mod error_budget;

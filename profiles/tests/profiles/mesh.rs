@@ -71,7 +71,7 @@ fn bad_values_are_refused_by_name() {
 fn without_a_probe_or_a_z_of_its_own_there_is_none() {
     let cartesian = builtin_text("cartesian").unwrap();
     let error = parse(&format!("{cartesian}\n{MESH}"), "own.toml").unwrap_err().to_string();
-    let says = "homing.z.sensor = \"end-stop\": expected \"probe\" with the table [mesh]";
+    let says = "expected homing.z.sensor = \"probe\" with it: without a probe the bed cannot be measured";
     assert!(error.contains(says), "{error}");
     let shared = mini(MESH).replace("kinematics = \"cartesian\"", "kinematics = \"corexz\"");
     let error = parse(&shared, "own.toml").unwrap_err().to_string();

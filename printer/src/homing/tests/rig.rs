@@ -7,7 +7,7 @@ use core::task::{Context, Poll, Waker};
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_planner::surface::NoBed;
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
 use crate::heat::{HeatFault, HeaterStatus, PidGains};
@@ -64,6 +64,7 @@ pub struct Rig {
     enabled: Cell<u8>,
     choice: Cell<MotionChoice>,
     limits: Cell<Limits>,
+    extruder_steps_per_mm: Cell<StepsPerMm>,
     /// Moves wait since the machine last stood still.
     is_moving: Cell<bool>,
     /// How often motion was stopped from outside.
@@ -87,6 +88,7 @@ impl Rig {
             profile,
             choice: Cell::new(profile.motion),
             limits: Cell::new(profile.limits),
+            extruder_steps_per_mm: Cell::new(profile.steps_per_mm[3]),
             is_moving: Cell::new(false),
             sensors: [const { Cell::new(Sensor::Good) }; 3],
             early_10nm: RefCell::default(),
@@ -286,6 +288,18 @@ impl Motion for RigMotion<'_> {
 
     fn motion_choice(&self) -> MotionChoice {
         self.0.choice.get()
+    }
+
+    fn extruder_steps_per_mm(&self) -> StepsPerMm {
+        self.0.extruder_steps_per_mm.get()
+    }
+
+    fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
+        if self.0.is_moving.get() {
+            return Err(ChoiceError::InMotion);
+        }
+        self.0.extruder_steps_per_mm.set(steps_per_mm);
+        Ok(())
     }
 
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {

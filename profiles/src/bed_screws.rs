@@ -1,0 +1,53 @@
+//! The screws that the bed stands on.
+
+use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_printer::{BedScrew, BedScrews};
+
+use crate::axes::units_10nm;
+
+const PITCH: Range = range(0.1, 10.0, "mm");
+const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
+/// Longest name, bytes.
+const MAX_NAME: usize = 24;
+
+/// The bed's screws, where the profile names some; the probe reaches so much of the bed along X and Y.
+pub(crate) fn bed_screws(keys: &Section<'_>, reach_mm: &[[f64; 2]; 2], is_measured: bool) -> Option<BedScrews> {
+    let about = "with a probe: by how much to [turn the screws](levelling.md#screws) that the bed stands on (G35)";
+    let table = keys.optional_section("bed_screws", "not known", about)?;
+    if !is_measured {
+        keys.refuse("bed_screws", "homing.z.sensor = \"probe\" with it, and a Z with a motor of its own");
+    }
+    let pitch = table
+        .number("pitch_mm", PITCH)
+        .required("by how much a turn moves the bed: 0.5 for M3, 0.7 for M4, 0.8 for M5");
+    let clockwise_lifts = table.flag("clockwise_lifts").or(true, "a turn clockwise lifts the bed to the nozzle");
+    let places = table.named_sections(
+        "places",
+        "NAME",
+        "",
+        "2 to 8 screws; the others are turned to the height of the first",
+        "a screw of this name",
+    );
+    let mut screws = [None; BedScrews::MAX];
+    for (index, (name, section)) in places.iter().enumerate() {
+        let place_mm =
+            ["x", "y"].map(|axis| section.number(axis, PLACE).required("where it is, within what the probe reaches"));
+        for (axis, (place, [least, most])) in ["x", "y"].into_iter().zip(place_mm.into_iter().zip(*reach_mm)) {
+            if is_measured && !(least..=most).contains(&place) {
+                section.refuse(axis, format!("{least} to {most} mm: the probe does not reach it"));
+            }
+        }
+        let is_name = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_';
+        if name.len() > MAX_NAME || !name.bytes().all(is_name) {
+            let path = format!("bed_screws.places.{name}");
+            keys.refuse(&path, format!("a name of letters, digits and _, at most {MAX_NAME}"));
+        }
+        if let Some(screw) = screws.get_mut(index) {
+            *screw = Some(BedScrew { name, place_10nm: place_mm.map(units_10nm) });
+        }
+    }
+    if !(2..=BedScrews::MAX).contains(&places.len()) {
+        table.refuse("places", format!("2 to {} screws", BedScrews::MAX));
+    }
+    Some(BedScrews { pitch_10nm: units_10nm(pitch), clockwise_lifts, screws })
+}
