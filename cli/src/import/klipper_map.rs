@@ -1,6 +1,8 @@
 //! What of Klipper's settings a profile says.
 
 mod axes;
+mod bed_mesh;
+mod fans;
 mod heaters;
 mod reasons;
 
@@ -40,6 +42,8 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
         reading.axis(axis);
     }
     reading.probe();
+    reading.bed_mesh();
+    reading.bed_screws();
     reading.steps("extruder", "e");
     reading.extruder();
     for (section, heater) in [("extruder", "nozzle"), ("heater_bed", "bed")] {
@@ -50,7 +54,9 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
     }
     reading.inverted();
     reading.shaper();
+    reading.fans();
     reading.retraction();
+    reading.filament_sensor();
     reading.rest();
     reading.draft.finish()
 }
@@ -181,6 +187,19 @@ impl<'a> Reading<'a> {
         }
     }
 
+    /// A switch that tells whether there is filament; Klipper's is triggered while there is.
+    fn filament_sensor(&mut self) {
+        let switch = |section: &&Section| section.name.split(' ').next() == Some("filament_switch_sensor");
+        let Some(section) = self.config.sections.iter().find(switch) else { return };
+        let name = section.name.as_str();
+        let pauses = self.entry(name, "pause_on_runout").is_none_or(|entry| !entry.value.eq_ignore_ascii_case("false"));
+        let Some(pin) = self.entry(name, "switch_pin").filter(|_| pauses) else { return };
+        let missing_is_low = !pin.value.contains('!');
+        let why = "its pin is the board's";
+        self.keep(name, "switch_pin", &["filament_sensor.missing_is_low"], missing_is_low, why);
+        self.keep_number(name, "debounce_delay", &["filament_sensor.debounce_s"], |seconds| seconds);
+    }
+
     /// Rows for all settings that have none yet.
     fn rest(&mut self) {
         for (file, line, name, why) in &self.config.missing {
@@ -204,4 +223,9 @@ impl<'a> Reading<'a> {
             }
         }
     }
+}
+
+/// A name that a profile may have: letters, digits and _.
+fn profile_name(name: &str) -> String {
+    name.chars().map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '_' }).take(24).collect()
 }

@@ -1,13 +1,20 @@
 //! What of Marlin's definitions a profile says.
 
+mod fans;
+mod mesh;
+mod reasons;
+mod sensor;
+
 use std::collections::{HashMap, HashSet};
 
-use toml::{Table, Value};
+use toml::Value;
 
 use super::draft::Draft;
 use super::expression::{list, number};
 use super::marlin::{Definition, Definitions};
 use super::{ImportError, Imported, Row, shown};
+use reasons::reason;
+use sensor::sensor;
 
 /// Marlin's PID gains are for a power of 255.
 const FULL_POWER: f64 = 255.0;
@@ -58,6 +65,9 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
         reading.axis(index, axis);
     }
     reading.probe();
+    reading.mesh();
+    reading.fans();
+    reading.filament_sensor();
     reading.heaters();
     for axis in ["x", "y", "z", "e"] {
         reading.driver(axis);
@@ -308,10 +318,8 @@ impl<'a> Reading<'a> {
                         let why = "a profile has this heater: do not heat it in jobs";
                         self.lose(sensor_name, why);
                     }
-                    None => self.lose(
-                        sensor_name,
-                        "no thermistor that a profile knows: set the sensor by hand, or temperatures are wrong",
-                    ),
+                    None => self
+                        .lose(sensor_name, "no sensor that a profile knows: set it by hand, or temperatures are wrong"),
                 }
             }
             self.keep_number(&format!("{limits}_MINTEMP"), &path("min_celsius"), |limit| limit);
@@ -423,6 +431,19 @@ impl<'a> Reading<'a> {
         }
     }
 
+    /// The switch that tells whether there is filament; the state is the one without.
+    fn filament_sensor(&mut self) {
+        let is_on = self.get("FIL_RUNOUT_ENABLED_DEFAULT").is_none_or(|definition| definition.value != "false");
+        if self.get("FILAMENT_RUNOUT_SENSOR").is_none() || !is_on {
+            return;
+        }
+        let path = "filament_sensor.missing_is_low";
+        let missing_is_low = self.get("FIL_RUNOUT_STATE").is_none_or(|definition| definition.value != "HIGH");
+        for name in ["FILAMENT_RUNOUT_SENSOR", "FIL_RUNOUT_STATE"] {
+            self.keep(name, path, missing_is_low, "its pin is the board's");
+        }
+    }
+
     /// Rows for all definitions that have none yet.
     fn rest(&mut self) {
         for definition in &self.definitions.all {
@@ -439,38 +460,4 @@ fn with_small_last(name: &str) -> String {
     let mut chars = name.chars();
     let last = chars.next_back().map(|last| last.to_ascii_lowercase());
     chars.chain(last).collect()
-}
-
-/// Why a profile has no place for a definition.
-fn reason(name: &str) -> &'static str {
-    match name {
-        _ if name.ends_with("_PIN") || ["MOTHERBOARD", "SERIAL_PORT", "BAUDRATE", "SERIAL_PORT_2"].contains(&name) => {
-            "the board's"
-        }
-        _ if name.ends_with("_DRIVER_TYPE") => "drivers that are set are TMC2209: this one runs as its pins say",
-        _ if name.starts_with("MESH_") || name.starts_with("AUTO_BED_LEVELING") || name.starts_with("GRID_") => {
-            "the bed is measured by G29: write the profile's table [mesh]"
-        }
-        "EXTRUDERS" => "one extruder",
-        "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",
-        "S_CURVE_ACCELERATION" => {
-            "acceleration = \"s-curve\" with jerk_mm_per_s3, whose value Marlin does not have: set both by hand"
-        }
-        _ if name.starts_with("FILAMENT_RUNOUT") || name.starts_with("FIL_RUNOUT") => "no filament sensor",
-        _ => "no such key in a profile",
-    }
-}
-
-/// A thermistor by Marlin's number.
-fn sensor(number: f64) -> Option<Value> {
-    let beta = |beta_k: f64| {
-        Value::Table(Table::from_iter([("r25_ohm".to_owned(), 100_000.0.into()), ("beta_k".to_owned(), beta_k.into())]))
-    };
-    match number as i64 {
-        1 => Some("epcos-100k".into()),
-        5 => Some("semitec-104gt-2".into()),
-        // Those that Marlin's list says a beta of 3950 of.
-        11 | 13 | 30 | 60 | 61 => Some(beta(3950.0)),
-        _ => None,
-    }
 }

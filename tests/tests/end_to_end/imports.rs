@@ -84,16 +84,23 @@ fn a_cartesian_machine_of_klippers_becomes_a_profile() {
          nozzle = { sensor = \"semitec-104gt-2\", max_celsius = 260, proportional = 0.1, integral = 0.004, derivative = 0.5 }\n\
          bed = { max_celsius = 130, proportional = 0.2 }\n\
          driver.inverted = [\"x\"]\npressure_advance.seconds = 0.045\n\
+         mesh = { area_mm = { x = [20.0, 180.0], y = [20.0, 200.0] }, points = { x = 5, y = 4 }, fade_mm = 12, lift_mm = 6, samples = 2 }\n\
+         bed_screws.pitch_mm = 0.7\nbed_screws.clockwise_lifts = false\n\
+         bed_screws.places = { front_left = { x = 31, y = 34 }, screw2 = { x = 171, y = 34 } }\n\
+         fans.part.kick_start_s = 0.2\nfans.hotend.turns = \"hotend\"\n\
+         fans.electronics = { output = \"fan2\", turns = \"controller\", power = 0.5, idle_s = 45 }\n\
+         fans.bento_box = { output = \"fan3\", turns = \"command\" }\nfilament_sensor.missing_is_low = false\n\
          input_shaper = { x = { kind = \"ei\", frequency_hz = 45 }, y = { kind = \"ei\", frequency_hz = 38.5 } }\n",
     );
     for (key, why) in [
         ("include", "not read: "),
-        ("[bed_mesh] mesh_min", "write the profile's table [mesh]"),
+        ("[bed_mesh] algorithm", "a profile's mesh has"),
+        ("[filament_switch_sensor runout] event_delay", "pauses a print"),
         ("[gcode_macro START] gcode", "macros"),
         ("[gcode_macro END] gcode", "macros"),
-        ("[fan] pin", "fans are the board's"),
+        ("[fan] pin", "fans hang at the board's outputs"),
         ("[stepper_x] step_pin", "pins are the board's"),
-        ("[heater_bed] sensor_type", "no thermistor that a profile knows"),
+        ("[heater_bed] sensor_type", "no sensor that a profile knows"),
         ("[extruder] max_extrude_only_distance", "no such key"),
     ] {
         let said = lost(&imported, key).unwrap_or_else(|| panic!("{key} is kept"));
@@ -115,7 +122,8 @@ fn a_corexy_machine_of_klippers_becomes_a_profile() {
          homing.x = { end = \"max\", sensor = \"stall\", position_mm = 300 }\n\
          drivers.x = { current_ma = 800, hold_current_percent = 50, microsteps = 32, mm_per_turn = 40, stealth_chop = true, \
          spread_cycle_above_mm_per_s = 0, stall_threshold = 90 }\n\
-         nozzle.sensor = { r25_ohm = 100000, beta_k = 3950 }\nbed.sensor = \"epcos-100k\"\n",
+         nozzle.sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1770.0, 230.0] }\n\
+         bed.sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1641.9, 226.15] }\nfilament_sensor.missing_is_low = true\n",
     );
     // Klipper's 5 mm/s, to which a driver's stall signal is blind, would be refused: an end stop stands in.
     says(&imported, "homing.y = { end = \"max\", sensor = \"end-stop\", fast_mm_per_s = 5 }");
@@ -123,6 +131,8 @@ fn a_corexy_machine_of_klippers_becomes_a_profile() {
     // Out of a profile's range: its value is the built-in one, and the reason is said.
     says(&imported, "bed.max_celsius = 125");
     assert!(lost(&imported, "[heater_bed] max_temp").unwrap().contains("expected 60 to 200"));
+    // There is no probe.
+    assert!(lost(&imported, "[bed_mesh] mesh_min").unwrap().contains("corners that the probe reaches"));
     assert!(lost(&imported, "[stepper_z1] microsteps").unwrap().contains("one driver an axis"));
     assert!(lost(&imported, "[stepper_x] homing_retract_dist").unwrap().contains("above 0"));
     let is_setting = |line: &str| line.contains(" = ");
@@ -143,10 +153,12 @@ fn marlins_configuration_becomes_a_profile() {
          homing.probe_offset_mm = { x = 10, y = -8, z = -1.5 }\nhoming.home_at_mm.x = 100\n\
          nozzle = { sensor = \"semitec-104gt-2\", max_celsius = 275, proportional = 0.09 }\n\
          drivers.x = { current_ma = 580, microsteps = 16, stealth_chop = true }\ndriver.inverted = [\"y\"]\n\
-         pressure_advance.seconds = 0.08\nmin_extrusion_celsius = 170\n",
+         pressure_advance.seconds = 0.08\nmin_extrusion_celsius = 170\n\
+         mesh = { area_mm = { x = [15.0, 205.0], y = [15.0, 195.0] }, points = { x = 5, y = 5 }, fade_mm = 8, samples = 2 }\n\
+         filament_sensor.missing_is_low = true\n",
     );
-    assert!(lost(&imported, "TEMP_SENSOR_BED").unwrap().contains("no thermistor that a profile knows"));
-    assert!(lost(&imported, "AUTO_BED_LEVELING_BILINEAR").unwrap().contains("table [mesh]"));
+    assert!(lost(&imported, "TEMP_SENSOR_BED").unwrap().contains("no sensor that a profile knows"));
+    assert!(lost(&imported, "AUTO_BED_LEVELING_BILINEAR").unwrap().contains("a profile's mesh has"));
     assert!(lost(&imported, "MOTHERBOARD").unwrap().contains("the board's"));
     assert!(!imported["rows"].as_array().unwrap().iter().any(|row| row["key"] == "JUNCTION_DEVIATION_MM"));
     every_line_has_a_row(&imported, "Configuration_adv.h", |line| line.starts_with("#define"));

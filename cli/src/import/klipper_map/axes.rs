@@ -222,7 +222,8 @@ fn gear_ratio(text: &str) -> Option<f64> {
     })
 }
 
-fn two_numbers(text: &str) -> Option<[f64; 2]> {
+/// Numbers of X and Y, with a comma between.
+pub(super) fn two_numbers(text: &str) -> Option<[f64; 2]> {
     let (x, y) = text.split_once(',')?;
     Some([x.trim().parse().ok()?, y.trim().parse().ok()?])
 }

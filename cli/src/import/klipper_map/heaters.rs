@@ -1,4 +1,4 @@
-//! Klipper's settings of the extruder and of heaters with their sensors.
+//! Klipper's settings of the extruder, and of heaters with their sensors.
 
 use toml::{Table, Value};
 
@@ -32,23 +32,10 @@ impl Reading<'_> {
         let path = |key: &str| format!("{heater}.{key}");
         let same = |number: f64| number;
         if let Some(entry) = self.entry(section, "sensor_type") {
-            let custom = format!("thermistor {}", entry.value);
-            let beta = self.number(&custom, "beta");
-            let resistance = self.number(&custom, "resistance1");
-            let sensor = match (beta, resistance) {
-                (Some(beta), Some(resistance)) if self.number(&custom, "temperature1") == Some(25.0) => {
-                    for key in ["temperature1", "resistance1", "beta"] {
-                        self.keep(&custom, key, &[&path("sensor")], beta_table(resistance, beta), "");
-                    }
-                    Some(beta_table(resistance, beta))
-                }
-                _ => sensor(&entry.value),
-            };
-            match sensor {
+            match self.own_sensor(&entry.value, &path("sensor")).or_else(|| sensor(&entry.value)) {
                 Some(value) => self.keep(section, "sensor_type", &[&path("sensor")], value, ""),
                 None => {
-                    let stand_in =
-                        "no thermistor that a profile knows: set the sensor by hand, or temperatures are wrong";
+                    let stand_in = "no sensor that a profile knows: set it by hand, or temperatures are wrong";
                     self.lose(section, "sensor_type", stand_in);
                 }
             }
@@ -74,19 +61,52 @@ impl Reading<'_> {
             self.keep_number(&watch, key, &[&path(name)], same);
         }
     }
+
+    /// The sensor of a section `[thermistor NAME]`: three points, or one and a beta.
+    fn own_sensor(&mut self, name: &str, path: &str) -> Option<Value> {
+        let section = &*format!("thermistor {name}");
+        let [t1, t2, t3] = ["temperature1", "temperature2", "temperature3"].map(|key| self.number(section, key));
+        let [r1, r2, r3] = ["resistance1", "resistance2", "resistance3"].map(|key| self.number(section, key));
+        let (keys, value): (&[&str], _) = match (t2, r2, t3, r3, self.number(section, "beta")) {
+            (Some(t2), Some(r2), Some(t3), Some(r3), None) => {
+                let keys =
+                    &["temperature1", "resistance1", "temperature2", "resistance2", "temperature3", "resistance3"];
+                (keys, points([(t1?, r1?), (t2, r2), (t3, r3)]))
+            }
+            (.., Some(beta)) if t1 == Some(25.0) => (&["temperature1", "resistance1", "beta"], beta_table(r1?, beta)),
+            _ => return None,
+        };
+        for key in keys {
+            self.keep(section, key, &[path], value.clone(), "");
+        }
+        Some(value)
+    }
+}
+
+/// Three points of a data sheet, from the coldest on.
+fn points(mut points: [(f64, f64); 3]) -> Value {
+    points.sort_by(|(colder, _), (hotter, _)| colder.total_cmp(hotter));
+    let list = |each: fn(&(f64, f64)) -> f64| points.iter().map(|point| Value::Float(each(point))).collect::<Vec<_>>();
+    let (celsius, ohm) = (list(|(celsius, _)| *celsius), list(|(_, ohm)| *ohm));
+    Value::Table(Table::from_iter([("celsius".to_owned(), celsius.into()), ("ohm".to_owned(), ohm.into())]))
 }
 
 fn beta_table(r25_ohm: f64, beta_k: f64) -> Value {
     Value::Table(Table::from_iter([("r25_ohm".to_owned(), r25_ohm.into()), ("beta_k".to_owned(), beta_k.into())]))
 }
 
-/// A thermistor by Klipper's name.
+/// A sensor by Klipper's name.
 fn sensor(name: &str) -> Option<Value> {
     match name {
         "EPCOS 100K B57560G104F" => Some("epcos-100k".into()),
         "ATC Semitec 104GT-2" => Some("semitec-104gt-2".into()),
-        "Generic 3950" | "NTC 100K beta 3950" => Some(beta_table(100_000.0, 3950.0)),
-        // As Klipper's temperature_sensors.cfg has them.
+        "PT1000" => Some("pt1000".into()),
+        // As Klipper's temperature_sensors.cfg has them, of makers' tables.
+        "ATC Semitec 104NT-4-R025H42G" => Some(points([(25.0, 100_000.0), (160.0, 1074.0), (300.0, 82.78)])),
+        "Generic 3950" => Some(points([(25.0, 100_000.0), (150.0, 1770.0), (250.0, 230.0)])),
+        "SliceEngineering 450" => Some(points([(25.0, 500_000.0), (200.0, 3734.0), (400.0, 240.0)])),
+        "TDK NTCG104LH104JT1" => Some(points([(25.0, 100_000.0), (50.0, 31_230.0), (125.0, 2066.0)])),
+        "NTC 100K beta 3950" => Some(beta_table(100_000.0, 3950.0)),
         "Honeywell 100K 135-104LAG-J01" => Some(beta_table(100_000.0, 3974.0)),
         "NTC 100K MGB18-104F39050L32" => Some(beta_table(100_000.0, 4100.0)),
         _ => None,

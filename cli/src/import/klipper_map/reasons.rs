@@ -7,13 +7,16 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
     let kind = section.split(' ').next().unwrap_or_default();
     match kind {
         "homing_override" => "homing is the profile's: homing.x and the others",
-        "bed_screws" | "screws_tilt_adjust" | "bed_tilt" => "no help with the bed's screws",
+        "screws_tilt_adjust" => "a profile's screws have names, places that the probe reaches, and a pitch",
+        "bed_screws" | "bed_tilt" => "a profile's screws are probed: G35",
         "hall_filament_width_sensor" | "tsl1401cl_filament_width_sensor" => "no filament sensor",
         "probe" | "bltouch" if key.starts_with("sample") || key.ends_with("speed") => {
             "the probe is homed with: twice, at the speeds of homing.z"
         }
-        "gcode_macro" | "delayed_gcode" => "macros: write plain G-code into the slicer's start and end code",
-        "bed_mesh" => "the bed is measured by G29: write the profile's table [mesh]",
+        "gcode_macro" | "delayed_gcode" => {
+            "Klipper's macros are programs: write plain G-code as a macro of the profile, or into the slicer's start and end code"
+        }
+        "bed_mesh" => "a profile's mesh has corners that the probe reaches, points, a fade and a lift",
         "mcu" | "board_pins" | "static_digital_output" | "output_pin" | "multi_pin" | "duplicate_pin_override" => {
             "the board's"
         }
@@ -24,12 +27,16 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         "tmc2208" | "tmc2130" | "tmc5160" | "tmc2240" | "tmc2660" => {
             "drivers that are set are TMC2209: this one runs as its pins say"
         }
-        "fan" | "heater_fan" | "controller_fan" | "fan_generic" | "temperature_fan" => "fans are the board's",
+        "temperature_fan" => "a profile's fans turn by command, with the hot end or with the motors",
+        "fan" | "heater_fan" | "controller_fan" | "fan_generic" => {
+            "fans hang at the board's outputs, and turn by command, with the hot end or with the motors"
+        }
         "display" | "display_template" | "neopixel" | "led" | "menu" => "no display and no lights",
-        "filament_switch_sensor" | "filament_motion_sensor" => "no filament sensor",
+        "filament_switch_sensor" => "a profile's sensor pauses a print when it says that filament is missing",
+        "filament_motion_sensor" => "the filament's sensor is a switch",
         "virtual_sdcard" | "pause_resume" | "display_status" | "respond" | "exclude_object" | "gcode_arcs"
         | "save_variables" => "Klipper's own module",
-        "adxl345" | "resonance_tester" | "lis2dw" | "mpu9250" => "no accelerometer",
+        "adxl345" | "resonance_tester" | "lis2dw" | "mpu9250" => "an accelerometer is the board's",
         "temperature_sensor" | "heater_generic" => "two heaters with their sensors: nozzle and bed",
         _ if key.ends_with("_pin") || key == "pin" || key == "serial" || key == "uart_address" => {
             "pins are the board's"

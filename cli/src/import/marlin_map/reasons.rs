@@ -1,0 +1,23 @@
+//! Why a profile has no place for a definition of Marlin's.
+
+/// Why a profile has no place for a definition.
+pub(super) fn reason(name: &str) -> &'static str {
+    match name {
+        _ if name.ends_with("_PIN") || ["MOTHERBOARD", "SERIAL_PORT", "BAUDRATE", "SERIAL_PORT_2"].contains(&name) => {
+            "the board's"
+        }
+        _ if name.ends_with("_DRIVER_TYPE") => "drivers that are set are TMC2209: this one runs as its pins say",
+        _ if name.starts_with("MESH_") || name.starts_with("AUTO_BED_LEVELING") || name.starts_with("GRID_") => {
+            "the bed is measured by G29: a profile's mesh has points, an area, a fade and a lift"
+        }
+        "EXTRUDERS" => "one extruder",
+        "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",
+        "S_CURVE_ACCELERATION" => {
+            "acceleration = \"s-curve\" with jerk_mm_per_s3, whose value Marlin does not have: set both by hand"
+        }
+        _ if name.starts_with("FILAMENT_RUNOUT") || name.starts_with("FIL_RUNOUT") => {
+            "a profile's sensor pauses a print when it says that filament is missing"
+        }
+        _ => "no such key in a profile",
+    }
+}
