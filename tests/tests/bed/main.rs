@@ -7,3 +7,4 @@ mod first_layer;
 mod jobs;
 mod repeatability;
 mod rig;
+mod screws;

@@ -9,7 +9,7 @@ use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
     CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, HomingOutcome, Motion, MotionError, Printer,
@@ -195,6 +195,14 @@ impl Motion for PlacesMotion<'_> {
     }
 
     fn set_limits(&mut self, _: Limits) {}
+
+    fn extruder_steps_per_mm(&self) -> StepsPerMm {
+        StepsPerMm::nearest(100.0)
+    }
+
+    fn set_extruder_steps_per_mm(&mut self, _: StepsPerMm) -> Result<(), ChoiceError> {
+        Ok(())
+    }
 
     fn motion_choice(&self) -> MotionChoice {
         MotionChoice::DEFAULT

@@ -105,6 +105,41 @@ fn a_filament_change_goes_aside_waits_and_goes_back() {
     }
 }
 
+/// While Z follows a sheet that is tilted and bent, too: parked above it, back at its place, and Z follows it again.
+#[test]
+fn a_pause_over_a_mesh_goes_back_to_its_place() {
+    let text = ferrostep_profiles::builtin_text("prusa-mini").unwrap();
+    let sheet = "\n[mesh.sheet]\ntilt_mm = { x = 0.8, y = -0.5 }\nbend_mm = 0.3\n";
+    let profile = ferrostep_profiles::parse(&format!("{text}{sheet}"), "mini").unwrap();
+    let machine = machine(&profile);
+    let mut print = Print::new(&machine);
+    for line in ["M140 S60", "M109 S200", "G28", "G29", "M83", "G1 X20 Y30 Z0.3 F3000", "G1 X140 Y150 E9"] {
+        let said = print.say(line);
+        assert_eq!(said.last().map(String::as_str), Some("ok"), "{line}: {said:?}");
+        assert!(!said.iter().any(|reply| reply.starts_with("echo:line")), "{line}: {said:?}");
+    }
+    print.conversation.finish();
+    let before = (print.conversation.position_mm(), machine.desk().motor_steps());
+    assert_eq!(count(&print.say("M420"), "echo:Bed Leveling ON"), 1);
+    let parked_at = std::cell::Cell::new(None);
+    print.say_and_press("M601", 60.0, |machine| {
+        parked_at.set(Some(machine.desk().motor_steps()));
+        machine.signals().end_wait();
+    });
+    let [_, _, parked_z, _] = parked_at.get().unwrap();
+    let lifted_mm = (parked_z - before.1[2]) as f64 / 400.0;
+    assert!((18.0..22.0).contains(&lifted_mm), "20 mm up, above the fade's height: {lifted_mm}");
+    let after = (print.conversation.position_mm(), machine.desk().motor_steps());
+    assert_eq!(after.0, before.0);
+    // Z follows a surface to within a part of a step, from whichever side it comes.
+    let [x, y, z, e] = [0, 1, 2, 3].map(|motor| (after.1[motor] - before.1[motor]).abs());
+    assert!((x, y, e) == (0, 0, 0) && z <= 1, "{before:?} {after:?}");
+    assert_eq!(count(&print.say("M420"), "echo:Bed Leveling ON"), 1);
+    assert_eq!(print.say("G1 X20 Y30 E9"), ["ok"]);
+    print.conversation.finish();
+    assert_eq!(print.conversation.position_mm()[..3], [20.0, 30.0, 0.3]);
+}
+
 #[test]
 fn filament_is_drawn_out_and_pushed_in_by_the_lengths_of_m603() {
     let machine = machine(&profile("cartesian"));

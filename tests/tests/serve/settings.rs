@@ -21,8 +21,16 @@ fn at(file: &Path) -> Printer {
 fn settings_are_there_when_the_printer_is_switched_on_again() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let file = folder.path().join("settings");
-    let changes =
-        ["M203 X150.5", "M906 Z300", "M914 X120", "M593 X F48 P\"ei\"", "M900 K0.055", "M851 Z-1.25", "M569 S0 Y"];
+    let changes = [
+        "M92 E330",
+        "M203 X150.5",
+        "M906 Z300",
+        "M914 X120",
+        "M593 X F48 P\"ei\"",
+        "M900 K0.055",
+        "M851 Z-1.25",
+        "M569 S0 Y",
+    ];
     let printer = at(&file);
     let mut host = printer.connect();
     assert!(host.say("M115").contains(&"Cap:EEPROM:1".to_owned()));
@@ -45,7 +53,7 @@ fn settings_are_there_when_the_printer_is_switched_on_again() {
         assert_eq!(host.say(line), ["ok"], "{line}");
     }
     assert_eq!(reported(&mut host), of_profile);
-    assert_eq!(host.say("M501"), ["echo:stored settings retrieved (8 values, 0 faults)", "ok"]);
+    assert_eq!(host.say("M501"), ["echo:stored settings retrieved (9 values, 0 faults)", "ok"]);
     assert_eq!(reported(&mut host), changed);
     assert_eq!(host.say("M502"), ["echo:Hardcoded Default Settings Loaded", "ok"]);
     assert_eq!(reported(&mut host), of_profile);
@@ -55,6 +63,48 @@ fn settings_are_there_when_the_printer_is_switched_on_again() {
     host.say("M140 S0");
     assert!(host.say("M500")[0].starts_with("echo:Settings Stored ("));
     assert_eq!(host.say("M504"), ["echo:M504: stored are 0 values, 0 faults", "ok"]);
+    printer.end();
+}
+
+/// The rows of the mesh.
+fn mesh_of(host: &mut Host) -> Vec<String> {
+    let lines = host.say("M420 V");
+    lines.into_iter().skip_while(|line| !line.contains("Grid")).take_while(|line| !line.starts_with("echo:")).collect()
+}
+
+/// Slicers write M420 S1 after G28, for the mesh that M500 has stored.
+#[test]
+fn a_mesh_is_there_when_the_printer_is_switched_on_again() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let file = folder.path().join("settings");
+    let printer = at(&file);
+    let mut host = printer.connect();
+    assert!(host.say("G28").contains(&"ok".to_owned()));
+    assert!(host.say("G29").contains(&"echo:Bed Leveling ON".to_owned()));
+    assert_eq!(host.say("M421 I1 J2 Z0.123"), ["ok"]);
+    assert!(host.say("M420 Z7").contains(&"echo:Fade Height 7.00".to_owned()));
+    let measured = mesh_of(&mut host);
+    assert_eq!(measured.len(), 6, "a heading, numbers and four rows: {measured:#?}");
+    assert!(host.say("M503").iter().any(|line| line.starts_with("echo:; Bed Leveling: a mesh of 4 x 4 points")));
+    assert!(host.say("M500")[0].starts_with("echo:Settings Stored ("));
+    printer.end();
+
+    let printer = at(&file);
+    let mut host = printer.connect();
+    let stored = "0 values, 0 faults, a mesh of 4 x 4 points";
+    assert!(host.say("M504").contains(&format!("echo:M504: stored are {stored}")));
+    assert!(host.say("G28").contains(&"ok".to_owned()));
+    assert_eq!(host.say("M420"), ["echo:Bed Leveling OFF", "echo:Fade Height 7.00", "ok"]);
+    assert_eq!(host.say("M420 S1"), ["echo:Bed Leveling ON", "echo:Fade Height 7.00", "ok"]);
+    assert_eq!(mesh_of(&mut host), measured);
+    // What it has printed and how it moved is stored beside the mesh, and leaves it.
+    host.say("M84");
+    assert_eq!(host.say("M502"), ["echo:Hardcoded Default Settings Loaded", "ok"]);
+    assert!(host.say("G28").contains(&"ok".to_owned()));
+    let failed = host.say("M420 S1");
+    assert!(failed[0].starts_with("echo:Failed to enable Bed Leveling: "), "{failed:?}");
+    assert_eq!(host.say("M501"), [&format!("echo:stored settings retrieved ({stored})"), "ok"]);
+    assert_eq!(mesh_of(&mut host), measured);
     printer.end();
 }
 
