@@ -5,6 +5,7 @@
 //! is assumed to lead to every function of its kind whose address occurs anywhere in the image.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 
 use ferrostep_image_code::called_constant::is_only_called;
 use ferrostep_image_code::code::{Code, Instruction};
@@ -17,6 +18,9 @@ pub const EXCEPTION_BYTES: u32 = 4 * (8 + 18 + 1);
 ///
 /// The longest chain: a reply, the refusal in it, the error in that, a driver's report, its error, a number.
 const NESTED_TEXTS: u32 = 6;
+
+/// Of so many types of ours with the largest frames it is kept in mind whether their text is being made.
+const TEXTS_IN_MIND: usize = 10;
 
 /// The purpose of a call through a pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -44,6 +48,8 @@ pub struct StackUse<'a> {
     functions: BTreeMap<u32, Function>,
     /// Functions whose address occurs, by purpose.
     pointed_to: BTreeMap<Kind, BTreeSet<u32>>,
+    /// Functions that make the text of a type of ours, those with the largest frames, at most [`TEXTS_IN_MIND`].
+    own_texts: Vec<u32>,
     /// The panic handler, which never returns: it does not count for each task, but once on top of all.
     panic_handler: Option<u32>,
 }
@@ -119,7 +125,8 @@ impl<'a> StackUse<'a> {
             }
         }
         let panic_handler = code.functions_named("rust_begin_unwind").first().copied();
-        Ok(Self { code, functions, pointed_to, panic_handler })
+        let own_texts = own_texts(code, &functions);
+        Ok(Self { code, functions, pointed_to, own_texts, panic_handler })
     }
 
     /// The panic handler.
@@ -131,8 +138,9 @@ impl<'a> StackUse<'a> {
     ///
     /// # Errors
     /// A function can call itself without a known end.
-    pub fn deepest(&self, start: u32) -> Result<Deepest, String> {
-        Search { stack_use: self, known: BTreeMap::new(), on_the_way: Vec::new() }.deepest(start, NESTED_TEXTS)
+    pub fn deepest(&self, start: u32) -> Result<Rc<Deepest>, String> {
+        let within = Within { texts_left: NESTED_TEXTS, own_texts: 0 };
+        Search { stack_use: self, known: BTreeMap::new(), on_the_way: Vec::new() }.deepest(start, within)
     }
 
     /// The bytes that a function takes itself.
@@ -164,48 +172,78 @@ impl<'a> StackUse<'a> {
     }
 }
 
+/// The texts that are being made where a function is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Within {
+    /// Levels of texts that are left.
+    texts_left: u32,
+    /// A bit for each of [`StackUse::own_texts`] that is being made.
+    own_texts: u16,
+}
+
 /// A search for the deepest path.
 struct Search<'a, 'b> {
     stack_use: &'b StackUse<'a>,
-    known: BTreeMap<(u32, u32), Deepest>,
-    on_the_way: Vec<(u32, u32)>,
+    known: BTreeMap<(u32, Within), Rc<Deepest>>,
+    on_the_way: Vec<(u32, Within)>,
 }
 
 impl Search<'_, '_> {
-    /// With this many levels of texts left.
-    fn deepest(&mut self, start: u32, texts: u32) -> Result<Deepest, String> {
-        if let Some(known) = self.known.get(&(start, texts)) {
-            return Ok(known.clone());
+    fn deepest(&mut self, start: u32, mut within: Within) -> Result<Rc<Deepest>, String> {
+        if let Some(place) = self.stack_use.own_texts.iter().position(|own| *own == start) {
+            // No type of ours contains itself, for none is on a heap: its text is never in its own.
+            if within.own_texts >> place & 1 == 1 {
+                return Ok(Rc::default());
+            }
+            within.own_texts |= 1 << place;
+        }
+        if let Some(known) = self.known.get(&(start, within)) {
+            return Ok(Rc::clone(known));
         }
         let code = self.stack_use.code;
-        if self.on_the_way.contains(&(start, texts)) {
-            let way = self.on_the_way.iter().skip_while(|one| **one != (start, texts));
+        if self.on_the_way.contains(&(start, within)) {
+            let way = self.on_the_way.iter().skip_while(|one| **one != (start, within));
             let names: Vec<String> = way.map(|(function, _)| code.function(*function)).collect();
             return Err(format!("these call each other: {}", names.join(" > ")));
         }
-        let Some(function) = self.stack_use.functions.get(&start) else { return Ok(Deepest::default()) };
-        self.on_the_way.push((start, texts));
+        let Some(function) = self.stack_use.functions.get(&start) else { return Ok(Rc::default()) };
+        self.on_the_way.push((start, within));
         let direct = function.calls.iter().map(|&callee| (callee, false));
         let through = if function.calls_pointers { self.stack_use.through_pointers(start) } else { Vec::new() };
-        let mut below = Deepest::default();
+        let mut below = Rc::<Deepest>::default();
         let is_followed = |callee: u32| Some(callee) != self.stack_use.panic_handler;
         for (callee, begins_text) in direct.chain(through).filter(|(callee, _)| is_followed(*callee)) {
             // A reply is a text by itself, never in another.
-            if begins_text && texts < NESTED_TEXTS && self.stack_use.is_text_of_reply(callee) {
+            if begins_text && within.texts_left < NESTED_TEXTS && self.stack_use.is_text_of_reply(callee) {
                 continue;
             }
-            let Some(texts) = texts.checked_sub(u32::from(begins_text)) else { continue };
-            let deepest = self.deepest(callee, texts)?;
+            let Some(texts_left) = within.texts_left.checked_sub(u32::from(begins_text)) else { continue };
+            let deepest = self.deepest(callee, Within { texts_left, ..within })?;
             if deepest.bytes > below.bytes {
                 below = deepest;
             }
         }
         self.on_the_way.pop();
-        below.bytes += function.frame;
-        below.way.insert(0, (start, function.frame));
-        self.known.insert((start, texts), below.clone());
-        Ok(below)
+        let way = std::iter::once((start, function.frame)).chain(below.way.iter().copied()).collect();
+        let deepest = Rc::new(Deepest { bytes: below.bytes + function.frame, way });
+        self.known.insert((start, within), Rc::clone(&deepest));
+        Ok(deepest)
     }
+}
+
+/// The functions that make the text of a type of ours, the largest frames first. One that the linker has merged with others is left out.
+fn own_texts(code: &Code, functions: &BTreeMap<u32, Function>) -> Vec<u32> {
+    let is_own = |start: u32| match &code.names(start)[..] {
+        [name] => {
+            (name.starts_with("<ferrostep_") || name.starts_with("<&ferrostep_"))
+                && name.contains(" as core::fmt::Display>")
+        }
+        _ => false,
+    };
+    let mut own: Vec<(u32, u32)> = functions.iter().map(|(start, function)| (function.frame, *start)).collect();
+    own.retain(|(_, start)| is_own(*start));
+    own.sort_unstable_by(|one, other| other.cmp(one));
+    own.into_iter().take(TEXTS_IN_MIND).map(|(_, start)| start).collect()
 }
 
 fn kind(names: &[String]) -> Kind {

@@ -109,7 +109,7 @@ fn a_filament_change_goes_aside_waits_and_goes_back() {
 #[test]
 fn a_pause_over_a_mesh_goes_back_to_its_place() {
     let text = ferrostep_profiles::builtin_text("prusa-mini").unwrap();
-    let sheet = "\n[mesh.sheet]\ntilt_mm = { x = 0.8, y = -0.5 }\nbend_mm = 0.3\n";
+    let sheet = "\n[mesh.sheet]\ntilt_mm = { x = 0.5, y = -0.3 }\nbend_mm = 0.2\n";
     let profile = ferrostep_profiles::parse(&format!("{text}{sheet}"), "mini").unwrap();
     let machine = machine(&profile);
     let mut print = Print::new(&machine);
