@@ -42,7 +42,7 @@ impl From<CardError> for CardFailure {
 impl fmt::Display for CardFailure {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Slot(error) => write!(out, "{error}"),
+            Self::Slot(error) => fmt::Display::fmt(error, out),
             Self::NotMounted => out.write_str("the card is not mounted: M21 mounts it"),
             Self::NoVolume => out.write_str("no FAT16 or FAT32 volume is on it: format it with FAT32"),
             Self::ExFat => out.write_str("it is formatted with exFAT, which cannot be read: format it with FAT32"),

@@ -13,6 +13,7 @@ use crate::accelerometer::FaultText;
 use crate::advance_refusal::AdvanceRefusal;
 use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
+use crate::mesh_refusal::MeshRefusal;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
 use crate::shaper_refusal::{self, ShaperRefusal};
 use crate::tower::TowerRefusal;
@@ -341,7 +342,7 @@ impl fmt::Display for CommandError {
                 "a prepared job is planned with the profile's steps of the extruder, and M92 has set others: print its G-code, or write them \
                  into the profile and prepare it anew",
             ),
-            Self::Mesh(error) => write_mesh_error(out, error),
+            Self::Mesh(error) => fmt::Display::fmt(&MeshRefusal(error), out),
             Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: write its table bed_screws"),
             Self::BedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
@@ -398,9 +399,9 @@ impl fmt::Display for CommandError {
             Self::UnknownShaper(name) => {
                 write!(out, "\"{name}\" is no input shaper of this machine, expected {}", shaper_refusal::KnownShapers)
             }
-            Self::Shaper(refusal) => write!(out, "{refusal}"),
-            Self::Advance(refusal) => write!(out, "{refusal}"),
-            Self::Tower(refusal) => write!(out, "{refusal}"),
+            Self::Shaper(refusal) => fmt::Display::fmt(refusal, out),
+            Self::Advance(refusal) => fmt::Display::fmt(refusal, out),
+            Self::Tower(refusal) => fmt::Display::fmt(refusal, out),
             Self::Shaping(error) => out.write_str(shaper_refusal::choice_text(*error)),
             Self::OtherNozzle { job_mm, machine_mm } => {
                 let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));
@@ -464,27 +465,6 @@ impl fmt::Display for CommandError {
     }
 }
 
-/// Writes why Z cannot follow the bed.
-fn write_mesh_error(out: &mut fmt::Formatter<'_>, error: &MeshError) -> fmt::Result {
-    match *error {
-        MeshError::Incomplete => out.write_str("there is no mesh of the bed: G29 measures one"),
-        MeshError::TooSteep { slope, maximum } => {
-            let [slope, maximum] = [slope, maximum].map(|slope| Real::fixed(slope * 100.0, 1));
-            write!(
-                out,
-                "the mesh rises by {slope} % between two points, expected at most {maximum} %: is the bed crooked, or was a point \
-                 measured wrong (M420 V)?"
-            )
-        }
-        MeshError::SharedMotor => out.write_str("Z has no motor of its own and follows no mesh"),
-        MeshError::FadesTooSoon { least_10nm } => write!(
-            out,
-            "Z: the mesh is too uneven to fade away by then, expected 0 or at least {} mm",
-            mm(least_10nm.into(), 2)
-        ),
-    }
-}
-
 /// Writes a plan's fault with its figures, and how to mend it.
 fn write_plan_fault(out: &mut fmt::Formatter<'_>, fault: &PlanFault) -> fmt::Result {
     let mm_per_s = |speed: Speed| Real::fixed(speed.mm_per_s(), 1);
@@ -545,8 +525,8 @@ pub enum Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Parse(error) => write!(out, "{error}"),
-            Self::Command(error) => write!(out, "{error}"),
+            Self::Parse(error) => fmt::Display::fmt(error, out),
+            Self::Command(error) => fmt::Display::fmt(error, out),
         }
     }
 }

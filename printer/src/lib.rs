@@ -33,6 +33,7 @@ mod host;
 mod intended;
 mod interpreter;
 mod macros;
+mod mesh_refusal;
 mod modal;
 mod motion_fault;
 mod motors;

@@ -85,7 +85,7 @@ impl From<ReadError> for Stop {
 impl fmt::Display for Stop {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Read(error) => write!(out, "{error}"),
+            Self::Read(error) => fmt::Display::fmt(error, out),
             Self::Done { failure, line, frame, offset } => {
                 write!(out, "frame {frame} at byte {offset}, line {line}: {failure}")
             }

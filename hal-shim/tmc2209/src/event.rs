@@ -102,7 +102,7 @@ impl fmt::Display for DriverEvent {
         write!(out, "driver {} ", name(self.motor))?;
         match self.kind {
             DriverEventKind::Confirmed => out.write_str("is set up"),
-            DriverEventKind::Failed(failure) => write!(out, "{failure}"),
+            DriverEventKind::Failed(failure) => fmt::Display::fmt(&failure, out),
             DriverEventKind::Lost(error) => write!(out, "does not answer any more: {error}"),
             DriverEventKind::Reset => out.write_str("has been reset, its motor may have moved"),
             DriverEventKind::SwitchedOff(status) => write!(out, "has switched its motor off: {status}"),

@@ -92,7 +92,7 @@ pub enum SettingsError {
 impl fmt::Display for SettingsError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Current(error) => write!(out, "{error}"),
+            Self::Current(error) => fmt::Display::fmt(error, out),
             Self::Microsteps(microsteps) => {
                 write!(out, "{microsteps} microsteps are not possible, expected 1, 2, 4 ... 256")
             }

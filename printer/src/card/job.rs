@@ -5,6 +5,7 @@ use ferrostep_gpre::compact::Frame;
 use ferrostep_gpre::parts::{Part, Parts};
 
 use super::print::{Bytes, End, HostLines};
+use crate::error::Failure;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::transfer::{Place, Stop};
@@ -29,7 +30,7 @@ impl<P: Ports> Printer<'_, P> {
             return End::Stopped;
         }
         if let Err(error) = self.needs_profiles_steps() {
-            self.replies.say(format_args!("echo:card: {error}"));
+            self.replies.refuse(self.line, &Failure::Command(error));
             return End::Stopped;
         }
         self.interpreter.modal.in_prepared_job = true;
