@@ -4,13 +4,13 @@
 //! before. Neither the table of clusters nor a folder is written meanwhile. The place itself are bytes of the printer; here the
 //! print's file is added to them, by which it is known again.
 
-use embedded_sdmmc::{Mode, RawFile};
+use embedded_sdmmc::RawFile;
 use ferrostep_hal_shim::card::{Block, BlockDevice, BlockIdx, CardSlot};
 
 use crate::failure::CardFailure;
 use crate::listing::{SHORT_PATH_BYTES, ShortPath};
-use crate::source::{CRC, read_block};
-use crate::volume::{Manager, Mounted, close, find};
+use crate::source::{CRC, open, read_block};
+use crate::volume::{Manager, Mounted};
 
 /// Name of the file, in the card's first folder. M20 does not list it.
 pub const KEPT_NAME: &str = "FERROSTP.PLR";
@@ -72,13 +72,20 @@ pub struct Stored {
 /// A block that keeps a place. Without a file it keeps none.
 pub fn compose(sequence: u32, file: Option<(&ShortPath, u32, u32)>, place: &[u8]) -> Block {
     let mut block = Block::new();
-    let (path, size, first_crc) = file.map_or((&[][..], 0, 0), |(path, size, crc)| (path.as_bytes(), size, crc));
-    let place = if path.is_empty() { &[] } else { place };
-    let lengths = [VERSION, path.len() as u8].into_iter().chain((place.len() as u16).to_le_bytes());
-    let numbers = [sequence, size, first_crc].into_iter().flat_map(u32::to_le_bytes);
-    let padded = path.iter().copied().chain(core::iter::repeat(0)).take(SHORT_PATH_BYTES);
-    let bytes = MAGIC.into_iter().chain(lengths).chain(numbers).chain(padded).chain(place.iter().copied());
-    block.contents.iter_mut().zip(bytes).for_each(|(out, byte)| *out = byte);
+    let mut put = |at: usize, bytes: &[u8]| {
+        block.contents.iter_mut().skip(at).zip(bytes).for_each(|(out, byte)| *out = *byte);
+    };
+    put(0, &MAGIC);
+    put(4, &[VERSION]);
+    put(8, &sequence.to_le_bytes());
+    if let Some((path, size, first_crc)) = file {
+        put(5, &[path.len() as u8]);
+        put(6, &(place.len() as u16).to_le_bytes());
+        put(12, &size.to_le_bytes());
+        put(16, &first_crc.to_le_bytes());
+        put(PATH_AT, path.as_bytes());
+        put(PLACE_AT, place);
+    }
     if let Some((body, end)) = block.contents.split_last_chunk_mut::<4>() {
         *end = CRC.checksum(body).to_le_bytes();
     }
@@ -115,17 +122,9 @@ fn parse(bytes: &[u8; Block::LEN]) -> Option<(u32, Option<Stored>)> {
 /// # Errors
 /// [`CardFailure::NotFound`] without one, [`CardFailure::OtherFile`] where it is none of ours; the card cannot be read.
 pub fn locate<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted) -> Result<(KeptFile, Option<Stored>), CardFailure> {
-    let folder = manager.open_root_dir(mounted.volume)?;
-    let opened = find(manager, folder, KEPT_NAME).and_then(|entry| {
-        if entry.attributes.is_directory() || entry.size != FILE_BYTES {
-            return Err(CardFailure::OtherFile);
-        }
-        Ok(manager.open_file_in_dir(folder, entry.name, Mode::ReadOnly)?)
-    });
-    close(manager, folder);
-    let file = opened?;
+    let (file, size) = open(manager, mounted, KEPT_NAME)?;
     let mut kept = KeptFile { blocks: [BlockIdx(0); 2], turn: false, sequence: 0 };
-    let (mut newest, mut failed) = (None, None);
+    let (mut newest, mut failed) = (None, (size != FILE_BYTES).then_some(CardFailure::OtherFile));
     for (index, place) in kept.blocks.iter_mut().enumerate() {
         let mut block = Block::new();
         let read = read_at(manager, file, index as u32 * Block::LEN_U32, &mut block);

@@ -518,7 +518,7 @@ pub enum Command<'a> {
     Restart,
     /// T: the tool.
     SelectTool(u32),
-    /// A command that is accepted and changes nothing on this machine (M486, M413 ...).
+    /// A command that is accepted and changes nothing on this machine (M486, M862.2 ...).
     Accepted,
     /// Anything else: answered `echo:Unknown command: "..."`.
     Unknown(&'a str),

@@ -66,7 +66,7 @@ impl<P: Ports> Printer<'_, P> {
             until_ms: words.longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest)),
         };
         if reason != PauseReason::Stop {
-            paused.drawn_100pm = self.draw_back().await?;
+            self.draw_back(&mut paused).await?;
             self.park(park_10nm).await?;
         }
         if self.is_hot_end_fan_stalled() {
@@ -81,7 +81,9 @@ impl<P: Ports> Printer<'_, P> {
         // An answer from before is not meant for this pause.
         self.signals.take_end_wait();
         self.signals.take_prompt_answer();
-        self.tell_paused(reason);
+        if !self.is_returning() {
+            self.tell_paused(reason);
+        }
         Ok(())
     }
 
@@ -263,16 +265,17 @@ impl<P: Ports> Printer<'_, P> {
         Err(CommandError::OutOfRange { word: letter, value, minimum, maximum })
     }
 
-    /// Draws the filament back as G10 does, if it is hot and not drawn back yet. Returns by how much, units of 0.1 nm.
-    pub(crate) async fn draw_back(&mut self) -> Result<i64, CommandError> {
+    /// Draws the filament back as G10 does, if it is hot and not drawn back yet.
+    async fn draw_back(&mut self, paused: &mut Paused) -> Result<(), CommandError> {
         let modal = &self.interpreter.modal;
         if modal.retracted || self.check_extrusion_temperature().is_err() {
-            return Ok(0);
+            return Ok(());
         }
         let settings = modal.retraction;
         let filament_100pm = filament_100pm(-settings.length_10nm, 100);
         self.move_filament(filament_100pm, settings.retract_10nm_per_s).await?;
-        Ok(-filament_100pm)
+        paused.drawn_100pm = -filament_100pm;
+        Ok(())
     }
 
     async fn push_back(&mut self, paused: &Paused) -> Result<(), CommandError> {
@@ -294,7 +297,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Up, then aside, as far as the axes are homed.
-    pub(crate) async fn park(&mut self, [park_x, park_y, lift]: [i64; 3]) -> Result<(), CommandError> {
+    async fn park(&mut self, [park_x, park_y, lift]: [i64; 3]) -> Result<(), CommandError> {
         let homed = self.interpreter.modal.homed;
         let [x, y, z] = self.motion.position_10nm();
         let raised = if homed[2] { (z + lift).min(self.profile.size_10nm[2]).max(z) } else { z };

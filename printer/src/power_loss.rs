@@ -7,14 +7,14 @@ mod keep;
 mod place;
 mod resume;
 
-use ferrostep_gcode::CardCommand;
+use ferrostep_gcode::{CardCommand, InterruptedPrint, Reply};
 use ferrostep_hal_shim::FanOutput;
 
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
 /// The prompt's button goes on with the interrupted print.
-pub(crate) static RESUME: CardCommand<'static> = CardCommand::Interrupted(ferrostep_gcode::InterruptedPrint::Resume);
+pub(crate) static RESUME: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Resume);
 
 /// What is known of an interrupted print, and of the place that is kept of the present one.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +35,8 @@ pub(crate) struct PowerLoss {
     noted_ms: Option<u64>,
     /// Z of the line that began there, units of 10 nm.
     layer_10nm: i64,
+    /// The line of the card that was read last.
+    line: u32,
     /// What commands have set the fans to.
     fans: [u8; FanOutput::COUNT],
 }
@@ -50,6 +52,7 @@ impl PowerLoss {
             stands_10nm: None,
             noted_ms: None,
             layer_10nm: 0,
+            line: 0,
             fans: [0; FanOutput::COUNT],
         }
     }
@@ -75,9 +78,10 @@ impl<P: Ports> Printer<'_, P> {
             return self.replies.say(format_args!("echo:Power-loss recovery {state}"));
         };
         self.power_loss.is_on = on;
-        if !self.card.is_there() && on {
+        // A file on the desk has no power to lose.
+        if !self.card.is_there() && on && self.has_host() {
             let text = "echo:power loss: the board has no slot for a card, and only prints from a card are kept";
-            return self.replies.say(format_args!("{text}"));
+            return self.replies.send(Reply::Text(text));
         }
         if self.power_loss.is_keeping && !on {
             self.forget_place();

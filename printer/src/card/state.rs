@@ -93,7 +93,7 @@ impl<'a> Card<'a> {
         self.selected.is_some_and(|selected| selected.is_prepared)
     }
 
-    /// Where a paused print goes on: the byte, and the number of lines before it. `line` was executed last.
+    /// Where a paused print goes on: the byte, and the number of lines before it. `line` was read last.
     pub(crate) fn place(&self, line: u32) -> (u32, u32) {
         self.seek.unwrap_or((self.position, line))
     }

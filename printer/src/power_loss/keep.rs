@@ -53,6 +53,7 @@ impl<P: Ports> Printer<'_, P> {
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_place(&mut self, line: u32, offset: u32, lays: bool) {
+        self.power_loss.line = line;
         if !self.power_loss.is_keeping {
             return;
         }
@@ -108,7 +109,7 @@ impl<P: Ports> Printer<'_, P> {
             return;
         }
         let [.., z_10nm] = self.motion.position_10nm();
-        let (offset, lines) = self.card.place(self.line);
+        let (offset, lines) = self.card.place(self.power_loss.line);
         // Where the place before is still being written, the next look at the hosts tries again.
         self.power_loss.is_pending = !self.note_place(z_10nm, offset, lines, paused);
         if !self.power_loss.is_pending {

@@ -52,38 +52,33 @@ impl Place {
     /// Writes the place.
     pub fn write(&mut self, out: &mut Kept) {
         out.clear();
-        // A constant number of bytes, which fits (test).
-        let _ = self.pass(&mut Codec::Write(out));
+        self.pass(&mut Codec { out: Some(out), bytes: &[], is_short: false });
     }
 
     /// Reads a place over this one; `false` if it is no such place.
     #[must_use]
     pub fn read(&mut self, bytes: &[u8]) -> bool {
-        let mut codec = Codec::Read(bytes);
-        self.pass(&mut codec).is_some() && matches!(codec, Codec::Read([]))
+        let Some((&VERSION, bytes)) = bytes.split_first() else { return false };
+        let mut codec = Codec { out: None, bytes, is_short: false };
+        self.pass(&mut codec);
+        !codec.is_short && codec.bytes.is_empty()
     }
 
     /// The fields, one after the other, to the bytes or from them.
-    fn pass(&mut self, codec: &mut Codec<'_, '_>) -> Option<()> {
-        let mut version = [VERSION];
-        codec.bytes(&mut version)?;
-        if version != [VERSION] {
-            return None;
+    fn pass(&mut self, codec: &mut Codec<'_, '_>) {
+        if let Some(out) = &mut codec.out {
+            // A constant number of bytes follows, which fits (test).
+            let _ = out.push(VERSION);
         }
-        codec.int(&mut self.stands_10nm)?;
-        for number in [&mut self.offset, &mut self.lines, &mut self.profile] {
-            let mut bytes = number.to_le_bytes();
-            codec.bytes(&mut bytes)?;
-            *number = u32::from_le_bytes(bytes);
+        let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance } = self;
+        let Paused { modal, place_10nm, targets_celsius, drawn_100pm: _, load_100pm: _, until_ms: _ } = paused;
+        codec.int(stands_10nm);
+        [offset, lines, profile].into_iter().for_each(|number| *number = codec.word(*number));
+        fans.iter_mut().for_each(|power| *power = codec.word(u32::from(*power)) as u8);
+        for celsius in targets_celsius.iter_mut().chain([&mut modal.min_extrusion_celsius]) {
+            *celsius = f32::from_bits(codec.word(celsius.to_bits()));
         }
-        codec.bytes(&mut self.fans)?;
-        let Paused { modal, place_10nm, targets_celsius, drawn_100pm: _, load_100pm: _, until_ms: _ } =
-            &mut self.paused;
-        for celsius in targets_celsius {
-            codec.float(celsius)?;
-        }
-        place_10nm.iter_mut().try_for_each(|coordinate| codec.int(coordinate))?;
-        pass_modal(modal, codec)?;
+        pass_modal(modal, place_10nm, codec);
         let Limits {
             max_feed_mm_per_s,
             max_acceleration_mm_per_s2,
@@ -92,25 +87,32 @@ impl Place {
             retract_acceleration_mm_per_s2,
             junction_deviation_mm,
             instantaneous_corner_velocity_mm_per_s,
-        } = &mut self.limits;
-        let of_axes =
-            [max_feed_mm_per_s, max_acceleration_mm_per_s2, instantaneous_corner_velocity_mm_per_s].into_iter();
-        of_axes.flatten().try_for_each(|value| codec.double(value))?;
-        for value in [
+        } = limits;
+        // No second slope is one of speed 0, and no time to average over is 0: neither is allowed.
+        let mut above = advance.above.unwrap_or(SecondSlope { filament_mm_per_s: 0.0, seconds: 0.0 });
+        let mut smooth_time_s = advance.smooth_time_s.unwrap_or(0.0);
+        let alone = [
             print_acceleration_mm_per_s2,
             travel_acceleration_mm_per_s2,
             retract_acceleration_mm_per_s2,
             junction_deviation_mm,
-        ] {
-            codec.double(value)?;
+            &mut advance.seconds,
+            &mut above.filament_mm_per_s,
+            &mut above.seconds,
+            &mut smooth_time_s,
+        ];
+        for of_axes in [max_feed_mm_per_s, max_acceleration_mm_per_s2, instantaneous_corner_velocity_mm_per_s] {
+            of_axes.iter_mut().for_each(|value| codec.double(value));
         }
-        pass_advance(&mut self.advance, codec)
+        alone.into_iter().for_each(|value| codec.double(value));
+        advance.above = (above.filament_mm_per_s > 0.0).then_some(above);
+        advance.smooth_time_s = (smooth_time_s > 0.0).then_some(smooth_time_s);
     }
 }
 
-fn pass_modal(modal: &mut Modal, codec: &mut Codec<'_, '_>) -> Option<()> {
+fn pass_modal(modal: &mut Modal, place_10nm: &mut [i64; 3], codec: &mut Codec<'_, '_>) {
     let mut inches = modal.units == Units::Inches;
-    for flag in [
+    let flags = [
         &mut inches,
         &mut modal.relative,
         &mut modal.relative_extruder,
@@ -118,20 +120,21 @@ fn pass_modal(modal: &mut Modal, codec: &mut Codec<'_, '_>) -> Option<()> {
         &mut modal.soft_limits,
         &mut modal.cold_extrusion_allowed,
         &mut modal.follows_bed,
-    ] {
-        codec.flag(flag)?;
+    ];
+    let mut bits = codec.word(flags.iter().rev().fold(0, |bits, flag| bits << 1 | u32::from(**flag)));
+    for flag in flags {
+        (*flag, bits) = (bits & 1 == 1, bits >> 1);
     }
     modal.units = if inches { Units::Inches } else { Units::Millimetres };
     for percent in [&mut modal.feed_percent, &mut modal.flow_percent, &mut modal.kept_feed_percent] {
-        let mut bytes = percent.to_le_bytes();
-        codec.bytes(&mut bytes)?;
-        *percent = u16::from_le_bytes(bytes);
+        *percent = codec.word(u32::from(*percent)) as u16;
     }
-    codec.long(&mut modal.feed_10nm_per_min)?;
-    codec.long(&mut modal.extruder_10nm)?;
-    codec.float(&mut modal.min_extrusion_celsius)?;
-    let of_axes = [&mut modal.machine_10nm, &mut modal.offset_10nm, &mut modal.home_offset_10nm];
-    of_axes.into_iter().flatten().try_for_each(|length| codec.int(length))?;
+    for value in [&mut modal.feed_10nm_per_min, &mut modal.extruder_10nm] {
+        *value = codec.long(*value as u64) as i64;
+    }
+    for of_axes in [place_10nm, &mut modal.machine_10nm, &mut modal.offset_10nm, &mut modal.home_offset_10nm] {
+        of_axes.iter_mut().for_each(|length| codec.int(length));
+    }
     let FirmwareRetraction { length_10nm, retract_10nm_per_s, extra_recover_10nm, recover_10nm_per_s, lift_10nm } =
         &mut modal.retraction;
     for value in [
@@ -143,75 +146,52 @@ fn pass_modal(modal: &mut Modal, codec: &mut Codec<'_, '_>) -> Option<()> {
         &mut modal.lift_10nm,
         &mut modal.z.shift_10nm,
     ] {
-        codec.int(value)?;
+        codec.int(value);
     }
-    Some(())
-}
-
-fn pass_advance(advance: &mut PressureAdvance, codec: &mut Codec<'_, '_>) -> Option<()> {
-    // No second slope is one of speed 0, and no time to average over is 0: neither is allowed.
-    let mut above = advance.above.unwrap_or(SecondSlope { filament_mm_per_s: 0.0, seconds: 0.0 });
-    let mut smooth_time_s = advance.smooth_time_s.unwrap_or(0.0);
-    for value in [&mut advance.seconds, &mut above.filament_mm_per_s, &mut above.seconds, &mut smooth_time_s] {
-        codec.double(value)?;
-    }
-    advance.above = (above.filament_mm_per_s > 0.0).then_some(above);
-    advance.smooth_time_s = (smooth_time_s > 0.0).then_some(smooth_time_s);
-    Some(())
 }
 
 /// Writes fields, or reads them: one order for both.
-enum Codec<'a, 'b> {
-    Write(&'a mut Kept),
-    Read(&'b [u8]),
+struct Codec<'a, 'b> {
+    /// Where they are written.
+    out: Option<&'a mut Kept>,
+    /// What is still to be read.
+    bytes: &'b [u8],
+    /// There was less to be read.
+    is_short: bool,
 }
 
 impl Codec<'_, '_> {
-    fn bytes<const N: usize>(&mut self, value: &mut [u8; N]) -> Option<()> {
-        match self {
-            Self::Write(out) => out.extend_from_slice(value).ok(),
-            Self::Read(rest) => {
-                let (first, after) = rest.split_first_chunk()?;
-                (*value, *rest) = (*first, after);
-                Some(())
+    /// Writes a value and returns it, or returns the one that is read.
+    #[inline(never)]
+    fn word(&mut self, value: u32) -> u32 {
+        if let Some(out) = &mut self.out {
+            self.is_short |= out.extend_from_slice(&value.to_le_bytes()).is_err();
+            return value;
+        }
+        match self.bytes.split_first_chunk() {
+            Some((first, rest)) => {
+                self.bytes = rest;
+                u32::from_le_bytes(*first)
+            }
+            None => {
+                self.is_short = true;
+                value
             }
         }
     }
 
-    fn flag(&mut self, value: &mut bool) -> Option<()> {
-        let mut byte = [u8::from(*value)];
-        self.bytes(&mut byte)?;
-        *value = byte != [0];
-        Some(())
-    }
-
     /// A length or speed of a machine, which has 32 bits: up to 21 m.
-    fn int(&mut self, value: &mut i64) -> Option<()> {
-        let mut bytes = (*value as i32).to_le_bytes();
-        self.bytes(&mut bytes)?;
-        *value = i64::from(i32::from_le_bytes(bytes));
-        Some(())
+    fn int(&mut self, value: &mut i64) {
+        *value = i64::from(self.word(*value as u32) as i32);
     }
 
-    fn long(&mut self, value: &mut i64) -> Option<()> {
-        let mut bytes = value.to_le_bytes();
-        self.bytes(&mut bytes)?;
-        *value = i64::from_le_bytes(bytes);
-        Some(())
+    #[inline(never)]
+    fn long(&mut self, value: u64) -> u64 {
+        u64::from(self.word(value as u32)) | u64::from(self.word((value >> 32) as u32)) << 32
     }
 
-    fn float(&mut self, value: &mut f32) -> Option<()> {
-        let mut bytes = value.to_le_bytes();
-        self.bytes(&mut bytes)?;
-        *value = f32::from_le_bytes(bytes);
-        Some(())
-    }
-
-    fn double(&mut self, value: &mut f64) -> Option<()> {
-        let mut bytes = value.to_le_bytes();
-        self.bytes(&mut bytes)?;
-        *value = f64::from_le_bytes(bytes);
-        Some(())
+    fn double(&mut self, value: &mut f64) {
+        *value = f64::from_bits(self.long(value.to_bits()));
     }
 }
 

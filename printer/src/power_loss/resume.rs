@@ -3,8 +3,9 @@
 //! Z is not homed: the nozzle stands over the print. Its height is the one that was kept; X and Y are homed above the print.
 
 use ferrostep_card::{CardFailure, OpenedFile, Request};
-use ferrostep_gcode::{AxisFlags, CardCommand, Command, InterruptedPrint, Real, Reply};
+use ferrostep_gcode::{AxisFlags, AxisWords, CardCommand, Command, Decimal, InterruptedPrint, Real, Reply, WaitTarget};
 use ferrostep_hal_shim::FanOutput;
+use ferrostep_planner::MotionChoice;
 
 use super::place::{Place, profile_number};
 use crate::card::{Job, Selected};
@@ -47,30 +48,46 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::CardInUse);
         }
         self.card.deselect();
-        let opened = self.ask_card(Request::OpenKept).await;
-        match command {
-            InterruptedPrint::Report => self.offer(opened.map(|_| ())),
-            InterruptedPrint::Discard => {
-                self.power_loss.is_offered = false;
-                if opened == Err(CardFailure::NothingKept) {
-                    self.replies.send(Reply::Text("echo:power loss: no interrupted print is kept"));
-                } else {
-                    self.forget_place();
-                    self.replies.send(Reply::Text("echo:power loss: the interrupted print is forgotten"));
-                    self.replies.send(Reply::Text("//action:prompt_end"));
-                }
-            }
-            InterruptedPrint::Resume => {
-                self.needs(self.equipment.end_stops, "end stops")?;
-                self.needs(self.equipment.heaters, "heaters")?;
-                match opened.map_err(NoWay::Card).and_then(|_| self.checked_place()) {
-                    Ok(()) => return self.begin_return(),
-                    Err(why) => self.refuse_return(&why),
-                }
-            }
+        let opened = self.ask_card(Request::OpenKept).await.map(|_| ());
+        if command == InterruptedPrint::Resume {
+            self.needs(self.equipment.end_stops, "end stops")?;
+            self.needs(self.equipment.heaters, "heaters")?;
         }
-        let _ = self.ask_card(Request::Close).await;
+        self.settle(command, opened);
         Ok(())
+    }
+
+    /// What M1000 does with the print that the card has, or why it has none.
+    // In a future the compiler would keep every value in memory.
+    #[inline(never)]
+    fn settle(&mut self, command: InterruptedPrint, opened: Result<(), CardFailure>) {
+        self.power_loss.is_offered = false;
+        if opened == Err(CardFailure::NothingKept) {
+            return self.replies.send(Reply::Text("echo:power loss: no interrupted print is kept"));
+        }
+        if command == InterruptedPrint::Discard {
+            self.forget_place();
+            return self
+                .replies
+                .send(Reply::Text("echo:power loss: the interrupted print is forgotten\n//action:prompt_end"));
+        }
+        self.power_loss.is_offered = true;
+        if let Err(why) = opened.map_err(NoWay::Card).and_then(|()| self.checked_place()) {
+            let name = self.kept_name();
+            self.replies.say(format_args!("echo:power loss: the interrupted print of {name} cannot go on: {why}"));
+            return self.replies.send(Reply::Text("echo:power loss: M1000 C forgets it"));
+        }
+        if command == InterruptedPrint::Report {
+            return self.offer();
+        }
+        if let Some(selected) = self.with_opened(|file: &OpenedFile| Selected::from(file)) {
+            self.card.select(selected);
+            self.replies.send(Reply::Text(
+                "//action:prompt_end\necho:power loss: the print goes on: heating, then X and Y are homed",
+            ));
+            (self.power_loss.is_offered, self.power_loss.is_resuming) = (false, true);
+            self.set_card_job(Job::Paused);
+        }
     }
 
     /// After the card was mounted: whether it has an interrupted print. Where the motors have not moved since the start, they stand as
@@ -79,12 +96,11 @@ impl<P: Ports> Printer<'_, P> {
         if self.card.job != Job::None || self.card.has_selected() {
             return;
         }
-        let opened = self.ask_card(Request::OpenKept).await;
+        let opened = self.ask_card(Request::OpenKept).await.map(|_| ());
         self.power_loss.is_offered = false;
         if opened != Err(CardFailure::NothingKept) {
             self.take_kept_height();
-            self.offer(opened.map(|_| ()));
-            let _ = self.ask_card(Request::Close).await;
+            self.settle(InterruptedPrint::Report, opened);
         }
     }
 
@@ -103,36 +119,19 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Says which print was interrupted.
     #[inline(never)]
-    fn offer(&mut self, opened: Result<(), CardFailure>) {
-        if opened == Err(CardFailure::NothingKept) {
-            return self.replies.send(Reply::Text("echo:power loss: no interrupted print is kept"));
-        }
-        self.power_loss.is_offered = true;
-        match opened.map_err(NoWay::Card).and_then(|()| self.checked_place()) {
-            Err(why) => self.refuse_return(&why),
-            Ok(()) => {
-                let Ok(Place { offset, lines, paused, .. }) = self.kept_place() else { return };
-                let z_mm = Real::fixed(paused.modal.machine_10nm[2] as f64 / 100_000.0, 2);
-                let size = self.with_opened(|file| file.size).unwrap_or(0);
-                let name = self.kept_name();
-                self.replies.say(format_args!(
-                    "echo:power loss: the print of {name} was interrupted at byte {offset} of {size}, after line {lines}, at Z{z_mm}"
-                ));
-                self.replies.send(Reply::Text("echo:power loss: M1000 goes on with it, M1000 C forgets it"));
-                self.replies.send(Reply::Text("//action:prompt_end"));
-                self.replies.send(Reply::Text(
-                    "//action:prompt_begin A print was interrupted. M1000 C forgets it, Continue (M1000) heats, homes X and Y and goes on",
-                ));
-                self.replies.send(Reply::Text("//action:prompt_button Continue"));
-                self.replies.send(Reply::Text("//action:prompt_show"));
-            }
-        }
-    }
-
-    fn refuse_return(&self, why: &NoWay) {
+    fn offer(&self) {
+        let Ok(Place { offset, lines, paused, .. }) = self.kept_place() else { return };
+        let z_mm = Real::fixed(paused.modal.machine_10nm[2] as f64 / 100_000.0, 2);
+        let size = self.with_opened(|file| file.size).unwrap_or(0);
         let name = self.kept_name();
-        self.replies.say(format_args!("echo:power loss: the interrupted print of {name} cannot go on: {why}"));
-        self.replies.send(Reply::Text("echo:power loss: M1000 C forgets it"));
+        self.replies.say(format_args!(
+            "echo:power loss: the print of {name} was interrupted at byte {offset} of {size}, after line {lines}, at Z{z_mm}"
+        ));
+        self.replies.send(Reply::Text(
+            "echo:power loss: M1000 goes on with it, M1000 C forgets it\n//action:prompt_end\n\
+             //action:prompt_begin A print was interrupted. M1000 C forgets it, Continue heats, homes X and Y and goes on\n\
+             //action:prompt_button Continue\n//action:prompt_show",
+        ));
     }
 
     /// The path of the interrupted print, as the card keeps it.
@@ -191,16 +190,6 @@ impl<P: Ports> Printer<'_, P> {
         if !paused.modal.soft_limits || (0..3).all(is_within) { Ok(()) } else { Err(NoWay::Outside) }
     }
 
-    fn begin_return(&mut self) -> Result<(), CommandError> {
-        let Some(selected) = self.with_opened(|file: &OpenedFile| Selected::from(file)) else { return Ok(()) };
-        self.card.select(selected);
-        self.replies.send(Reply::Text("//action:prompt_end"));
-        self.replies.send(Reply::Text("echo:power loss: the print goes on: heating, then X and Y are homed"));
-        (self.power_loss.is_offered, self.power_loss.is_resuming) = (false, true);
-        self.set_card_job(Job::Paused);
-        Ok(())
-    }
-
     /// Whether M1000 is to be done.
     pub(crate) fn is_returning(&self) -> bool {
         self.power_loss.is_resuming
@@ -209,86 +198,86 @@ impl<P: Ports> Printer<'_, P> {
     /// Takes the nozzle back to the interrupted print, which goes on then. `false`: it cannot, and has said why.
     pub(crate) async fn return_to_print(&mut self) -> bool {
         (self.source, self.line) = (Source::Card, 0);
-        self.motion.begin_command();
         self.signals.set_at_work(true);
-        let lifted = self.lift_off_print().await;
-        let mut outcome = lifted.map(|_| ());
-        if outcome.is_ok() {
-            let axes = AxisFlags { x: true, y: true, z: false, e: false };
-            outcome = self.command_with_signs_of_life(&Command::Home(axes)).await.map(|_| ());
-        }
-        if let (Ok(()), Ok(drawn_100pm)) = (outcome, lifted) {
-            outcome = self.restore_print(drawn_100pm).await;
-        }
-        if let Err(error) = outcome {
-            self.follow_after(error);
-        } else {
-            let start = Command::Card(CardCommand::Start { position: None });
-            outcome = self.command_with_signs_of_life(&start).await.map(|_| ());
+        let mut step = 0;
+        while let Some(command) = self.return_step(step) {
+            if let Err(error) = self.command_with_signs_of_life(&command).await {
+                self.replies.refuse(0, &Failure::Command(error));
+                break;
+            }
+            step += 1;
         }
         self.signals.set_at_work(self.is_paused());
-        if let Err(error) = outcome {
-            self.replies.refuse(0, &Failure::Command(error));
-            self.replies.send(Reply::Text("echo:power loss: the print cannot go on; M1000 tries again"));
-            return false;
-        }
         let goes_on = self.card.job == Job::Printing;
         self.power_loss.is_resuming = !goes_on;
+        if !goes_on {
+            self.replies.send(Reply::Text("echo:power loss: the print cannot go on; M1000 tries again"));
+        }
         goes_on
     }
 
-    /// Bed, then nozzle: the plastic around the nozzle melts before it rises. Returns how much filament was drawn back, units of 0.1 nm.
-    async fn lift_off_print(&mut self) -> Result<i64, CommandError> {
-        let Ok([nozzle_celsius, bed_celsius]) = self.kept_place().map(|place| place.paused.targets_celsius) else {
-            return Ok(0);
-        };
-        self.heat_again([0.0, bed_celsius]).await?;
-        self.heat_again([nozzle_celsius, bed_celsius]).await?;
-        self.motion.finish().await?;
-        self.interpreter.modal.homed[2] = true;
-        let drawn_100pm = self.draw_back().await?;
-        let [x, y, _] = self.motion.position_10nm();
-        self.park([x, y, self.profile.pause.rise_10nm]).await?;
-        Ok(drawn_100pm)
-    }
-
-    /// What lasts from line to line is as it was.
-    async fn restore_print(&mut self, drawn_100pm: i64) -> Result<(), CommandError> {
-        let Ok((fans, advance)) = self.kept_place().map(|place| (place.fans, place.advance)) else { return Ok(()) };
-        for ((output, fan), power) in FanOutput::ALL.into_iter().zip(&self.profile.fans).zip(fans) {
-            if matches!(fan, Some(FanSettings { rule: FanRule::Commanded { .. }, .. })) {
-                self.power_loss.set_fan(output, power);
-                self.motion.set_fan_power(output, power).await?;
-            }
-        }
-        let mut choice = self.motion.motion_choice();
-        if choice.pressure_advance != advance && advance.check().is_ok() {
-            choice.pressure_advance = advance;
-            self.set_motion_choice(&choice).await?.map_err(CommandError::Shaping)?;
-        }
-        self.take_kept_state(drawn_100pm);
-        Ok(())
-    }
-
+    /// What is to be done next on the way back. Bed, then nozzle: the plastic around the nozzle melts before it rises.
     #[inline(never)]
-    fn take_kept_state(&mut self, drawn_100pm: i64) {
-        let Ok(Place { offset, lines, mut paused, limits, .. }) = self.kept_place() else { return };
-        self.motion.set_limits(limits);
+    fn return_step(&mut self, step: usize) -> Option<Command<'static>> {
+        let place = self.kept_place().ok()?;
+        let [nozzle, bed] = place
+            .paused
+            .targets_celsius
+            .map(|celsius| WaitTarget::Heating(Decimal::from_nanos((f64::from(celsius) * 1e9) as i64)));
+        Some(match step {
+            0 => Command::WaitBed(bed),
+            1 => Command::WaitNozzle(nozzle),
+            // Draws back and rises; X and Y stay, as they are not homed.
+            2 => {
+                self.interpreter.modal.homed[2] = true;
+                Command::Pause(AxisWords::default())
+            }
+            3 => Command::Home(AxisFlags { x: true, y: true, z: false, e: false }),
+            _ => match (self.profile.fans.get(step - 4), place.fans.get(step - 4)) {
+                (Some(&Some(FanSettings { name, rule: FanRule::Commanded { .. }, .. })), Some(&power)) => {
+                    Command::NamedFan { name, power }
+                }
+                (Some(_), _) => Command::Accepted,
+                (None, _) if self.card.job == Job::Printing => return None,
+                (None, _) => {
+                    self.take_kept_state(&place);
+                    Command::Card(CardCommand::Start { position: None })
+                }
+            },
+        })
+    }
+
+    /// What lasts from line to line is as it was, at standstill.
+    fn take_kept_state(&mut self, place: &Place) {
+        let Place {
+            offset,
+            lines,
+            limits,
+            advance,
+            paused: Paused { modal: kept, place_10nm, targets_celsius, .. },
+            ..
+        } = place;
+        self.motion.set_limits(*limits);
+        let choice = MotionChoice { pressure_advance: *advance, ..self.motion.motion_choice() };
+        if advance.check().is_err() || self.motion.set_motion_choice(&choice).is_err() {
+            self.replies.send(Reply::Text("echo:power loss: M900 cannot be restored"));
+        }
         let modal = &mut self.interpreter.modal;
-        let kept = &paused.modal;
         (modal.feed_percent, modal.flow_percent) = (kept.feed_percent, kept.flow_percent);
         modal.kept_feed_percent = kept.kept_feed_percent;
         modal.home_offset_10nm = kept.home_offset_10nm;
         modal.soft_limits = kept.soft_limits;
-        (modal.min_extrusion_celsius, modal.cold_extrusion_allowed) =
-            (kept.min_extrusion_celsius, kept.cold_extrusion_allowed);
+        modal.min_extrusion_celsius = kept.min_extrusion_celsius;
+        modal.cold_extrusion_allowed = kept.cold_extrusion_allowed;
         modal.retraction = kept.retraction;
         modal.z.shift_10nm = kept.z.shift_10nm;
         if kept.follows_bed {
             self.replies.send(Reply::Text("echo:power loss: the measured bed is lost: Z follows it no more"));
         }
-        paused.drawn_100pm = drawn_100pm;
-        self.paused = Some(paused);
-        self.card.wait_at((offset, lines));
+        if let Some(paused) = &mut self.paused {
+            paused.modal = *kept;
+            (paused.place_10nm, paused.targets_celsius) = (*place_10nm, *targets_celsius);
+        }
+        self.card.wait_at((*offset, *lines));
     }
 }

@@ -197,3 +197,207 @@ fn a_print_goes_on_after_a_cut_at_any_instant_and_makes_the_steps_that_were_miss
     println!("{resumed} cuts resumed, {without} before the first place, at {} places", lines.len());
     assert!(resumed > 40 && lines.len() > 10, "{resumed} {lines:?}");
 }
+
+/// A card whose print was cut in the middle, and the line after which it goes on.
+fn interrupted() -> (Vec<u8>, u32) {
+    let filled = filled(&program(14));
+    let mut seen = 0;
+    let setup = Setup::new(profile("cartesian"), filled);
+    let mut card_image = Vec::new();
+    setup.say(&["M21", "M23 PRINT.GCO", "M24"], &mut |card, _| {
+        seen += 1;
+        if seen == 200 {
+            card_image = card.with_slot(|slot| slot.with_image(|image| image.clone()));
+        }
+        Vec::new()
+    });
+    let said = Setup::new(profile("cartesian"), card_image.clone()).say(&["M21"], &mut nothing);
+    let line = number_after(&said, "after line ").unwrap();
+    (card_image, line)
+}
+
+const NOTHING: &str = "echo:power loss: no interrupted print is kept";
+
+#[test]
+fn the_printer_says_what_it_knows_and_forgets_it_when_asked() {
+    let (card, line) = interrupted();
+    let setup = Setup::new(profile("cartesian"), card);
+    let mut printer = setup.printer();
+    let said = setup.converse(&mut printer, &["M21"], &mut nothing);
+    let text = program(14);
+    let offset: usize = text.split_inclusive(|byte| *byte == b'\n').take(line as usize).map(<[u8]>::len).sum();
+    let z_mm = said.iter().find_map(|line| line.split_once("at Z")).unwrap().1;
+    let expected = [
+        "echo:SD card ok".to_owned(),
+        format!(
+            "echo:power loss: the print of /PRINT.GCO was interrupted at byte {offset} of {}, after line {line}, at Z{z_mm}",
+            text.len()
+        ),
+        "echo:power loss: M1000 goes on with it, M1000 C forgets it".to_owned(),
+        "//action:prompt_end".to_owned(),
+        "//action:prompt_begin A print was interrupted. M1000 C forgets it, Continue heats, homes X and Y and goes on"
+            .to_owned(),
+        "//action:prompt_button Continue".to_owned(),
+        "//action:prompt_show".to_owned(),
+        "ok".to_owned(),
+    ];
+    assert_eq!(said, expected);
+    // The height is known, and no axis is homed.
+    let said = setup.converse(&mut printer, &["M114"], &mut nothing);
+    assert!(said[0].starts_with(&format!("X:0.00 Y:0.00 Z:{z_mm} ")), "{said:?}");
+    assert_eq!(setup.converse(&mut printer, &["M1000 S"], &mut nothing), expected[1..]);
+    let said = setup.converse(&mut printer, &["M1000 C"], &mut nothing);
+    assert_eq!(said, ["echo:power loss: the interrupted print is forgotten", "//action:prompt_end", "ok"]);
+    for command in ["M1000 S", "M1000 C", "M1000"] {
+        assert_eq!(setup.converse(&mut printer, &[command], &mut nothing), [NOTHING, "ok"], "{command}");
+    }
+    assert_eq!(setup.converse(&mut printer, &["M21"], &mut nothing), ["echo:SD card ok", "ok"]);
+}
+
+#[test]
+fn the_button_of_the_prompt_goes_on() {
+    let (card, _) = interrupted();
+    let setup = Setup::new(profile("cartesian"), card);
+    let mut printer = setup.printer();
+    setup.converse(&mut printer, &["M21"], &mut nothing);
+    let said = setup.converse(&mut printer, &["M876 S0"], &mut nothing);
+    assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
+    assert_eq!(setup.converse(&mut printer, &["M1000 S"], &mut nothing), [NOTHING, "ok"]);
+}
+
+#[test]
+fn a_print_that_has_ended_or_is_not_to_be_kept_leaves_nothing() {
+    let filled = filled(&program(6));
+    for (before, ends) in
+        [("M413 S1", None), ("M413 S1", Some("M524")), ("M413 S0", None), ("M413 S1", Some("M413 S0"))]
+    {
+        let setup = Setup::new(profile("cartesian"), filled.clone());
+        let mut printer = setup.printer();
+        let mut seen = 0;
+        setup.converse(&mut printer, &["M21", before, "M23 PRINT.GCO", "M24"], &mut |_, _| {
+            seen += 1;
+            if seen == 100 { ends.map(str::to_owned).into_iter().collect() } else { Vec::new() }
+        });
+        assert!(seen > 100);
+        let state = if before == "M413 S0" || ends == Some("M413 S0") { "OFF" } else { "ON" };
+        let said = setup.converse(&mut printer, &["M413", "M1000 S"], &mut nothing);
+        assert_eq!(said, [&format!("echo:Power-loss recovery {state}"), "ok", NOTHING, "ok"], "{before} {ends:?}");
+    }
+}
+
+#[test]
+fn another_print_forgets_the_interrupted_one() {
+    for before in ["M413 S1", "M413 S0"] {
+        let (card, _) = interrupted();
+        let setup = Setup::new(profile("cartesian"), card);
+        let mut printer = setup.printer();
+        let lines = ["M21", before, "M32 !PARTS/ONE.GCO#", "M1000 S"];
+        let said = setup.converse(&mut printer, &lines, &mut nothing);
+        let forgotten = "echo:power loss: the print that was interrupted before is forgotten";
+        assert!(said.iter().any(|line| line == forgotten), "{before}: {said:?}");
+        assert_eq!(said[said.len() - 2..], [NOTHING, "ok"], "{before}");
+    }
+}
+
+/// The text of a refusal of M1000.
+fn refusal(setup: &Setup, printer: &mut crate::setup::DeskPrinter<'_>) -> String {
+    let said = setup.converse(printer, &["M1000"], &mut nothing);
+    assert_eq!(said.last().unwrap(), "ok", "{said:?}");
+    assert_eq!(setup.motor_steps()[3], 0, "no filament has moved");
+    said[0].clone()
+}
+
+#[test]
+fn what_cannot_go_on_is_refused_with_its_reason() {
+    let (card, _) = interrupted();
+    let what = "echo:power loss: the interrupted print of /PRINT.GCO cannot go on: ";
+    // Its file is another, or gone.
+    let setup = Setup::new(profile("cartesian"), card.clone());
+    setup.put("PRINT.GCO", b"G28\n");
+    let said = setup.say(&["M21"], &mut nothing);
+    assert_eq!(said[1], format!("{what}the file differs from the one that was being printed"));
+    assert_eq!(said[2], "echo:power loss: M1000 C forgets it");
+    let setup = Setup::new(profile("cartesian"), card.clone());
+    let mut printer = setup.printer();
+    setup.converse(&mut printer, &["M21", "M30 PRINT.GCO"], &mut nothing);
+    assert_eq!(refusal(&setup, &mut printer), format!("{what}there is no such file"));
+    // The machine has moved before the card was found.
+    let setup = Setup::new(profile("cartesian"), card.clone());
+    let mut printer = setup.printer();
+    setup.converse(&mut printer, &["G0 Z5", "M21"], &mut nothing);
+    assert!(refusal(&setup, &mut printer).starts_with(&format!("{what}the height of the nozzle is unknown")));
+    // Another machine.
+    let setup = Setup::new(profile("corexy"), card.clone());
+    let mut printer = setup.printer();
+    setup.converse(&mut printer, &["M21"], &mut nothing);
+    assert!(refusal(&setup, &mut printer).starts_with(&format!("{what}another machine")));
+    // While something is printed.
+    let setup = Setup::new(profile("cartesian"), card);
+    let mut seen = 0;
+    let said = setup.say(&["M21", "M32 !PRINT.GCO#"], &mut |_, _| {
+        seen += 1;
+        if seen == 50 { vec!["M1000".to_owned(), "M1000 C".to_owned()] } else { Vec::new() }
+    });
+    assert_eq!(said.iter().filter(|line| line.contains("the memory card is in use")).count(), 2, "{said:?}");
+    assert_eq!(said.last().unwrap(), "Done printing file");
+}
+
+/// A paused print: the nozzle stands aside, and a person has moved it. The print goes on from the line at which it paused.
+#[test]
+fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
+    let text = program(14);
+    let filled = filled(&text);
+    for jog in [None, Some("G0 Z55.5"), Some("G0 Z3.5")] {
+        let (setup, events) = logged(filled.clone());
+        let mut printer = setup.printer();
+        let (mut seen, mut z_steps) = (0, 0);
+        let mut image = Vec::new();
+        let said = setup.converse(&mut printer, &["M21", "M23 PRINT.GCO", "M24"], &mut |card, _| {
+            seen += 1;
+            match (seen, jog) {
+                (150, _) => vec!["M25".to_owned()],
+                (170, Some(jog)) => vec!["G90".to_owned(), jog.to_owned(), "M400".to_owned()],
+                (200, _) => {
+                    image = card.with_slot(|slot| slot.with_image(|image| image.clone()));
+                    z_steps = net(&events.borrow(), 2);
+                    vec!["M24".to_owned()]
+                }
+                _ => Vec::new(),
+            }
+        });
+        assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
+        let end = setup.motor_steps();
+        let all = events.take();
+        // After the reset.
+        let (again, events) = logged(image);
+        let mut printer = again.printer();
+        let said = again.converse(&mut printer, &["M21", "M1000"], &mut nothing);
+        assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
+        assert_eq!(again.motor_steps()[..3], end[..3], "{jog:?}");
+        // The steps of Z from the cut on bring it to where it ends without the cut: the height was the true one.
+        assert_eq!(net(&events.borrow(), 2), net(&all, 2) - z_steps, "{jog:?}");
+        let line = number_after(&said, "after line ").unwrap();
+        let (pushed, owed) = (net(&events.borrow(), 3), net(&all[end_of_line(&all, line)..], 3));
+        // A step for the filament's rest at the cut, and one that may come after the note of its move's end.
+        assert!((pushed - owed).abs() <= 2, "{jog:?}: {pushed} instead of {owed}");
+    }
+}
+
+/// M112 and M999: the print can go on as after a power cut.
+#[test]
+fn a_print_that_a_halt_has_ended_goes_on() {
+    let text = program(14);
+    let filled = filled(&text);
+    let undisturbed = Setup::new(profile("cartesian"), filled.clone());
+    undisturbed.say(&["M21", "M32 !PRINT.GCO#"], &mut nothing);
+    let setup = Setup::new(profile("cartesian"), filled);
+    let mut printer = setup.printer();
+    let mut seen = 0;
+    setup.converse(&mut printer, &["M21", "M32 !PRINT.GCO#"], &mut |_, _| {
+        seen += 1;
+        if seen == 180 { vec!["M112".to_owned()] } else { Vec::new() }
+    });
+    let said = setup.converse(&mut printer, &["M999", "M1000"], &mut nothing);
+    assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
+    assert_eq!(setup.motor_steps()[..3], undisturbed.motor_steps()[..3]);
+}
