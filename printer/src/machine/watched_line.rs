@@ -26,3 +26,20 @@ impl WatchedLine {
         matches!(*self, Self::Queued(slot) if played.wrapping_sub(slot) as i32 >= 0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_passed_when_a_later_move_has_been_played() {
+        let mut watched = WatchedLine::Ahead(7);
+        watched.note(6, 10);
+        assert!(!watched.is_passed(u32::MAX / 2), "its line has not come");
+        watched.note(9, u32::MAX);
+        watched.note(10, 5);
+        assert!(!watched.is_passed(u32::MAX - 1));
+        assert!(watched.is_passed(u32::MAX) && watched.is_passed(3), "modulo 2^32");
+        assert!(!WatchedLine::None.is_passed(0));
+    }
+}
