@@ -71,12 +71,15 @@ impl Place {
             let _ = out.push(VERSION);
         }
         let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance } = self;
-        let Paused { modal, place_10nm, targets_celsius, drawn_100pm: _, load_100pm: _, until_ms: _ } = paused;
+        let Paused { modal, place_10nm, targets_celsius, drawn_100pm, load_100pm, until_ms: _ } = paused;
         codec.int(stands_10nm);
         [offset, lines, profile].into_iter().for_each(|number| *number = codec.word(*number));
         fans.iter_mut().for_each(|power| *power = codec.word(u32::from(*power)) as u8);
         for celsius in targets_celsius.iter_mut().chain([&mut modal.min_extrusion_celsius]) {
             *celsius = f32::from_bits(codec.word(celsius.to_bits()));
+        }
+        for filament in [drawn_100pm, load_100pm] {
+            *filament = codec.long(*filament as u64) as i64;
         }
         pass_modal(modal, place_10nm, codec);
         let Limits {

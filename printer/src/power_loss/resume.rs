@@ -62,6 +62,9 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     fn settle(&mut self, command: InterruptedPrint, opened: Result<(), CardFailure>) {
         self.power_loss.is_offered = false;
+        if let Err(failure @ (CardFailure::Slot(_) | CardFailure::NotMounted)) = opened {
+            return self.replies.say(format_args!("echo:card: {failure}"));
+        }
         if opened == Err(CardFailure::NothingKept) {
             return self.replies.send(Reply::Text("echo:power loss: no interrupted print is kept"));
         }
@@ -249,20 +252,13 @@ impl<P: Ports> Printer<'_, P> {
 
     /// What lasts from line to line is as it was, at standstill.
     fn take_kept_state(&mut self, place: &Place) {
-        let Place {
-            offset,
-            lines,
-            limits,
-            advance,
-            paused: Paused { modal: kept, place_10nm, targets_celsius, .. },
-            ..
-        } = place;
+        let Place { offset, lines, limits, advance, paused: print, .. } = place;
         self.motion.set_limits(*limits);
         let choice = MotionChoice { pressure_advance: *advance, ..self.motion.motion_choice() };
         if advance.check().is_err() || self.motion.set_motion_choice(&choice).is_err() {
             self.replies.send(Reply::Text("echo:power loss: M900 cannot be restored"));
         }
-        let modal = &mut self.interpreter.modal;
+        let (modal, kept) = (&mut self.interpreter.modal, &print.modal);
         (modal.feed_percent, modal.flow_percent) = (kept.feed_percent, kept.flow_percent);
         modal.kept_feed_percent = kept.kept_feed_percent;
         modal.home_offset_10nm = kept.home_offset_10nm;
@@ -275,8 +271,8 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.send(Reply::Text("echo:power loss: the measured bed is lost: Z follows it no more"));
         }
         if let Some(paused) = &mut self.paused {
-            paused.modal = *kept;
-            (paused.place_10nm, paused.targets_celsius) = (*place_10nm, *targets_celsius);
+            // Drawn back just now, and by the pause in which the power was cut.
+            *paused = Paused { drawn_100pm: paused.drawn_100pm.saturating_add(print.drawn_100pm), ..*print };
         }
         self.card.wait_at((*offset, *lines));
     }

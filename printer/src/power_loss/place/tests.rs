@@ -30,8 +30,8 @@ fn place() -> Place {
             modal,
             place_10nm: [-1, 2, 3_000_000],
             targets_celsius: [215.5, 60.0],
-            drawn_100pm: 0,
-            load_100pm: 0,
+            drawn_100pm: 8_000_000,
+            load_100pm: 20_000_000_000,
             until_ms: None,
         },
         fans: [255, 0, 1, 2, 3, 4],
@@ -47,8 +47,14 @@ fn place() -> Place {
 fn other() -> Place {
     let profile = profile();
     let advance = PressureAdvance { seconds: 0.0, above: None, smooth_time_s: None };
-    let paused =
-        Paused { modal: Modal::new(&profile), place_10nm: [0; 3], targets_celsius: [0.0; 2], ..place().paused };
+    let paused = Paused {
+        modal: Modal::new(&profile),
+        place_10nm: [0; 3],
+        targets_celsius: [0.0; 2],
+        drawn_100pm: 0,
+        load_100pm: 0,
+        until_ms: None,
+    };
     Place { stands_10nm: 0, offset: 0, lines: 0, profile: 0, paused, fans: [0; 6], limits: profile.limits, advance }
 }
 
@@ -62,7 +68,7 @@ fn what_is_written_is_read() {
     for mut written in [place(), other()] {
         let mut bytes = Kept::new();
         written.write(&mut bytes);
-        assert!(bytes.len() < KEPT_BYTES, "{}", bytes.len());
+        assert!(bytes.len() <= KEPT_BYTES, "{}", bytes.len());
         let mut read = if shown(&written) == shown(&other()) { place() } else { other() };
         assert!(read.read(&bytes));
         assert_eq!(shown(&read), shown(&written));
