@@ -27,7 +27,7 @@ pub(crate) struct PowerLoss {
     is_resuming: bool,
     /// The card keeps the place of the present print.
     is_keeping: bool,
-    /// A place waits for the motors, before it is written.
+    /// A place waits for the motors, or that of a pause for the next look at the hosts, before it is written.
     is_pending: bool,
     /// Where the newest place says that the motors of Z stand, units of 10 nm; `None`: no place is known for this machine as it stands.
     stands_10nm: Option<i64>,
@@ -60,6 +60,11 @@ impl PowerLoss {
     /// The card has an interrupted print.
     pub const fn is_offered(&self) -> bool {
         self.is_offered
+    }
+
+    /// The print is paused: its place is kept at the next look at the hosts, far from the deepest part of the stack.
+    pub fn note_pause(&mut self) {
+        self.is_pending = true;
     }
 
     /// A command has set a fan.

@@ -122,7 +122,7 @@ impl<P: Ports> Printer<'_, P> {
                 }
             }
             hosts.tell_all();
-            self.keep_moved_pause();
+            self.keep_while_paused();
             self.go_on_if_answered().await;
             if self.card.aborted {
                 return Err(End::Aborted);

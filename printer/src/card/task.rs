@@ -44,7 +44,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         self.card.job = job;
         if job == Job::Paused {
-            self.keep_pause();
+            self.power_loss.note_pause();
         }
         self.note_card_progress();
     }

@@ -103,22 +103,22 @@ impl<P: Ports> Printer<'_, P> {
 
     /// The print is paused: its place is where it goes back to, its height where the motors stand.
     #[inline(never)]
-    pub(crate) fn keep_pause(&mut self) {
+    fn keep_pause(&mut self) {
         let Some(paused) = self.paused.filter(|_| self.power_loss.is_keeping) else { return };
         if paused.modal.homed != [true; 3] {
             return;
         }
         let [.., z_10nm] = self.motion.position_10nm();
         let (offset, lines) = self.card.place(self.power_loss.line);
-        // Where the place before is still being written, the next look at the hosts tries again.
+        // Where the place before is still being written, the next look tries again.
         self.power_loss.is_pending = !self.note_place(z_10nm, offset, lines, paused);
         if !self.power_loss.is_pending {
             self.write_place();
         }
     }
 
-    /// While the print is paused: keeps the height to which a person has moved the nozzle.
-    pub(crate) fn keep_moved_pause(&mut self) {
+    /// While the print is paused: keeps its place, and the height to which a person moves the nozzle.
+    pub(crate) fn keep_while_paused(&mut self) {
         if !self.power_loss.is_keeping || self.card.job != Job::Paused {
             return;
         }
