@@ -31,6 +31,8 @@ pub enum CardFailure {
     NoFile,
     /// It is binary G-code.
     BinaryGcode,
+    /// No interrupted print is kept on the card.
+    NothingKept,
 }
 
 impl From<CardError> for CardFailure {
@@ -58,6 +60,7 @@ impl fmt::Display for CardFailure {
                 "binary G-code is not printed from a card: let the slicer write text, or use ferrostep send or preprocess",
             ),
             Self::NoFile => out.write_str("no file is selected: M23 selects one"),
+            Self::NothingKept => out.write_str("no interrupted print is kept on it"),
         }
     }
 }

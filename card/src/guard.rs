@@ -53,6 +53,8 @@ pub struct Guard<S> {
     is_whole: Cell<bool>,
     /// Why a block could not be read or written.
     failed: Cell<Option<CardError>>,
+    /// The block of a file's contents that was read last, or was to be.
+    last_data: Cell<u32>,
 }
 
 impl<S: CardSlot> Guard<S> {
@@ -67,6 +69,7 @@ impl<S: CardSlot> Guard<S> {
             passed_end: Cell::new(false),
             is_whole: Cell::new(false),
             failed: Cell::new(None),
+            last_data: Cell::new(0),
         }
     }
 
@@ -102,6 +105,11 @@ impl<S: CardSlot> Guard<S> {
     /// number cannot be read for one that ends there.
     pub fn take_failed(&self) -> Option<CardError> {
         self.failed.take()
+    }
+
+    /// The block of a file's contents that was read last, or was to be.
+    pub fn last_data(&self) -> BlockIdx {
+        BlockIdx(self.last_data.get())
     }
 
     fn noted(&self, outcome: Result<(), CardError>) -> Result<(), CardError> {
@@ -187,9 +195,14 @@ impl<S: CardSlot> BlockDevice for Guard<S> {
                 made_up_partitions(block, self.slot.num_blocks()?.0);
                 continue;
             };
+            let purpose = self.purpose.get();
+            let is_table = self.is_in_tables(index);
+            if purpose == Purpose::Data && !is_table {
+                self.last_data.set(index.0);
+            }
             self.noted(self.slot.read(core::slice::from_mut(block), place))?;
-            if self.purpose.get() != Purpose::Data && !self.is_in_tables(index) {
-                mend_folder(block, self.purpose.get() == Purpose::Names);
+            if purpose != Purpose::Data && !is_table {
+                mend_folder(block, purpose == Purpose::Names);
             }
         }
         Ok(())

@@ -8,6 +8,7 @@
 mod boot_sector;
 mod failure;
 mod guard;
+mod kept;
 mod listing;
 mod local;
 mod mailbox;
@@ -18,6 +19,7 @@ mod tables;
 mod volume;
 
 pub use failure::CardFailure;
+pub use kept::{KEPT_BYTES, KEPT_NAME, Kept};
 pub use listing::{ListOptions, LongPath, PAGE_BYTES, ShortPath};
 pub use local::LocalCard;
 pub use mailbox::{Answer, CardPort, ListFrom, Mailbox, OpenedFile, Put, Request, SharedMailbox, Taken};

@@ -5,6 +5,7 @@
 use ferrostep_hal_shim::card::Block;
 
 use crate::failure::CardFailure;
+use crate::kept::Kept;
 use crate::listing::{ListOptions, LongPath, Page, ShortPath};
 
 /// A request of the printer to the card's task.
@@ -32,6 +33,14 @@ pub enum Request {
     Delete(LongPath),
     /// The path's long names.
     LongPath(LongPath),
+    /// Have a file on the card that keeps the place of the print whose file is open; `fresh`: it begins, and an older print's place
+    /// is forgotten.
+    BeginKeeping {
+        /// The print begins.
+        fresh: bool,
+    },
+    /// Open the file of the print whose place is kept ([`Mailbox::kept`]); the page is its path, even if it cannot be opened.
+    OpenKept,
 }
 
 /// Which page of a list.
@@ -133,6 +142,11 @@ pub struct Mailbox {
     buffers: [Buffer; 2],
     /// Place in the file of the next byte to be taken or put.
     position: u32,
+    kept: Kept,
+    /// [`Self::kept`] is to be written.
+    keeps: bool,
+    /// It could not be written.
+    keep_failure: Option<CardFailure>,
 }
 
 impl Default for Mailbox {
@@ -152,7 +166,45 @@ impl Mailbox {
             stream: Stream::Closed,
             buffers: [Buffer::EMPTY; 2],
             position: 0,
+            kept: Kept::new(),
+            keeps: false,
+            keep_failure: None,
         }
+    }
+
+    /// The place of a print, as the printer writes it: what was read last, or is to be written. Empty: none.
+    pub fn kept(&self) -> &Kept {
+        &self.kept
+    }
+
+    /// The same, to be changed. It is written with [`Self::keep`] only.
+    pub fn kept_mut(&mut self) -> &mut Kept {
+        &mut self.kept
+    }
+
+    /// Lets the card's task write the place. It never waits: until then the card keeps the one before.
+    pub fn keep(&mut self) {
+        self.keeps = true;
+    }
+
+    /// Whether a place is still to be written: the next must wait.
+    pub fn is_keeping(&self) -> bool {
+        self.keeps
+    }
+
+    /// Takes why the place could not be written. No other is written until [`Request::BeginKeeping`].
+    pub fn take_keep_failure(&mut self) -> Option<CardFailure> {
+        self.keep_failure.take()
+    }
+
+    /// The card's task writes the place now.
+    pub(crate) fn has_taken_kept(&mut self) {
+        self.keeps = false;
+    }
+
+    /// The place could not be written.
+    pub(crate) fn fail_keeping(&mut self, failure: CardFailure) {
+        self.keep_failure = Some(failure);
     }
 
     /// Asks the card's task, which has answered everything before.
@@ -229,7 +281,7 @@ impl Mailbox {
 
     /// Whether the card's task has something to do.
     pub fn has_work(&self) -> bool {
-        self.request.is_some() || self.wants_block() || self.is_block_full()
+        self.request.is_some() || self.wants_block() || self.is_block_full() || self.keeps
     }
 
     pub(crate) fn take_request(&mut self) -> Option<Request> {

@@ -1,10 +1,11 @@
 //! The card's task: does what the mailbox asks, reads ahead, writes what waits.
 
 use embedded_sdmmc::{Mode, RawFile};
-use ferrostep_hal_shim::card::{Block, CardSlot};
+use ferrostep_hal_shim::card::{Block, BlockDevice, CardSlot};
 
 use crate::failure::CardFailure;
 use crate::guard::{Guard, Purpose};
+use crate::kept::{KEPT_NAME, KeptFile, Stored, blank, compose, locate};
 use crate::listing::{Cursor, LongPath, Page, fill_page, resolve};
 use crate::mailbox::{Answer, ListFrom, Mailbox, OpenedFile, Request, SharedMailbox, Stream};
 use crate::source::{Source, open};
@@ -33,13 +34,15 @@ pub struct CardServer<S: CardSlot> {
     open: Open,
     /// Where the list goes on.
     cursor: Cursor,
+    /// The file that keeps a print's place.
+    kept: Option<KeptFile>,
 }
 
 impl<S: CardSlot> CardServer<S> {
     /// A server of a slot; no card is mounted yet.
     pub fn new(slot: S) -> Self {
         let manager = Manager::new_with_limits(Guard::new(slot), NoClock, FIRST_HANDLE);
-        Self { manager, mounted: None, open: Open::Nothing, cursor: Cursor::new() }
+        Self { manager, mounted: None, open: Open::Nothing, cursor: Cursor::new(), kept: None }
     }
 
     /// Calls `act` with the slot.
@@ -57,7 +60,7 @@ impl<S: CardSlot> CardServer<S> {
             mailbox.with(|mailbox| mailbox.answer(answer));
             return true;
         }
-        self.read_ahead(mailbox) || self.write_behind(mailbox, false).unwrap_or(true)
+        self.read_ahead(mailbox) || self.keep(mailbox) || self.write_behind(mailbox, false).unwrap_or(true)
     }
 
     /// The answer, unless a block could not be read that it needed, and embedded-sdmmc went on without.
@@ -96,6 +99,7 @@ impl<S: CardSlot> CardServer<S> {
             }
             Request::Release => {
                 let finished = self.finish(mailbox);
+                self.keep(mailbox);
                 self.forget();
                 self.open = Open::Nothing;
                 mailbox.with(|mailbox| mailbox.begin(Stream::Closed, 0));
@@ -124,6 +128,8 @@ impl<S: CardSlot> CardServer<S> {
                 Ok(Answer::Done)
             }
             Request::Reopen => self.reopen(mailbox),
+            Request::BeginKeeping { fresh } => self.begin_keeping(fresh),
+            Request::OpenKept => self.open_kept(mailbox),
             Request::Seek(offset) => {
                 let (Open::Reading(_, source) | Open::Lost(source)) = &mut self.open else {
                     return Err(CardFailure::NoFile);
@@ -269,6 +275,7 @@ impl<S: CardSlot> CardServer<S> {
 
     /// Forgets the volume without writing to it; a file that was read can be opened again.
     fn forget(&mut self) {
+        self.kept = None;
         self.give_up();
         self.manager.device(|guard| guard.begin(Purpose::Data, 0));
         self.open = match core::mem::replace(&mut self.open, Open::Nothing) {
@@ -296,6 +303,118 @@ impl<S: CardSlot> CardServer<S> {
         let file = source.reopen(&self.manager, &mounted)?;
         self.open = Open::Reading(file, source);
         mailbox.with(Mailbox::go_on);
+        Ok(Answer::Done)
+    }
+
+    /// Writes the place of a print that waits to be kept; whether there was one.
+    fn keep(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
+        if !mailbox.with(|mailbox| mailbox.is_keeping()) {
+            return false;
+        }
+        let source = match &self.open {
+            Open::Reading(_, source) => source.known_identity(),
+            Open::Nothing | Open::Lost(_) | Open::Writing(_) => None,
+        };
+        // Where the card was pulled out, the place is kept anew when the print goes on.
+        let next = self.kept.as_ref().map(KeptFile::next);
+        let block = mailbox.with(|mailbox| {
+            mailbox.has_taken_kept();
+            next.map(|(place, sequence)| (compose(sequence, source, mailbox.kept()), place))
+        });
+        let Some((block, place)) = block else { return true };
+        let written = self.manager.device(|guard| {
+            guard.begin(Purpose::Data, 1);
+            guard.write(&[block], place)
+        });
+        match (&mut self.kept, written) {
+            (Some(kept), Ok(())) => kept.has_written(),
+            // A block that may be damaged is not the one to write next.
+            (kept, _) => *kept = None,
+        }
+        // Reading tells by itself that the card is gone.
+        self.manager.device(|guard| guard.take_failed());
+        if let Err(error) = written {
+            mailbox.with(|mailbox| mailbox.fail_keeping(error.into()));
+        }
+        true
+    }
+
+    fn begin_keeping(&mut self, fresh: bool) -> Result<Answer, CardFailure> {
+        let mounted = self.mounted()?;
+        let Open::Reading(file, source) = &mut self.open else { return Err(CardFailure::NoFile) };
+        source.identity(&self.manager, *file)?;
+        self.manager.device(|guard| guard.begin(Purpose::Folders, mounted.budget()));
+        let mut kept = match locate(&self.manager, &mounted) {
+            Ok((kept, _)) => kept,
+            Err(CardFailure::NotFound | CardFailure::OtherFile) => self.create_kept(&mounted)?,
+            Err(failure) => return Err(failure),
+        };
+        if fresh {
+            let (place, sequence) = kept.next();
+            self.manager.device(|guard| {
+                guard.begin(Purpose::Data, 1);
+                guard.write(&[blank(sequence)], place)
+            })?;
+            kept.has_written();
+        }
+        self.kept = Some(kept);
+        Ok(Answer::Done)
+    }
+
+    /// Creates the file with both its blocks, so that no table or folder changes while a print's place is kept.
+    fn create_kept(&mut self, mounted: &Mounted) -> Result<KeptFile, CardFailure> {
+        let file = self.create(&LongPath::try_from(KEPT_NAME).map_err(|_| CardFailure::BadName)?)?;
+        self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
+        let mut written = Ok(());
+        for sequence in 0..2 {
+            written = written.and_then(|()| self.manager.write(file, &blank(sequence).contents));
+        }
+        self.manager.device(|guard| guard.begin(Purpose::Folders, mounted.budget()));
+        let closed = self.manager.close_file(file);
+        if self.manager.device(|guard| guard.take_passed_end()) {
+            return Err(CardFailure::Full);
+        }
+        written.and(closed)?;
+        self.manager.device(|guard| guard.begin(Purpose::Folders, mounted.budget()));
+        Ok(locate(&self.manager, mounted)?.0)
+    }
+
+    fn open_kept(&mut self, mailbox: &mut impl SharedMailbox) -> Result<Answer, CardFailure> {
+        self.close(mailbox);
+        let mounted = self.mounted()?;
+        let found = locate(&self.manager, &mounted);
+        let stored = match found {
+            Ok((kept, stored)) => {
+                self.kept = Some(kept);
+                stored.ok_or(CardFailure::NothingKept)?
+            }
+            Err(CardFailure::NotFound | CardFailure::OtherFile) => return Err(CardFailure::NothingKept),
+            Err(failure) => return Err(failure),
+        };
+        let Stored { path, size, first_crc, place } = stored;
+        mailbox.with(|mailbox| {
+            let page = mailbox.page_mut();
+            page.clear();
+            // A page is longer than any path.
+            let _ = page.push_str(&path);
+            mailbox.kept_mut().clone_from(&place);
+        });
+        self.manager.device(|guard| guard.begin(Purpose::Folders, mounted.budget()));
+        let (file, found_size) = open(&self.manager, &mounted, &path)?;
+        let mut source = Source::new(path.clone(), found_size);
+        let identity = source.identity(&self.manager, file);
+        if identity != Ok((size, first_crc)) {
+            let _ = self.manager.close_file(file);
+            return Err(identity.err().unwrap_or(CardFailure::OtherFile));
+        }
+        self.manager.device(|guard| guard.begin(Purpose::Folders, mounted.budget()));
+        let long = resolve(&self.manager, &mounted, &path);
+        self.open = Open::Reading(file, source);
+        let (short, long) = long?;
+        mailbox.with(|mailbox| {
+            mailbox.begin(Stream::Reading, 0);
+            mailbox.set_opened(Some(OpenedFile { short, long, size }));
+        });
         Ok(Answer::Done)
     }
 

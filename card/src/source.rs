@@ -10,7 +10,7 @@ use crate::listing::ShortPath;
 use crate::volume::{Manager, Mounted, close, find, open_folder, split_file};
 
 /// As in gzip.
-const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+pub const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 const BLOCK_BYTES: u32 = Block::LEN_U32;
 
 /// Identifies a file after its card was pulled out: path, length, and its first and last blocks that were read.
@@ -29,6 +29,26 @@ impl Source {
     /// A file at its beginning.
     pub fn new(path: ShortPath, size: u32) -> Self {
         Self { path, size, offset: 0, first_crc: None, last: None }
+    }
+
+    /// The file's path, its length and the CRC of its first block, once that was read.
+    pub fn known_identity(&self) -> Option<(&ShortPath, u32, u32)> {
+        self.first_crc.map(|crc| (&self.path, self.size, crc))
+    }
+
+    /// Its length, and the CRC of its first block, which is read if it was not yet: by these it is known again after a reset.
+    ///
+    /// # Errors
+    /// The card cannot be read.
+    pub fn identity<S: CardSlot>(&mut self, manager: &Manager<S>, file: RawFile) -> Result<(u32, u32), CardFailure> {
+        if let Some(crc) = self.first_crc {
+            return Ok((self.size, crc));
+        }
+        let mut block = [0; Block::LEN];
+        let length = read_block(manager, file, 0, &mut block)?;
+        let crc = CRC.checksum(block.get(..length).unwrap_or_default());
+        self.first_crc = Some(crc);
+        Ok((self.size, crc))
     }
 
     /// Reads up to the end of the present block; returns the number of bytes, 0 at the end of the file.
@@ -96,7 +116,10 @@ impl Source {
 }
 
 /// Reads a file's block and returns its length.
-fn read_block<S: CardSlot>(
+///
+/// # Errors
+/// The card cannot be read, or the file is shorter.
+pub fn read_block<S: CardSlot>(
     manager: &Manager<S>,
     file: RawFile,
     start: u32,

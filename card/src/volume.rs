@@ -30,8 +30,11 @@ impl TimeSource for NoClock {
     }
 }
 
-/// embedded-sdmmc's volumes, with one open file.
-pub type Manager<S> = VolumeManager<Guard<S>, NoClock, OPEN_FOLDERS, 1, 1>;
+/// Files that are open at a time: the one that is printed or written, and for a moment the one that keeps its place.
+const OPEN_FILES: usize = 2;
+
+/// embedded-sdmmc's volumes.
+pub type Manager<S> = VolumeManager<Guard<S>, NoClock, OPEN_FOLDERS, OPEN_FILES, 1>;
 
 /// A mounted volume.
 #[derive(Clone, Copy, Debug)]

@@ -13,7 +13,7 @@ const MAX_ACCESSES: u64 = 65_536 + 10_000;
 
 /// Whatever a card holds, every task ends, and soon.
 fn use_everything(card: &Card) {
-    let tasks: [&dyn Fn(); 9] = [
+    let tasks: [&dyn Fn(); 10] = [
         &|| {
             let _ = ask(card, Request::Mount);
         },
@@ -34,6 +34,15 @@ fn use_everything(card: &Card) {
             let _ = ask(card, Request::Delete(path("MANY/GAPS.GCO")));
         },
         &|| assert!(matches!(write(card, "PARTS/NEW.GCO", &[b'x'; 3000]), Ok(()) | Err(_))),
+        &|| {
+            let _ = ask(card, Request::Open(path("PARTS/ONE.GCO")));
+            let _ = ask(card, Request::BeginKeeping { fresh: true });
+            card.with(&mut |mailbox| {
+                let _ = mailbox.kept_mut().extend_from_slice(b"place");
+                mailbox.keep();
+            });
+            let _ = ask(card, Request::OpenKept);
+        },
         &|| {
             let _ = ask(card, Request::Release);
         },

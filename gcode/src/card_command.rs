@@ -1,6 +1,6 @@
 //! Commands for the files on a memory card.
 
-/// M20 to M34, M524, M928.
+/// M20 to M34, M413, M524, M928, M1000.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CardCommand<'a> {
     /// M20: the list of files.
@@ -55,6 +55,21 @@ pub enum CardCommand<'a> {
     Sort,
     /// M524: end the print.
     Abort,
+    /// M413: whether a print's place is kept on the card against a power cut; without S a query.
+    KeepPlace(Option<bool>),
+    /// M1000: the interrupted print.
+    Interrupted(InterruptedPrint),
     /// M928: write the lines that follow into this file, and execute them.
     Log(&'a str),
+}
+
+/// What becomes of a print that a power cut has interrupted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InterruptedPrint {
+    /// It goes on.
+    Resume,
+    /// S: the printer reports it, and how to go on.
+    Report,
+    /// C: it is forgotten.
+    Discard,
 }

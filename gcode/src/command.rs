@@ -227,7 +227,7 @@ pub enum Command<'a> {
     SetPosition(AxisWords),
     /// M17.
     EnableMotors(AxisFlags),
-    /// M20 to M34, M524, M928: the memory card.
+    /// M20 to M34, M413, M524, M928, M1000: the memory card.
     Card(CardCommand<'a>),
     /// M18, M84 without S; no axis means all.
     DisableMotors(AxisFlags),
@@ -520,7 +520,7 @@ pub enum Command<'a> {
     Restart,
     /// T: the tool.
     SelectTool(u32),
-    /// A command that is accepted and changes nothing on this machine (M486, M413 ...).
+    /// A command that is accepted and changes nothing on this machine (M486, M862.2 ...).
     Accepted,
     /// Anything else: answered `echo:Unknown command: "..."`.
     Unknown(&'a str),

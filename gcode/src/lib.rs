@@ -26,7 +26,7 @@ mod reply_text;
 mod tower_words;
 
 pub use bed_command::{BedArea, BedCommand};
-pub use card_command::CardCommand;
+pub use card_command::{CardCommand, InterruptedPrint};
 pub use command::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, FeedWords, GainWords, PrintClockCommand,
     RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,

@@ -180,7 +180,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'M', 401, 402), "M401 and M402", "deploy and stow the probe", "the probe is fixed"),
     unknown(m(403), "M403", "filament of a multi-material unit", NO_UNIT),
     unknown((b'M', 404, 407), "M404 to M407", "measure the filament's diameter", "there is no such sensor"),
-    accepted(m(413), "M413", "continue after a power cut", "a job of G-code cannot be continued"),
     accepted(m(425), "M425", "backlash compensation", "play is not corrected"),
     unknown(m(428), "M428", "make this place home", NO_STORE),
     accepted(m(486), "M486", "names of objects, to leave one out", "all are printed"),

@@ -232,8 +232,10 @@ impl Code {
             [low] => u32::from(low),
             _ => 0,
         });
-        // What fills the last word is an offset into the table.
-        offsets.map(|offset| table + 2 * offset).filter(|target| self.instruction(*target).is_ok()).collect()
+        // What fills the last word is an offset into the table, and constants that follow the table lead out of the function.
+        let function = self.function_start(instruction.address);
+        let is_target = |target: &u32| self.function_start(*target) == function && self.instruction(*target).is_ok();
+        offsets.map(|offset| table + 2 * offset).filter(is_target).collect()
     }
 
     /// Every instruction of the image, in order.

@@ -12,4 +12,4 @@ mod text;
 mod write;
 
 pub use print::{HostLines, HostText};
-pub(crate) use state::{Card, Job};
+pub(crate) use state::{Card, Job, Selected};

@@ -10,6 +10,7 @@ use ferrostep_planner::surface::Bed;
 use crate::error::CommandError;
 use crate::paused::{PauseReason, PauseWords};
 use crate::ports::{Motion, Ports, Replies, temperatures};
+use crate::power_loss::RESUME;
 use crate::printer::{Answer, Printer};
 
 /// A command that may wait, so that none can be named without being executed.
@@ -220,6 +221,9 @@ impl<P: Ports> Printer<'_, P> {
             Command::Progress { percent, minutes_left } => self.progress(percent, minutes_left),
             Command::Layer { current, total } => self.layer(current, total),
             Command::FilamentSensor(on) => self.filament_sensor(on),
+            Command::PromptAnswer(0) if self.power_loss.is_offered() && !self.is_paused() => {
+                return waiting(Waiting::Card(&RESUME));
+            }
             Command::PromptAnswer(button) => self.signals.answer_prompt(button),
             Command::ResumePrint if self.is_paused() => return waiting(Waiting::ResumePrint),
             Command::ResumePrint => return Err(CommandError::NotPaused),
@@ -304,11 +308,13 @@ impl<P: Ports> Printer<'_, P> {
             Command::Fan { number: 0, power } if !self.equipment.fan && power > 0 => self.needs(false, "fan")?,
             Command::Fan { number, power } => {
                 if let Some(output) = self.numbered_fan(number) {
+                    self.power_loss.set_fan(output, power);
                     return waiting(Waiting::Fan { output, power });
                 }
             }
             Command::NamedFan { name, power } => {
                 if let Some(output) = self.named_fan(name) {
+                    self.power_loss.set_fan(output, power);
                     return waiting(Waiting::Fan { output, power });
                 }
             }

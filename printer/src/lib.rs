@@ -40,6 +40,7 @@ mod motors;
 mod moves;
 mod pause;
 mod paused;
+mod power_loss;
 mod prepared;
 mod pressure_advance;
 mod print_clock;

@@ -5,6 +5,7 @@ mod feeder;
 mod homing_time;
 mod idle_timeout;
 mod timeline;
+mod watched_line;
 mod work;
 mod workload;
 
@@ -23,6 +24,7 @@ use crate::profile::Profile;
 use feeder::{Feeder, Seeking};
 pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
+use watched_line::WatchedLine;
 use workload::Workload;
 
 /// Motion at hand from which on a host waits for the `ok` of its move: 1 s. The move that comes next is to be within what a person
@@ -307,6 +309,16 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// Sets the limits of the moves to come.
     pub fn set_limits(&mut self, limits: Limits) {
         self.planner.set_limits(limits);
+    }
+
+    /// See [`crate::Motion::watch_line`].
+    pub fn watch_line(&mut self, line: u32) {
+        self.feeder.watched = WatchedLine::Ahead(line);
+    }
+
+    /// See [`crate::Motion::has_passed_line`].
+    pub fn has_passed_line(&self) -> bool {
+        self.feeder.watched.is_passed(self.feeder.queue.played())
     }
 
     /// The methods that make the steps.

@@ -81,7 +81,9 @@ impl<P: Ports> Printer<'_, P> {
         // An answer from before is not meant for this pause.
         self.signals.take_end_wait();
         self.signals.take_prompt_answer();
-        self.tell_paused(reason);
+        if !self.is_returning() {
+            self.tell_paused(reason);
+        }
         Ok(())
     }
 

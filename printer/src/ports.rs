@@ -47,6 +47,12 @@ pub trait Motion {
     /// Sets how far the extruder runs ahead from the motion queued so far on; waits for room. `false`, and nothing has changed:
     /// it needs a standstill and [`Self::set_motion_choice`].
     fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> impl Future<Output = Result<bool, MotionError>>;
+    /// Watches until the motors have passed the beginning of a line: all moves of the lines before it have ended then.
+    fn watch_line(&mut self, _line: u32) {}
+    /// Whether the motors have passed it; at most one later move late.
+    fn has_passed_line(&self) -> bool {
+        true
+    }
     /// Waits until all queued motion has ended. It is an error, too, if the plan of a prepared job's last block cannot be
     /// followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;

@@ -15,6 +15,7 @@ use crate::interpreter::MoveInterpreter;
 use crate::modal::Tally;
 use crate::paused::Paused;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
+use crate::power_loss::PowerLoss;
 use crate::print_clock::PrintClock;
 use crate::profile::Profile;
 use crate::signals::Signals;
@@ -106,6 +107,7 @@ pub struct Printer<'a, P: Ports> {
     /// The command at hand is a line of a macro.
     pub(crate) is_in_macro: bool,
     pub(crate) accelerometer: Option<&'a dyn Accelerometer>,
+    pub(crate) power_loss: PowerLoss,
     /// M555: which part of the bed is measured next.
     pub(crate) bed_area: Option<BedArea>,
 }
@@ -147,6 +149,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             print_clock: PrintClock::new(),
             is_in_macro: false,
             accelerometer: None,
+            power_loss: PowerLoss::new(),
             bed_area: None,
         }
     }

@@ -137,6 +137,14 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.wait(|machine| unless_full(machine.set_pressure_advance(advance))).await?
     }
 
+    fn watch_line(&mut self, line: u32) {
+        self.machine.with(|machine| machine.watch_line(line));
+    }
+
+    fn has_passed_line(&self) -> bool {
+        self.machine.with(|machine| machine.has_passed_line())
+    }
+
     async fn finish(&mut self) -> Result<(), MotionError> {
         self.machine.with(|machine| machine.flush());
         self.machine.wake_planner();

@@ -2,12 +2,12 @@
 
 use super::code::Code;
 use crate::remarks::Remarks;
-use crate::{CardCommand, ParseError};
+use crate::{CardCommand, InterruptedPrint, ParseError};
 
 /// Maximum interval of M27, seconds.
 const MAX_INTERVAL_S: u8 = 60;
 
-/// M20 to M34, M524, M928; `None` for any other.
+/// M20 to M34, M413, M524, M928, M1000; `None` for any other.
 pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Option<Result<CardCommand<'a>, ParseError>> {
     Some(match code.number {
         20 => flags(code),
@@ -28,8 +28,17 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Option<Result
         32 => select_and_start(code, remarks),
         33 => path(code, "M33").map(CardCommand::ReportLongPath),
         34 => Ok(CardCommand::Sort),
+        413 => code.words(remarks).and_then(|mut words| words.switch(b'S')).map(CardCommand::KeepPlace),
         524 => Ok(CardCommand::Abort),
         928 => path(code, "M928").map(CardCommand::Log),
+        1000 => code.words(remarks).map(|mut words| {
+            let (discards, reports) = (words.flag(b'C'), words.flag(b'S'));
+            CardCommand::Interrupted(match (discards, reports) {
+                (true, _) => InterruptedPrint::Discard,
+                (false, true) => InterruptedPrint::Report,
+                (false, false) => InterruptedPrint::Resume,
+            })
+        }),
         _ => return None,
     })
 }

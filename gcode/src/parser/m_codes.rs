@@ -247,7 +247,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 /// Whether a command that is not executed asks for just that: it switches off what is not there.
 fn switches_off(code: Code<'_>) -> bool {
     let letter = match code.number {
-        141 | 413 => b'S',
+        141 => b'S',
         _ => return false,
     };
     let mut remarks = Remarks::default();

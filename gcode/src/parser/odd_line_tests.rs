@@ -11,7 +11,6 @@ fn commands_without_effect_say_why() {
         ("G17", "arcs lie in it as it is"),
         ("G53 (machine)", "alone in its line it moves nothing"),
         ("G54", "it is the only one, and in force"),
-        ("M413 S1", "a job of G-code cannot be continued"),
         ("M486 Acube.stl (Instance 1)", "all are printed"),
         ("M862.2 P300", "not checked"),
     ] {
@@ -20,9 +19,7 @@ fn commands_without_effect_say_why() {
         assert!(remarks.to_string().ends_with(says) && !remarks.is_unknown(), "{text}: {remarks}");
     }
     // What they ask for is so.
-    for text in ["M141 S0", "M413 S0"] {
-        reads(text, Command::Accepted);
-    }
+    reads("M141 S0", Command::Accepted);
     reads("M862.1 P0.4 A0", Command::CheckNozzle(some("0.4")));
     reads_with("M862.1 Q", Command::CheckNozzle(None), "Q has no effect");
     for text in ["M862.3 P \"MK4\"", "M862.3 PMK4", "M862.3 P MK4 "] {

@@ -459,6 +459,13 @@ fn files_on_a_card() {
     reads("M33 PARTS/ONE.GCO", Card::ReportLongPath("PARTS/ONE.GCO"));
     reads("M34 S1", Card::Sort);
     reads("M524", Card::Abort);
+    reads("M413", Card::KeepPlace(None));
+    reads("M413 S0", Card::KeepPlace(Some(false)));
+    reads("M413 S1", Card::KeepPlace(Some(true)));
+    reads("M1000", Card::Interrupted(crate::InterruptedPrint::Resume));
+    reads("M1000 S", Card::Interrupted(crate::InterruptedPrint::Report));
+    reads("M1000 C", Card::Interrupted(crate::InterruptedPrint::Discard));
+    reads_with("M413 S1 B50", Command::Card(Card::KeepPlace(Some(true))), "B has no effect");
     reads("M928 LOG.TXT", Card::Log("LOG.TXT"));
     for text in ["M23", "M26", "M28 ", "M30", "M32 !#", "M32 P !ONE.GCO#", "M27 S61", "M928"] {
         assert!(parse(text).is_err(), "{text}");

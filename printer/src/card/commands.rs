@@ -1,4 +1,4 @@
-//! M20 to M34, M524, M928, with Marlin's texts.
+//! M20 to M34, M413, M524, M928, M1000, with Marlin's texts.
 
 use ferrostep_card::{Answer, CardFailure, ListFrom, ListOptions, LongPath, OpenedFile, Request};
 use ferrostep_gcode::{CardCommand, Command, Reply};
@@ -15,7 +15,10 @@ impl<P: Ports> Printer<'_, P> {
     pub async fn mount_card(&mut self) {
         let mounted = self.ask_card(Request::Mount).await;
         match mounted {
-            Ok(_) => self.replies.send(Reply::Text("echo:SD card ok")),
+            Ok(_) => {
+                self.replies.send(Reply::Text("echo:SD card ok"));
+                self.find_interrupted_print().await;
+            }
             Err(CardFailure::Slot(CardError::Missing)) => self.replies.send(Reply::Text("echo:No SD card")),
             Err(failure) => {
                 self.replies.send(Reply::Text("Warning:volume.init failed"));
@@ -52,6 +55,8 @@ impl<P: Ports> Printer<'_, P> {
             CardCommand::ReportLongPath(path) => self.report_long_path(path).await,
             CardCommand::Sort => {}
             CardCommand::Abort => self.abort_print(),
+            CardCommand::KeepPlace(on) => self.keep_prints(on).await,
+            CardCommand::Interrupted(command) => self.interrupted_print(command).await?,
         }
         Ok(())
     }
@@ -144,7 +149,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Calls `look` with the open file.
-    fn with_opened<T>(&self, look: impl Fn(&OpenedFile) -> T) -> Option<T> {
+    pub(crate) fn with_opened<T>(&self, look: impl Fn(&OpenedFile) -> T) -> Option<T> {
         let mut seen = None;
         self.card.port?.with(&mut |mailbox| seen = mailbox.opened().map(&look));
         seen
@@ -176,6 +181,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(position) = position {
             self.card.seek = Some((position, 0));
         }
+        self.begin_keeping(self.card.job == Job::None).await;
         if self.is_paused() {
             self.resume().await?;
         } else if self.card.job == Job::Paused {

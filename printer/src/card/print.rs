@@ -63,6 +63,9 @@ impl<P: Ports> Printer<'_, P> {
     pub async fn print_from_card(&mut self, hosts: &mut impl HostLines, room: &mut [u8]) {
         let stops = self.motion.stops();
         let end = loop {
+            if self.is_returning() && !self.return_to_print().await {
+                break End::Stopped;
+            }
             if let Some((position, _)) = self.card.seek {
                 if let Err(failure) = self.ask_card(Request::Seek(position)).await {
                     self.replies.say(format_args!("echo:card: byte {position} is not in the file: {failure}"));
@@ -94,6 +97,7 @@ impl<P: Ports> Printer<'_, P> {
             }
         }
         self.end_begun_tower();
+        self.end_keeping();
         self.cancel();
         let _ = self.ask_card(Request::Close).await;
         self.set_card_job(Job::None);
@@ -118,6 +122,7 @@ impl<P: Ports> Printer<'_, P> {
                 }
             }
             hosts.tell_all();
+            self.keep_while_paused();
             self.go_on_if_answered().await;
             if self.card.aborted {
                 return Err(End::Aborted);

@@ -83,6 +83,46 @@ impl<'a> Card<'a> {
         self.port.is_some()
     }
 
+    /// The card's task.
+    pub(crate) fn port(&self) -> Option<&'a dyn CardPort> {
+        self.port
+    }
+
+    /// Whether the selected file is a prepared job.
+    pub(crate) fn prints_prepared(&self) -> bool {
+        self.selected.is_some_and(|selected| selected.is_prepared)
+    }
+
+    /// Where a paused print goes on: the byte, and the number of lines before it. `line` was read last.
+    pub(crate) fn place(&self, line: u32) -> (u32, u32) {
+        self.seek.unwrap_or((self.position, line))
+    }
+
+    /// Whether a file is selected.
+    pub(crate) fn has_selected(&self) -> bool {
+        self.selected.is_some()
+    }
+
+    /// No file is selected any more.
+    pub(crate) fn deselect(&mut self) {
+        self.selected = None;
+    }
+
+    /// This file, which is open, is selected.
+    pub(crate) fn select(&mut self, selected: Selected) {
+        (self.position, self.seek, self.aborted, self.selected) = (0, None, false, Some(selected));
+    }
+
+    /// Whether a host's lines go into a file.
+    pub(crate) fn is_written(&self) -> bool {
+        self.writing != Writing::Not
+    }
+
+    /// A print that was interrupted goes on here, once the machine is ready for it.
+    pub(crate) fn wait_at(&mut self, (offset, lines): (u32, u32)) {
+        (self.position, self.seek) = (offset, Some((offset, lines)));
+    }
+
     /// Hands a request to the card's task. A function of its own, so that the request does not stay in the future that waits.
     #[inline(never)]
     pub(super) fn post(&self, request: Request) -> Option<&'a dyn CardPort> {

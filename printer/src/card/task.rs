@@ -20,7 +20,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// Hands a request to the card's task at once. The future returned waits for the answer and does not hold the request.
-    pub(super) fn ask_card(&mut self, request: Request) -> impl Future<Output = Result<Answer, CardFailure>> {
+    pub(crate) fn ask_card(&mut self, request: Request) -> impl Future<Output = Result<Answer, CardFailure>> {
         let port = self.card.post(request);
         async move {
             let Some(port) = port else { return Err(CardFailure::Slot(CardError::Missing)) };
@@ -35,7 +35,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    pub(super) fn set_card_job(&mut self, job: Job) {
+    pub(crate) fn set_card_job(&mut self, job: Job) {
         match job {
             Job::Printing => self.start_print_clock(),
             Job::Paused => self.pause_print_clock(),
@@ -43,6 +43,9 @@ impl<'a, P: Ports> Printer<'a, P> {
             Job::None => {}
         }
         self.card.job = job;
+        if job == Job::Paused {
+            self.power_loss.note_pause();
+        }
         self.note_card_progress();
     }
 

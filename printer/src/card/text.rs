@@ -6,6 +6,7 @@ use ferrostep_gcode::{
 
 use super::print::{Bytes, End, HostLines};
 use crate::error::{CommandError, Failure};
+use crate::filament::lays;
 use crate::ports::{Motion, Ports, Replies, temperatures};
 use crate::printer::{Printer, Source};
 
@@ -73,7 +74,7 @@ impl<P: Ports> Printer<'_, P> {
                     .say(format_args!("echo:line {number}: the checksum is wrong: copy the file to the card again"));
                 true
             }
-            Ok(line) => match self.execute_from_card(number, line.text).await {
+            Ok(line) => match self.execute_from_card(number, line_start, line.text).await {
                 Ok(()) => false,
                 Err(failure) if Self::has_stopped(&failure) => return Some(End::Stopped),
                 Err(failure) => {
@@ -98,7 +99,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Executes a line's text without an `ok`, because no host has sent it.
-    async fn execute_from_card(&mut self, number: u32, text: &str) -> Result<(), Failure> {
+    async fn execute_from_card(&mut self, number: u32, line_start: u32, text: &str) -> Result<(), Failure> {
         let mut remarks = Remarks::NONE;
         let command = parse_with_remarks(text, &mut remarks).map_err(Failure::Parse)?;
         if !remarks.is_empty() {
@@ -115,7 +116,8 @@ impl<P: Ports> Printer<'_, P> {
                 | CardCommand::ReportProgress
                 | CardCommand::ReportFile
                 | CardCommand::ReportTime
-                | CardCommand::Abort,
+                | CardCommand::Abort
+                | CardCommand::KeepPlace(_),
             ) => {}
             Command::Card(_) | Command::ReceiveJob { .. } => return Err(Failure::Command(CommandError::CardInUse)),
             _ => {}
@@ -127,7 +129,9 @@ impl<P: Ports> Printer<'_, P> {
         if self.motion.take_switched_off() {
             self.interpreter.modal.forget_home(0b1111);
         }
+        self.keep_place(number, line_start, lays(&command));
         let outcome = self.command_with_signs_of_life(&command).await;
+        self.follow_height();
         self.signals.set_at_work(self.is_paused());
         self.note_paused();
         outcome.map(|_| ()).map_err(Failure::Command)

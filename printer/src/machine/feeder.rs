@@ -6,6 +6,7 @@ use ferrostep_planner::{Geometry, Notice, StepEntry, StepLedger, StepSink};
 use ferrostep_step_player::DroppedSteps;
 
 use super::timeline::Timeline;
+use super::watched_line::WatchedLine;
 use crate::motion_fault::{HomingOutcome, Miscount, MotionFault};
 
 /// Entries between two marks of the timeline, at least.
@@ -95,6 +96,8 @@ pub struct Feeder<Q, B> {
     pub last_move_end: u64,
     /// Tick at which the last block ends.
     last_block_end: u64,
+    /// The line whose beginning the motors are to pass.
+    pub watched: WatchedLine,
     /// The move towards a sensor.
     pub seeking: Seeking,
     /// The fault found in the planned steps since [`Self::take_fault`].
@@ -112,6 +115,7 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
             fan: FanChanges::default(),
             last_move_end: 0,
             last_block_end: 0,
+            watched: WatchedLine::None,
             seeking: Seeking::No,
             fault: None,
         }
@@ -235,6 +239,7 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
         match notice {
             Notice::MoveEnded { tick, line } => {
                 self.last_move_end = tick;
+                self.watched.note(line, self.queue.queued());
                 self.queue.move_ended(tick, line);
             }
             // After a block that a sensor has ended early the motors stand elsewhere.

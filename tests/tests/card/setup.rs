@@ -5,21 +5,59 @@ use std::future::poll_fn;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
+use std::rc::Rc;
 use std::task::Poll;
 
 use ferrostep::desk::{DeskHeating, DeskMachine};
+use ferrostep::record::Observer;
 use ferrostep::session::{PrintSession, Session};
 use ferrostep_card::LocalCard;
 use ferrostep_gcode::{LineReader, Reply};
-use ferrostep_planner::StepDigests;
+use ferrostep_planner::{StepDigests, StepObserver};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::{Host, HostLines, HostText, Printer, Profile, Replies};
 use ferrostep_virtual_board::{VirtualCard, VirtualDelay};
 
 pub type Slot = VirtualCard<Vec<u8>>;
 pub type Card = LocalCard<Slot>;
-type Desk = PrintSession<(), Said>;
-type DeskPrinter<'a> = Printer<'a, (SharedMotion<DeskMachine<'a, ()>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
+type Desk = PrintSession<StepLog, Said>;
+pub type DeskPrinter<'a> =
+    Printer<'a, (SharedMotion<DeskMachine<'a, StepLog>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
+
+/// What the motors have done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// Motors in the first mask step, backwards in the second.
+    Step(u8, u8),
+    /// A move of this line has ended.
+    MoveEnded(u32),
+}
+
+/// What the motors have done, if it is to be recorded.
+#[derive(Clone, Default)]
+pub struct StepLog(pub Option<Rc<RefCell<Vec<Event>>>>);
+
+impl StepLog {
+    fn note(&self, event: Event) {
+        if let Some(events) = &self.0 {
+            events.borrow_mut().push(event);
+        }
+    }
+}
+
+impl StepObserver for StepLog {
+    fn stepped(&mut self, _tick: u64, axes: u8, directions: u8) {
+        self.note(Event::Step(axes, directions & axes));
+    }
+}
+
+impl Observer for StepLog {
+    fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
+
+    fn move_ended(&mut self, _tick: u64, line: u32) {
+        self.note(Event::MoveEnded(line));
+    }
+}
 
 /// The printer's replies.
 #[derive(Default)]
@@ -64,7 +102,12 @@ pub type Beside<'b> = dyn FnMut(&Card, Option<(u32, u32)>) -> Vec<String> + 'b;
 
 impl Setup {
     pub fn new(profile: Profile, image: Vec<u8>) -> Self {
-        let session = Session::print(profile, 128, (), Said::default());
+        Self::logged(profile, image, StepLog::default())
+    }
+
+    /// A printer whose motors are observed.
+    pub fn logged(profile: Profile, image: Vec<u8>, log: StepLog) -> Self {
+        let session = Session::print(profile, 128, log, Said::default());
         Self { session, card: Card::new(VirtualCard::new(image)), host: RefCell::new(Host::new()) }
     }
 
