@@ -157,6 +157,7 @@ impl<P: Ports> Printer<'_, P> {
             fans: self.power_loss.fans,
             limits: self.motion.limits(),
             advance: self.motion.motion_choice().pressure_advance,
+            extruder_steps: self.motion.extruder_steps_per_mm().hundred_thousandths(),
         };
         let mut is_noted = false;
         let mut failure = None;

@@ -34,6 +34,8 @@ pub(super) struct Place {
     pub limits: Limits,
     /// How far its extruder runs ahead.
     pub advance: PressureAdvance,
+    /// Steps of the extruder in a millimetre of filament, in units of 1e-5.
+    pub extruder_steps: i64,
 }
 
 /// FNV-1a of a profile's name.
@@ -70,9 +72,10 @@ impl Place {
             // A constant number of bytes follows, which fits (test).
             let _ = out.push(VERSION);
         }
-        let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance } = self;
+        let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance, extruder_steps } = self;
         let Paused { modal, place_10nm, targets_celsius, drawn_100pm, load_100pm, until_ms: _ } = paused;
         codec.int(stands_10nm);
+        codec.int(extruder_steps);
         [offset, lines, profile].into_iter().for_each(|number| *number = codec.word(*number));
         fans.iter_mut().for_each(|power| *power = codec.word(u32::from(*power)) as u8);
         for celsius in targets_celsius.iter_mut().chain([&mut modal.min_extrusion_celsius]) {

@@ -5,7 +5,7 @@
 use ferrostep_card::{CardFailure, OpenedFile, Request};
 use ferrostep_gcode::{AxisFlags, AxisWords, CardCommand, Command, Decimal, InterruptedPrint, Real, Reply, WaitTarget};
 use ferrostep_hal_shim::FanOutput;
-use ferrostep_planner::MotionChoice;
+use ferrostep_planner::{MotionChoice, StepsPerMm};
 
 use super::place::{Place, profile_number};
 use crate::card::{Job, Selected};
@@ -169,6 +169,7 @@ impl<P: Ports> Printer<'_, P> {
             fans: [0; FanOutput::COUNT],
             limits: self.motion.limits(),
             advance: self.motion.motion_choice().pressure_advance,
+            extruder_steps: 0,
         };
         let mut is_read = false;
         if let Some(port) = self.card.port() {
@@ -252,8 +253,10 @@ impl<P: Ports> Printer<'_, P> {
 
     /// What lasts from line to line is as it was, at standstill.
     fn take_kept_state(&mut self, place: &Place) {
-        let Place { offset, lines, limits, advance, paused: print, .. } = place;
+        let Place { offset, lines, limits, advance, extruder_steps, paused: print, .. } = place;
         self.motion.set_limits(*limits);
+        // At standstill it cannot fail.
+        let _always_works = self.motion.set_extruder_steps_per_mm(StepsPerMm::clamped(*extruder_steps));
         let choice = MotionChoice { pressure_advance: *advance, ..self.motion.motion_choice() };
         if advance.check().is_err() || self.motion.set_motion_choice(&choice).is_err() {
             self.replies.send(Reply::Text("echo:power loss: M900 cannot be restored"));

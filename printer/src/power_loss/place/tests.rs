@@ -41,6 +41,7 @@ fn place() -> Place {
             above: Some(SecondSlope { filament_mm_per_s: 3.0, seconds: 0.02 }),
             smooth_time_s: Some(0.04),
         },
+        extruder_steps: 1_000_000_000,
     }
 }
 
@@ -55,7 +56,17 @@ fn other() -> Place {
         load_100pm: 0,
         until_ms: None,
     };
-    Place { stands_10nm: 0, offset: 0, lines: 0, profile: 0, paused, fans: [0; 6], limits: profile.limits, advance }
+    Place {
+        stands_10nm: 0,
+        offset: 0,
+        lines: 0,
+        profile: 0,
+        paused,
+        fans: [0; 6],
+        limits: profile.limits,
+        advance,
+        extruder_steps: 1,
+    }
 }
 
 /// As it is printed: what has no `PartialEq` has the same digits.
