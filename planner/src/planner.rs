@@ -204,12 +204,12 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.rules.pattern.is_none() && self.rule.is_none()
     }
 
-    /// A move has been taken.
+    /// A move has been taken; `whole_10nm`: the length of the travel of which it is a part, 0 if it is none.
     #[inline(always)]
-    fn advance_position(&mut self, target: &Target, planned: &Planned, is_part: bool) {
+    fn advance_position(&mut self, target: &Target, planned: &Planned, whole_10nm: f32) {
         let Planned { path, corner_acceleration, line, ends_move, is_forgotten, .. } = *planned;
         let unended_line = (!ends_move).then_some(line);
-        self.previous = Previous { path, acceleration: corner_acceleration, unended_line, is_part, is_forgotten };
+        self.previous = Previous { path, acceleration: corner_acceleration, unended_line, whole_10nm, is_forgotten };
         self.position.advance(target);
     }
 
