@@ -9,8 +9,13 @@
 //!
 //! A way that is too short for the filament is slowed down as a whole, if that takes less time than a stop.
 
+mod course;
+
 use crate::limits::{larger, smaller};
 use crate::square_root::square_root_f32;
+
+use course::{Course, Phase, Way};
+pub(crate) use course::{Leg, join};
 
 /// The shortest travel that filament moves along with, units of 10 nm: what is shorter has no parts worth the name.
 pub(crate) const LEAST_TRAVEL_10NM: u32 = 5_000;
@@ -56,131 +61,18 @@ pub(crate) fn stage_jump_mm_per_s(feed_mm_per_s: f32) -> f32 {
     larger(EXTRUDER_JUMP_MM_PER_S, LARGEST_JUMP * feed_mm_per_s)
 }
 
-/// A travel of a way.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Leg {
-    pub length_mm: f32,
-    pub feed_mm_per_s: f32,
-    pub acceleration_mm_per_s2: f32,
-    /// The speed in the corner before it.
-    pub entry_mm_per_s: f32,
-}
-
-impl Leg {
-    pub const NONE: Self =
-        Self { length_mm: 0.0, feed_mm_per_s: 1.0, acceleration_mm_per_s2: 1.0, entry_mm_per_s: 0.0 };
-
-    /// The speed that is reached over its length from this one, or from which it brakes to this one.
-    fn most_mm_per_s(&self, other_mm_per_s: f32) -> f32 {
-        let squared = other_mm_per_s * other_mm_per_s + 2.0 * self.acceleration_mm_per_s2 * self.length_mm;
-        smaller(self.feed_mm_per_s, square_root_f32(squared))
-    }
-}
-
-/// Lowers the speeds in the corners to those that can be reached, and from which the last leg comes to rest.
-pub(crate) fn join(legs: &mut [Leg]) {
-    let mut exit_mm_per_s = 0.0;
-    for leg in legs.iter_mut().rev() {
-        leg.entry_mm_per_s = smaller(leg.entry_mm_per_s, leg.most_mm_per_s(exit_mm_per_s));
-        exit_mm_per_s = leg.entry_mm_per_s;
-    }
-    let mut reached_mm_per_s = f32::MAX;
-    for leg in legs {
-        leg.entry_mm_per_s = smaller(leg.entry_mm_per_s, reached_mm_per_s);
-        reached_mm_per_s = leg.most_mm_per_s(leg.entry_mm_per_s);
-    }
-}
-
-/// The legs between two stops, in the direction of time or against it.
+/// Between which times of a leg filament moves: no faster than a ramp from the one, and a ramp to the other.
 #[derive(Clone, Copy, Debug)]
-struct Way<'a> {
-    legs: &'a [Leg],
-    /// How many times as long as the legs allow it takes.
-    slowness: f32,
-    is_backwards: bool,
-}
-
-/// How a leg's speed changes: a ramp, an even part, a ramp.
-#[derive(Clone, Copy, Debug)]
-struct Course {
-    length_mm: f32,
-    acceleration_mm_per_s2: f32,
-    /// At its begin, at most, and at its end.
-    begin_mm_per_s: f32,
-    peak_mm_per_s: f32,
-    end_mm_per_s: f32,
-    /// Beyond its begin and its end filament has another proportion to the path, whatever its speed.
-    begins_apart: bool,
-    ends_apart: bool,
-    /// When the first ramp ends, the last one begins, and all of it ends, s.
-    up_s: f32,
-    even_s: f32,
-    duration_s: f32,
-}
-
-impl Way<'_> {
-    /// Leg `number`, counted from 0 in the way's direction.
-    fn course(&self, number: usize) -> Course {
-        let leg_at = |index: Option<usize>| index.and_then(|index| self.legs.get(index)).copied().unwrap_or(Leg::NONE);
-        let index = if self.is_backwards { self.legs.len().wrapping_sub(number + 1) } else { number };
-        let (before, leg, next) = (leg_at(index.checked_sub(1)), leg_at(Some(index)), leg_at(index.checked_add(1)));
-        let (entry, exit) = (leg.entry_mm_per_s / self.slowness, next.entry_mm_per_s / self.slowness);
-        let (begin, end) = if self.is_backwards { (exit, entry) } else { (entry, exit) };
-        let apart = [before, next].map(|other| other.acceleration_mm_per_s2 != leg.acceleration_mm_per_s2);
-        let [begins_apart, ends_apart] = if self.is_backwards { [apart[1], apart[0]] } else { apart };
-        let acceleration = leg.acceleration_mm_per_s2 / (self.slowness * self.slowness);
-        let squares = begin * begin + end * end;
-        let reached = square_root_f32(acceleration * leg.length_mm + 0.5 * squares);
-        let peak = larger(smaller(leg.feed_mm_per_s / self.slowness, reached), larger(begin, end));
-        let ramps_mm = (peak * peak - 0.5 * squares) / acceleration;
-        let up_s = (peak - begin) / acceleration;
-        let even_s = up_s + larger(leg.length_mm - ramps_mm, 0.0) / peak;
-        Course {
-            length_mm: leg.length_mm,
-            acceleration_mm_per_s2: acceleration,
-            begin_mm_per_s: begin,
-            peak_mm_per_s: peak,
-            end_mm_per_s: end,
-            begins_apart,
-            ends_apart,
-            up_s,
-            even_s,
-            duration_s: even_s + (peak - end) / acceleration,
-        }
-    }
-
-    fn duration_s(&self) -> f32 {
-        (0..self.legs.len()).fold(0.0, |sum, number| sum + self.course(number).duration_s)
-    }
-}
-
-impl Course {
-    /// The speed after so long.
-    fn mm_per_s_after(&self, time_s: f32) -> f32 {
-        let rising = self.begin_mm_per_s + self.acceleration_mm_per_s2 * time_s;
-        let falling = self.end_mm_per_s + self.acceleration_mm_per_s2 * (self.duration_s - time_s);
-        smaller(smaller(rising, falling), self.peak_mm_per_s)
-    }
-
-    /// The highest speed between two times.
-    fn most_mm_per_s(&self, begin_s: f32, end_s: f32) -> f32 {
-        if begin_s < self.even_s && end_s > self.up_s {
-            return self.peak_mm_per_s;
-        }
-        larger(self.mm_per_s_after(begin_s), self.mm_per_s_after(end_s))
-    }
-
-    /// How much of it is done after so long, mm.
-    fn mm_after(&self, time_s: f32) -> f32 {
-        let ramp_mm = |from, time_s| time_s * (from + 0.5 * self.acceleration_mm_per_s2 * time_s);
-        if time_s < self.up_s {
-            ramp_mm(self.begin_mm_per_s, time_s)
-        } else if time_s < self.even_s {
-            ramp_mm(self.begin_mm_per_s, self.up_s) + self.peak_mm_per_s * (time_s - self.up_s)
-        } else {
-            self.length_mm - ramp_mm(self.end_mm_per_s, larger(self.duration_s - time_s, 0.0))
-        }
-    }
+struct Window {
+    /// How long before the leg's begin, s.
+    head_s: f32,
+    /// When after it, s.
+    left_s: f32,
+    /// When its last stage ends, s.
+    stop_s: f32,
+    /// The ramps are others than the path's in its corners.
+    is_head_cut: bool,
+    is_end_cut: bool,
 }
 
 /// Filament that is drawn back along the begin of a way, or pushed along its end and seen backwards.
@@ -191,6 +83,8 @@ pub(crate) struct FilamentLaw {
     /// The highest speed and acceleration, mm/s, mm/s^2.
     pub feed_mm_per_s: f32,
     pub acceleration_mm_per_s2: f32,
+    /// No stage may have less acceleration of the path than its leg: an S-curve takes the least of several blocks for all of them.
+    pub keeps_acceleration: bool,
 }
 
 /// A part of a leg along which filament moves in proportion to the path.
@@ -254,59 +148,83 @@ impl FilamentLaw {
             return None;
         }
         let course = way.course(leg);
-        // What would be left of the leg is no stage.
-        let ends_inside = left_s < course.duration_s - LEAST_STAGE_S;
-        let stop_s = if ends_inside { left_s } else { course.duration_s };
-        let ramp = self.ramp_mm_per_s2();
-        let half_jump_mm_per_s = 0.5 * stage_jump_mm_per_s(self.feed_mm_per_s);
-        let left_s = if ends_inside {
-            left_s
-        } else if course.ends_apart && course.end_mm_per_s > 0.0 {
-            // Down to what the corner allows.
-            course.duration_s + half_jump_mm_per_s / ramp
-        } else {
-            larger(left_s, course.duration_s)
-        };
-        let end_s = self.stage_end_s(&course, begin_s, left_s, stop_s);
+        let window = self.window(&course, left_s);
+        let end_s = self.stage_end_s(&course, &window, begin_s);
         let ends_leg = end_s >= course.duration_s;
         let begin_mm = if begin_s > 0.0 { course.mm_after(begin_s) } else { 0.0 };
         let end_mm = if ends_leg { course.length_mm } else { course.mm_after(end_s) };
-        let most_mm_per_s = course.most_mm_per_s(begin_s, end_s);
-        let even = smaller(ramp / course.acceleration_mm_per_s2, self.feed_mm_per_s / most_mm_per_s);
-        let falling = ramp * (left_s - 0.5 * (begin_s + end_s)) / most_mm_per_s;
-        let rising = if course.begins_apart {
-            (half_jump_mm_per_s + ramp * begin_s) / course.mm_per_s_after(begin_s)
-        } else {
-            even
-        };
-        let filament_mm = smaller(smaller(even, rising), falling) * (end_mm - begin_mm);
+        let filament_mm = self.ratio(&course, &window, begin_s, end_s) * (end_mm - begin_mm);
         let begins_leg = begin_s <= 0.0;
         Some(Stage { leg, begin_mm, end_mm, begins_leg, ends_leg, filament_mm, leg_begin_s, end_s })
     }
 
-    /// When the stage ends that begins then, of a law that ends at `left_s`; at `stop_s` at the latest. All within a leg, s.
-    fn stage_end_s(&self, course: &Course, begin_s: f32, left_s: f32, stop_s: f32) -> f32 {
+    /// Between which times filament moves along a leg, of a law that ends at `left_s`.
+    fn window(&self, course: &Course, left_s: f32) -> Window {
+        // What would be left of the leg is no stage.
+        let ends_inside = left_s < course.duration_s - LEAST_STAGE_S;
+        let half_jump_s = 0.5 * stage_jump_mm_per_s(self.feed_mm_per_s) / self.ramp_mm_per_s2();
+        let beyond_s = |mm_per_s: f32| mm_per_s / course.acceleration_mm_per_s2;
+        let (head_s, tail_s) = (beyond_s(course.begin_mm_per_s), beyond_s(course.end_mm_per_s));
+        let is_head_cut = course.begins_apart && head_s > half_jump_s;
+        let is_tail_cut = course.ends_apart && tail_s > half_jump_s;
+        Window {
+            head_s: if is_head_cut { half_jump_s } else { head_s },
+            left_s: if ends_inside {
+                left_s
+            } else {
+                course.duration_s + if is_tail_cut { half_jump_s } else { tail_s }
+            },
+            stop_s: if ends_inside { left_s } else { course.duration_s },
+            is_head_cut,
+            is_end_cut: ends_inside || is_tail_cut,
+        }
+    }
+
+    /// The filament of a stage for its path.
+    fn ratio(&self, course: &Course, window: &Window, begin_s: f32, end_s: f32) -> f32 {
+        let ramp = self.ramp_mm_per_s2();
+        let (most_mm_per_s, middle_s) = (course.most_mm_per_s(begin_s, end_s), 0.5 * (begin_s + end_s));
+        let phase = course.phase(begin_s);
+        let rising = match phase {
+            // Not a number where it begins at rest; then nothing is smaller.
+            Phase::Up => ramp * (begin_s + window.head_s) / course.mm_per_s_after(begin_s),
+            Phase::Even | Phase::Down => ramp * (middle_s + window.head_s) / most_mm_per_s,
+        };
+        let mut ratio = smaller(self.feed_mm_per_s / most_mm_per_s, rising);
+        if phase != Phase::Even || self.keeps_acceleration {
+            ratio = smaller(ramp / course.acceleration_mm_per_s2, ratio);
+        }
+        if window.is_end_cut || phase == Phase::Even {
+            ratio = smaller(ratio, ramp * (window.left_s - middle_s) / most_mm_per_s);
+        }
+        ratio
+    }
+
+    /// When the stage ends that begins then, s.
+    fn stage_end_s(&self, course: &Course, window: &Window, begin_s: f32) -> f32 {
         let (ramp, acceleration) = (self.ramp_mm_per_s2(), course.acceleration_mm_per_s2);
+        let Window { head_s, left_s, stop_s, is_head_cut, is_end_cut } = *window;
         // The path's speed up to which the filament's is in proportion to it.
         let base_mm_per_s = self.feed_mm_per_s * acceleration / ramp;
-        let most_mm_per_s = smaller(base_mm_per_s, course.peak_mm_per_s);
-        // The filament's speed begins to fall.
-        let fall_s =
-            larger(left_s - most_mm_per_s / acceleration, 0.5 * (left_s - course.begin_mm_per_s / acceleration));
         let mm_per_s = course.mm_per_s_after(begin_s);
-        // It has not yet risen to what its feed and the path allow.
-        let allowed_mm_per_s = smaller(base_mm_per_s, mm_per_s) * ramp / acceleration;
-        let rises =
-            course.begins_apart && 0.5 * stage_jump_mm_per_s(self.feed_mm_per_s) + ramp * begin_s < allowed_mm_per_s;
-        let mut end_s = if rises || begin_s + LEAST_STAGE_S > fall_s {
-            begin_s + self.step_s()
-        } else if begin_s + LEAST_STAGE_S < course.up_s {
-            let next_mm_per_s = larger(base_mm_per_s, GROWTH * mm_per_s);
-            begin_s + (next_mm_per_s - mm_per_s) / acceleration
-        } else if begin_s + LEAST_STAGE_S < course.even_s || mm_per_s <= base_mm_per_s * GROWTH {
-            stop_s
-        } else {
-            begin_s + (mm_per_s - larger(base_mm_per_s, mm_per_s / GROWTH)) / acceleration
+        // The filament's speed begins to fall.
+        let fall_s = larger(left_s - self.feed_mm_per_s / ramp, 0.5 * (left_s - head_s));
+        let phase = course.phase(begin_s);
+        let is_slow = course.peak_mm_per_s < base_mm_per_s;
+        let risen_mm_per_s = ramp * (begin_s + head_s);
+        let rises = match phase {
+            Phase::Up => is_head_cut && risen_mm_per_s < smaller(self.feed_mm_per_s, mm_per_s * ramp / acceleration),
+            Phase::Even => risen_mm_per_s < self.feed_mm_per_s && !self.keeps_acceleration,
+            Phase::Down => false,
+        };
+        let falls = begin_s + LEAST_STAGE_S > fall_s
+            && (is_end_cut || phase == Phase::Even && !(self.keeps_acceleration && is_slow));
+        let mut end_s = match phase {
+            _ if rises || falls => begin_s + self.step_s(),
+            Phase::Up => begin_s + (larger(base_mm_per_s, GROWTH * mm_per_s) - mm_per_s) / acceleration,
+            Phase::Even => stop_s,
+            Phase::Down if mm_per_s <= base_mm_per_s * GROWTH => stop_s,
+            Phase::Down => begin_s + (mm_per_s - larger(base_mm_per_s, mm_per_s / GROWTH)) / acceleration,
         };
         end_s = larger(end_s, begin_s + LEAST_STAGE_S);
         // A stage ends where the law changes.
@@ -430,3 +348,6 @@ impl Spread {
         None
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -13,6 +13,7 @@ use crate::junction::CornerAcceleration;
 use crate::kinematics::UNITS_PER_MM;
 use crate::limits::larger;
 use crate::methods::MotionMethods;
+use crate::motion_choice::AccelerationProfile;
 use crate::on_the_way::{LEAST_TRAVEL_10NM, Leg, MOST_LEGS, Spread, join};
 use crate::path::Path;
 use crate::pressure_advance::PressureAdvance;
@@ -51,6 +52,8 @@ pub(super) struct Held {
     moves: [TravelMove; MOST_LEGS],
     travels: usize,
     recovery: Option<FilamentMove>,
+    /// Whether blocks are planned under an S-curve.
+    is_s_curve: bool,
     /// As soon as no more moves can join.
     spread: Spread,
     next: Next,
@@ -97,7 +100,7 @@ enum Part {
 
 impl Held {
     /// Nothing yet, at this place.
-    fn nothing(from: Position) -> Self {
+    fn nothing(from: Position, is_s_curve: bool) -> Self {
         Self {
             begin_10nm: from.coordinates_10nm,
             from,
@@ -106,6 +109,7 @@ impl Held {
             moves: [TravelMove { target_10nm: [0; 3], feed_mm_per_s: 0.0, line: 0 }; MOST_LEGS],
             travels: 0,
             recovery: None,
+            is_s_curve,
             spread: Spread::NONE,
             next: Next::Begin,
         }
@@ -154,7 +158,7 @@ impl Held {
             join(legs);
         }
         if self.travels > 0 {
-            let law = |filament: &Option<FilamentMove>| filament.as_ref().map(FilamentMove::law);
+            let law = |filament: &Option<FilamentMove>| filament.as_ref().map(|filament| filament.law(self.is_s_curve));
             let (retraction, recovery) = (law(&self.retraction), law(&self.recovery));
             self.spread = Spread::of(self.legs(), retraction.as_ref(), recovery.as_ref());
         }
@@ -190,8 +194,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// Such a move joins what is held.
     #[inline(never)]
     fn hold(&mut self, kind: Kind, travel: &Travel, target: &Target) {
-        let Self { held, rules, position, previous, .. } = self;
-        let held = held.get_or_insert_with(|| Held::nothing(*position));
+        let Self { held, rules, choice, position, previous, .. } = self;
+        let is_s_curve = choice.acceleration == AccelerationProfile::SCurve;
+        let held = held.get_or_insert_with(|| Held::nothing(*position, is_s_curve));
         let Travel { filament_100pm, line, ends_move, .. } = *travel;
         let feed_mm_per_s = larger(travel.feed_mm_per_s, MIN_FEED_MM_PER_S as f32);
         if kind != Kind::Travel {

@@ -29,12 +29,13 @@ impl FilamentMove {
         })
     }
 
-    pub(super) fn law(&self) -> FilamentLaw {
+    pub(super) fn law(&self, keeps_acceleration: bool) -> FilamentLaw {
         FilamentLaw {
             // Below 2^32.
             filament_mm: self.filament_100pm.unsigned_abs() as u32 as f32 / FILAMENT_UNITS_PER_MM as f32,
             feed_mm_per_s: self.feed_mm_per_s,
             acceleration_mm_per_s2: self.acceleration_mm_per_s2,
+            keeps_acceleration,
         }
     }
 
@@ -104,7 +105,7 @@ impl Held {
 
     /// A stage of the retraction.
     fn retract(&self, filament: &FilamentMove, ride: &Ride, number: u32, done_100pm: i64) -> (Part, Next) {
-        let (stage, filament_mm) = filament.law().stage(self.legs(), ride, false, number);
+        let (stage, filament_mm) = filament.law(self.is_s_curve).stage(self.legs(), ride, false, number);
         let is_last = number >= ride.stages;
         let filament_100pm = filament.part_100pm(filament_mm, done_100pm, is_last);
         // The retraction's line ends before that of the first leg does.
@@ -126,7 +127,7 @@ impl Held {
 
     /// A stage of the recovery, which is numbered backwards.
     fn recover(&self, filament: &FilamentMove, ride: &Ride, number: u32, done_100pm: i64) -> (Part, Next) {
-        let (mut stage, filament_mm) = filament.law().stage(self.legs(), ride, true, number);
+        let (mut stage, filament_mm) = filament.law(self.is_s_curve).stage(self.legs(), ride, true, number);
         stage.leg = self.forwards(stage.leg);
         let filament_100pm = filament.part_100pm(filament_mm, done_100pm, number == 1);
         let own = LineEnd { line: filament.line, ends_move: filament.ends_move && number == 1 };
