@@ -14,8 +14,8 @@ mod course;
 use crate::limits::{larger, smaller};
 use crate::square_root::square_root_f32;
 
-use course::{Course, Phase, Way};
-pub(crate) use course::{Leg, join};
+use course::{Course, Phase};
+pub(crate) use course::{Leg, Way, join};
 
 /// The shortest travel that filament moves along with, units of 10 nm: what is shorter has no parts worth the name.
 pub(crate) const LEAST_TRAVEL_10NM: u32 = 5_000;
@@ -42,7 +42,7 @@ const GROWTH: f32 = 1.25;
 const STEP: f32 = 0.75;
 
 /// The most stages of a filament move.
-const MOST_STAGES: u32 = 64;
+const MOST_STAGES: u8 = 64;
 
 /// How often the end of a filament move is sought in half of the time.
 const HALVINGS: u32 = 8;
@@ -110,12 +110,14 @@ pub(crate) struct Stage {
 pub(crate) struct Ride {
     /// How long it takes, s.
     end_s: f32,
-    slowness: f32,
     /// The share of what could move that moves.
     share: f32,
-    /// In how many stages, and the last of them.
-    pub stages: u32,
-    pub last: Stage,
+    /// In how many stages.
+    pub stages: u8,
+    /// The leg of the last one, counted from where the filament's law begins, whether it ends where the leg does, and where in it, mm.
+    pub leg: u8,
+    pub ends_leg: bool,
+    pub end_mm: f32,
 }
 
 impl FilamentLaw {
@@ -243,7 +245,7 @@ impl FilamentLaw {
 
     /// The ride that ends after so long, with a share of 1, and what could move along it, mm.
     fn ride_until(&self, way: &Way<'_>, end_s: f32) -> Option<(Ride, f32)> {
-        let (mut last, mut stages, mut sum_mm) = (None, 0, 0.0);
+        let (mut last, mut stages, mut sum_mm) = (None, 0_u8, 0.0);
         while let Some(stage) = self.next_stage(way, last.as_ref(), end_s) {
             if stages == MOST_STAGES {
                 return None;
@@ -252,7 +254,8 @@ impl FilamentLaw {
             sum_mm += stage.filament_mm;
             last = Some(stage);
         }
-        last.map(|last| (Ride { end_s, slowness: way.slowness, share: 1.0, stages, last }, sum_mm))
+        let Stage { leg, ends_leg, end_mm, .. } = last?;
+        Some((Ride { end_s, share: 1.0, stages, leg: leg as u8, ends_leg, end_mm }, sum_mm))
     }
 
     /// The shortest ride, or how much time it lacks, s.
@@ -282,15 +285,13 @@ impl FilamentLaw {
         Ok(Ride { share: self.filament_mm / moves_mm, ..ride })
     }
 
-    /// Stage `number`, counted from 1, of a ride along these legs, and the filament that moves along it, mm.
-    pub fn stage(&self, legs: &[Leg], ride: &Ride, is_backwards: bool, number: u32) -> (Stage, f32) {
-        let way = Way { legs, slowness: ride.slowness, is_backwards };
+    /// Stage `number`, counted from 1, of a ride along a way, and the filament that moves along it, mm; `None` after the last one.
+    pub fn stage(&self, way: &Way<'_>, ride: &Ride, number: u8) -> Option<(Stage, f32)> {
         let mut stage = None;
         for _ in 0..number {
-            stage = self.next_stage(&way, stage.as_ref(), ride.end_s);
+            stage = self.next_stage(way, stage.as_ref(), ride.end_s);
         }
-        let stage = stage.unwrap_or(ride.last);
-        (stage, ride.share * stage.filament_mm)
+        stage.map(|stage| (stage, ride.share * stage.filament_mm))
     }
 }
 

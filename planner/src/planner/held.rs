@@ -66,7 +66,7 @@ enum Next {
     Begin,
     /// A stage of the retraction, counted from 1, after so much of it; or all of it by itself.
     Retraction {
-        stage: u32,
+        stage: u8,
         done_100pm: i64,
     },
     /// A leg without filament, from this place, mm; `is_after` a stage of the retraction.
@@ -79,7 +79,7 @@ enum Next {
     AdvanceOff,
     /// A stage of the recovery, counted backwards, the last one 1.
     Recovery {
-        stage: u32,
+        stage: u8,
         done_100pm: i64,
     },
     AdvanceOn,

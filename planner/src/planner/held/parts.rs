@@ -4,7 +4,7 @@ use super::super::block_rules::{PartLimits, Travel};
 use super::{FilamentMove, Held, Next, Part, TravelMove};
 use crate::extruder::FILAMENT_UNITS_PER_MM;
 use crate::kinematics::UNITS_PER_MM;
-use crate::on_the_way::{FilamentLaw, Leg, Ride, Stage};
+use crate::on_the_way::{FilamentLaw, Leg, Ride, Stage, Way};
 
 /// Which line a part of a leg belongs to, and whether the line's move ends there.
 #[derive(Clone, Copy, Debug)]
@@ -70,7 +70,7 @@ impl Held {
             next = match next {
                 Next::Begin => Next::Retraction { stage: 1, done_100pm: 0 },
                 Next::Retraction { stage, done_100pm } => match (&self.retraction, &self.spread.retraction) {
-                    (Some(filament), Some(ride)) => return Some(self.retract(filament, ride, stage, done_100pm)),
+                    (Some(filament), Some(ride)) => return self.retract(filament, ride, stage, done_100pm),
                     (Some(filament), None) => {
                         return Some((
                             filament.alone(self.begin_10nm),
@@ -90,7 +90,7 @@ impl Held {
                 }
                 Next::Recovery { stage, done_100pm } => match (&self.recovery, &self.spread.recovery) {
                     (Some(filament), Some(ride)) if stage > 0 => {
-                        return Some(self.recover(filament, ride, stage, done_100pm));
+                        return self.recover(filament, ride, stage, done_100pm);
                     }
                     _ => Next::AdvanceOn,
                 },
@@ -104,12 +104,12 @@ impl Held {
     }
 
     /// A stage of the retraction.
-    fn retract(&self, filament: &FilamentMove, ride: &Ride, number: u32, done_100pm: i64) -> (Part, Next) {
-        let (stage, filament_mm) = filament.law(self.is_s_curve).stage(self.legs(), ride, false, number);
+    fn retract(&self, filament: &FilamentMove, ride: &Ride, number: u8, done_100pm: i64) -> Option<(Part, Next)> {
+        let (stage, filament_mm) = filament.law(self.is_s_curve).stage(&self.way(false), ride, number)?;
         let is_last = number >= ride.stages;
         let filament_100pm = filament.part_100pm(filament_mm, done_100pm, is_last);
         // The retraction's line ends before that of the first leg does.
-        let outlasts_first = ride.last.leg > 0 || ride.last.ends_leg;
+        let outlasts_first = ride.leg > 0 || ride.ends_leg;
         let is_end = if outlasts_first { number == 1 } else { is_last };
         let own = LineEnd { line: filament.line, ends_move: is_end && filament.ends_move };
         let line_end = if outlasts_first && number > 1 { self.line_of(&stage, stage.ends_leg) } else { own };
@@ -122,12 +122,12 @@ impl Held {
         } else {
             Next::Retraction { stage: number + 1, done_100pm }
         };
-        (part, next)
+        Some((part, next))
     }
 
     /// A stage of the recovery, which is numbered backwards.
-    fn recover(&self, filament: &FilamentMove, ride: &Ride, number: u32, done_100pm: i64) -> (Part, Next) {
-        let (mut stage, filament_mm) = filament.law(self.is_s_curve).stage(self.legs(), ride, true, number);
+    fn recover(&self, filament: &FilamentMove, ride: &Ride, number: u8, done_100pm: i64) -> Option<(Part, Next)> {
+        let (mut stage, filament_mm) = filament.law(self.is_s_curve).stage(&self.way(true), ride, number)?;
         stage.leg = self.forwards(stage.leg);
         let filament_100pm = filament.part_100pm(filament_mm, done_100pm, number == 1);
         let own = LineEnd { line: filament.line, ends_move: filament.ends_move && number == 1 };
@@ -143,17 +143,15 @@ impl Held {
         let target_10nm = self.place(stage.leg, end_mm, stage.begins_leg);
         let part = self.along(stage.leg, filament, filament_100pm, target_10nm, line_end);
         let done_100pm = done_100pm.wrapping_add(filament_100pm);
-        (part, Next::Recovery { stage: number - 1, done_100pm })
+        Some((part, Next::Recovery { stage: number.saturating_sub(1), done_100pm }))
     }
 
     /// What of a leg has no filament, from there on; `None` where the recovery begins, and after the last leg.
     fn travel(&self, leg: usize, begin_mm: f32, is_after: bool) -> Option<(Part, Next)> {
-        let until = self.spread.recovery.map(|ride| (self.forwards(ride.last.leg), ride.last));
-        let (until_leg, until_mm) = match until {
-            Some((until_leg, last)) if last.ends_leg => (until_leg, 0.0),
-            Some((until_leg, last)) => (until_leg, self.length_mm(until_leg) - last.end_mm),
-            None => (self.travels, 0.0),
-        };
+        let (until_leg, until_mm) = self.spread.recovery.map_or((self.travels, 0.0), |ride| {
+            let leg = self.forwards(ride.leg.into());
+            (leg, if ride.ends_leg { 0.0 } else { self.length_mm(leg) - ride.end_mm })
+        });
         let is_whole = leg < until_leg;
         let TravelMove { feed_mm_per_s, line, .. } = *self.moves.get(leg)?;
         if !is_whole && !(leg == until_leg && until_mm > begin_mm) {
@@ -190,6 +188,11 @@ impl Held {
         let corner_filament_100pm = filament_100pm;
         let part = Some(limits);
         Part::Move(Travel { target_10nm, filament_100pm, corner_filament_100pm, feed_mm_per_s, line, ends_move, part })
+    }
+
+    /// All of it, as slow as its filament needs.
+    fn way(&self, is_backwards: bool) -> Way<'_> {
+        Way { legs: self.legs(), slowness: self.spread.slowness, is_backwards }
     }
 
     /// The line of a stage's leg.
