@@ -309,20 +309,24 @@ impl Spread {
     /// Nothing rides.
     pub const NONE: Self = Self { slowness: 1.0, retraction: None, recovery: None };
 
-    /// As much as takes less time than stops, along legs that have been [joined](join).
+    /// What takes the least time, along legs that have been [joined](join).
     pub fn of(legs: &[Leg], retraction: Option<&FilamentLaw>, recovery: Option<&FilamentLaw>) -> Self {
         let way_s = Way { legs, slowness: 1.0, is_backwards: false }.duration_s();
         let alone_s = |law: Option<&FilamentLaw>| law.map_or(0.0, FilamentLaw::duration_s);
-        let stops_s = way_s + alone_s(retraction) + alone_s(recovery);
-        // Where one does not pay, the other may.
+        let rest_s = |first, last| alone_s(retraction) + alone_s(recovery) - alone_s(first) - alone_s(last);
+        let (mut best, mut best_s) = (Self::NONE, way_s + rest_s(None, None));
         for (first, last) in [(retraction, recovery), (retraction, None), (None, recovery)] {
             let Some(spread) = Self::riding(legs, way_s, first, last) else { continue };
-            let rest_s = stops_s - way_s - alone_s(first) - alone_s(last);
-            if spread.slowness * way_s + rest_s < stops_s {
-                return spread;
+            let seconds = spread.slowness * way_s + rest_s(first, last);
+            if seconds < best_s {
+                (best, best_s) = (spread, seconds);
+            }
+            // No faster than the way.
+            if best_s <= way_s {
+                break;
             }
         }
-        Self::NONE
+        best
     }
 
     /// These, along a way as slow as they need.
