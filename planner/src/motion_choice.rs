@@ -114,7 +114,7 @@ pub struct MotionChoice {
     pub path_tolerance_mm: Option<f64>,
     /// How far the extruder runs ahead of the flow.
     pub pressure_advance: PressureAdvance,
-    /// Whether filament is drawn back and pushed again along the travel between, without a stop for it ([`crate::Move`]s only).
+    /// Whether filament is drawn back and pushed again along the travels between two lines, without a stop for it ([`crate::Move`]s only).
     pub filament_on_the_way: bool,
 }
 

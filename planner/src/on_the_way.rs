@@ -1,270 +1,358 @@
-//! Filament moves on the way: a retraction during the first half of the travel after it, a recovery during the second half of
-//! the travel before it, instead of a stop for each.
+//! Filament moves on the way: a retraction spread over the first of the travels after it, a recovery over the last of the
+//! travels before it, instead of a stop for each.
 //!
-//! Both keep the law that they have by themselves, a ramp, a cruise and a ramp: the travel is divided where that law's stages
-//! begin, in places at which X, Y and Z are then if they accelerate from standstill, and each part pushes the filament of its
-//! stage. The ramp down goes by steps of the extruder's speed that it may make at once. Where a half of the travel is
-//! shorter than the filament needs, the travel accelerates less.
+//! A *way* is the travels between two lines, a lift and a lowering among them, from rest to rest. It keeps the speeds that it has
+//! without filament. The filament moves as fast as it can along them: in proportion to the path where the path accelerates or brakes at its
+//! stops and corners, at the speed that its own line asks for elsewhere, and at the end of a retraction down to rest by steps of the
+//! speed that the extruder may make at once. Where one of these laws changes a *stage* ends: within a stage, filament is in
+//! proportion to path. A recovery is a retraction seen backwards.
 //!
-//! Along a short travel, the lift of the nozzle for one, filament rides: it moves in proportion to the path, as much of it as
-//! the extruder can follow, and the rest by itself.
+//! A way that is too short for the filament is slowed down as a whole, if that takes less time than a stop.
+
+mod course;
 
 use crate::limits::{larger, smaller};
 use crate::square_root::square_root_f32;
 
+use course::{Course, Phase};
+pub(crate) use course::{Leg, Way, join};
+
 /// The shortest travel that filament moves along with, units of 10 nm: what is shorter has no parts worth the name.
 pub(crate) const LEAST_TRAVEL_10NM: u32 = 5_000;
+
+/// The most travels of a way: two lifts, for a layer's end has one more, two travels and a lowering.
+pub(crate) const MOST_LEGS: usize = 5;
 
 /// By how much the extruder's speed may change at once, mm/s, where the limits do not say. What motors of 8 to 16 mm/s a
 /// revolution's hundredth take from standstill; other firmware's usual "jerk" of the extruder.
 pub(crate) const EXTRUDER_JUMP_MM_PER_S: f32 = 5.0;
 
-/// The most stages of the cruise.
-const MOST_CRUISE_STAGES: u32 = 16;
-
 /// The same for fast filament, as a share of its speed: more stages would be more blocks.
-pub(crate) const LARGEST_JUMP: f32 = 0.2;
+const LARGEST_JUMP: f32 = 0.2;
 
-/// By how much a stage of the cruise ends later than it begins: while the filament moves evenly X and Y become faster, by as much.
-/// From stage to stage the extruder's speed changes by a fifth, [`LARGEST_JUMP`].
-const CRUISE_FACTOR: f32 = 1.25;
-
-/// The most stages of the ramp down.
-const MOST_FALL_STAGES: u32 = 6;
-
-/// No stage of a cruise or of a ramp down is shorter, s: the parts of a travel are pieces of the plan, and filters see a limited number of them.
+/// No stage is planned shorter, s: stages are pieces of the plan, and filters see a limited number of them.
 const LEAST_STAGE_S: f32 = 0.003;
 
-/// A filament move by itself: from rest to rest.
+/// By how much the path's speed grows in a stage in which the filament's speed is constant: from stage to stage the extruder's speed
+/// changes by a fifth, [`LARGEST_JUMP`].
+const GROWTH: f32 = 1.25;
+
+/// A stage by which the filament's speed rises or falls is this share of what the extruder may do at once: within the stages the path's
+/// speed changes, too.
+const STEP: f32 = 0.75;
+
+/// The most stages of a filament move.
+const MOST_STAGES: u8 = 64;
+
+/// How often the end of a filament move is sought in half of the time.
+const HALVINGS: u32 = 8;
+
+/// The most that a way is slowed down.
+const MOST_SLOWNESS: f32 = 4.0;
+
+/// How often a way is slowed down further, and a filament move is given more time.
+const MOST_TRIALS: u32 = 6;
+
+/// How much more time.
+const LENGTHENING: f32 = 1.6;
+
+/// By how much the speed of filament with this feed may change at once where stages meet, mm/s.
+pub(crate) fn stage_jump_mm_per_s(feed_mm_per_s: f32) -> f32 {
+    larger(EXTRUDER_JUMP_MM_PER_S, LARGEST_JUMP * feed_mm_per_s)
+}
+
+/// Between which times of a leg filament moves: no faster than a ramp from the one, and a ramp to the other.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    /// How long before the leg's begin, s.
+    head_s: f32,
+    /// When after it, s.
+    left_s: f32,
+    /// When its last stage ends, s.
+    stop_s: f32,
+    /// The ramps are others than the path's in its corners.
+    is_head_cut: bool,
+    is_end_cut: bool,
+}
+
+/// Filament that is drawn back along the begin of a way, or pushed along its end and seen backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FilamentLaw {
-    /// How much moves, mm.
-    filament_mm: f32,
-    /// The highest speed, mm/s.
-    peak_mm_per_s: f32,
-    /// How long each ramp takes, and what is between them, s.
-    ramp_s: f32,
-    cruise_s: f32,
-    /// Into how many stages the cruise and the ramp down are divided.
-    cruise_stages: u32,
-    fall_stages: u32,
-}
-
-/// The law of a travel's half, from its stop on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct TravelLaw {
-    /// The whole travel, mm.
-    pub length_mm: f32,
+    /// How much moves, mm, above zero.
+    pub filament_mm: f32,
+    /// The highest speed and acceleration, mm/s, mm/s^2.
     pub feed_mm_per_s: f32,
     pub acceleration_mm_per_s2: f32,
+    /// No stage may have less acceleration of the path than its leg: an S-curve takes the least of several blocks for all of them.
+    pub keeps_acceleration: bool,
 }
 
-/// How much is done where a stage ends: shares of the filament and of the travel.
+/// A part of a leg along which filament moves in proportion to the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct StageEnd {
-    pub filament: f32,
-    pub travel: f32,
-    /// The travel's speed there.
-    pub mm_per_s: f32,
+pub(crate) struct Stage {
+    /// The leg, counted from where the filament's law begins.
+    pub leg: usize,
+    /// Where in it, seen from there too, mm.
+    pub begin_mm: f32,
+    pub end_mm: f32,
+    /// Whether it begins and ends where the leg does.
+    pub begins_leg: bool,
+    pub ends_leg: bool,
+    /// What could move along it, mm.
+    filament_mm: f32,
+    /// When the leg begins, and the stage within it, s.
+    leg_begin_s: f32,
+    end_s: f32,
 }
 
-impl StageEnd {
-    /// Where the first stage begins.
-    pub const NONE: Self = Self { filament: 0.0, travel: 0.0, mm_per_s: 0.0 };
+/// How a filament move rides along a way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ride {
+    /// How long it takes, s.
+    end_s: f32,
+    /// The share of what could move that moves.
+    share: f32,
+    /// In how many stages.
+    pub stages: u8,
+    /// The leg of the last one, counted from where the filament's law begins, whether it ends where the leg does, and where in it, mm.
+    pub leg: u8,
+    pub ends_leg: bool,
+    pub end_mm: f32,
 }
 
 impl FilamentLaw {
-    /// So much filament (mm, above zero) at this speed and acceleration, whose speed may change by `jump_mm_per_s` at once.
-    pub fn new(filament_mm: f32, feed_mm_per_s: f32, acceleration_mm_per_s2: f32, jump_mm_per_s: f32) -> Self {
-        let reached = square_root_f32(filament_mm * acceleration_mm_per_s2);
-        let peak_mm_per_s = smaller(reached, feed_mm_per_s);
-        let ramp_s = peak_mm_per_s / acceleration_mm_per_s2;
-        let cruise_s = if reached > feed_mm_per_s { filament_mm / peak_mm_per_s - ramp_s } else { 0.0 };
-        let mut law = Self { filament_mm, peak_mm_per_s, ramp_s, cruise_s, cruise_stages: 0, fall_stages: 1 };
-        let mut end_s = ramp_s;
-        while end_s < ramp_s + cruise_s && law.cruise_stages < MOST_CRUISE_STAGES {
-            end_s = law.next_cruise_end_s(end_s);
-            law.cruise_stages += 1;
+    /// How long it takes by itself, s.
+    fn duration_s(&self) -> f32 {
+        let reached = square_root_f32(self.filament_mm * self.acceleration_mm_per_s2);
+        let peak = smaller(reached, self.feed_mm_per_s);
+        self.filament_mm / peak + peak / self.acceleration_mm_per_s2
+    }
+
+    /// Its acceleration along a way: a ramp has no more stages than a step by [`LARGEST_JUMP`] for each.
+    fn ramp_mm_per_s2(&self) -> f32 {
+        smaller(self.acceleration_mm_per_s2, STEP * LARGEST_JUMP / LEAST_STAGE_S * self.feed_mm_per_s)
+    }
+
+    /// How long a stage lasts while the filament's speed rises or falls by steps, s.
+    fn step_s(&self) -> f32 {
+        STEP * stage_jump_mm_per_s(self.feed_mm_per_s) / self.ramp_mm_per_s2()
+    }
+
+    /// The stage that follows another one, of a law that ends after so long; `None` after the last one.
+    fn next_stage(&self, way: &Way<'_>, before: Option<&Stage>, law_end_s: f32) -> Option<Stage> {
+        let (leg, leg_begin_s, begin_s) = match before {
+            None => (0, 0.0, 0.0),
+            Some(Stage { leg, ends_leg: false, leg_begin_s, end_s, .. }) => (*leg, *leg_begin_s, *end_s),
+            Some(Stage { leg, leg_begin_s, end_s, .. }) => (leg + 1, leg_begin_s + end_s, 0.0),
+        };
+        let left_s = law_end_s - leg_begin_s;
+        if leg >= way.legs.len() || begin_s + LEAST_STAGE_S > left_s {
+            return None;
         }
-        // A stage goes at its mean speed: one is half the peak from either end.
-        if peak_mm_per_s > 2.0 * jump_mm_per_s {
-            let stages = smaller(peak_mm_per_s / jump_mm_per_s + 1.0, ramp_s / LEAST_STAGE_S);
-            // Casts saturate.
-            law.fall_stages = (stages as u32).clamp(1, MOST_FALL_STAGES);
+        let course = way.course(leg);
+        let window = self.window(&course, left_s);
+        let end_s = self.stage_end_s(&course, &window, begin_s);
+        let ends_leg = end_s >= course.duration_s;
+        let begin_mm = if begin_s > 0.0 { course.mm_after(begin_s) } else { 0.0 };
+        let end_mm = if ends_leg { course.length_mm } else { course.mm_after(end_s) };
+        let filament_mm = self.ratio(&course, &window, begin_s, end_s) * (end_mm - begin_mm);
+        let begins_leg = begin_s <= 0.0;
+        Some(Stage { leg, begin_mm, end_mm, begins_leg, ends_leg, filament_mm, leg_begin_s, end_s })
+    }
+
+    /// Between which times filament moves along a leg, of a law that ends at `left_s`.
+    fn window(&self, course: &Course, left_s: f32) -> Window {
+        // What would be left of the leg is no stage.
+        let ends_inside = left_s < course.duration_s - LEAST_STAGE_S;
+        let half_jump_s = 0.5 * stage_jump_mm_per_s(self.feed_mm_per_s) / self.ramp_mm_per_s2();
+        let beyond_s = |mm_per_s: f32| mm_per_s / course.acceleration_mm_per_s2;
+        let (head_s, tail_s) = (beyond_s(course.begin_mm_per_s), beyond_s(course.end_mm_per_s));
+        let is_head_cut = course.begins_apart && head_s > half_jump_s;
+        let is_tail_cut = course.ends_apart && tail_s > half_jump_s;
+        Window {
+            head_s: if is_head_cut { half_jump_s } else { head_s },
+            left_s: if ends_inside {
+                left_s
+            } else {
+                course.duration_s + if is_tail_cut { half_jump_s } else { tail_s }
+            },
+            stop_s: if ends_inside { left_s } else { course.duration_s },
+            is_head_cut,
+            is_end_cut: ends_inside || is_tail_cut,
         }
-        law
     }
 
-    /// When the stage of the cruise ends that begins then, s.
-    fn next_cruise_end_s(&self, begin_s: f32) -> f32 {
-        let cruise_end_s = self.ramp_s + self.cruise_s;
-        let end_s = larger(begin_s * CRUISE_FACTOR, begin_s + LEAST_STAGE_S);
-        if end_s + LEAST_STAGE_S > cruise_end_s { cruise_end_s } else { end_s }
-    }
-
-    /// How long it takes, s.
-    pub fn duration_s(&self) -> f32 {
-        2.0 * self.ramp_s + self.cruise_s
-    }
-
-    /// Whether a travel is so short that the filament rides along all of it, rather than along a half that would have to take half as
-    /// long again.
-    pub fn rides(&self, travel: &TravelLaw) -> bool {
-        1.5 * travel.half_s() <= self.duration_s()
-    }
-
-    /// Number of stages.
-    pub fn stages(&self) -> u32 {
-        1 + self.cruise_stages + self.fall_stages
-    }
-
-    /// When stage `stage`, counted from 1, ends, s.
-    fn stage_end_s(&self, stage: u32) -> f32 {
-        let after_ramp = stage.saturating_sub(1);
-        if after_ramp < self.cruise_stages {
-            return (0..after_ramp).fold(self.ramp_s, |end_s, _| self.next_cruise_end_s(end_s));
+    /// The filament of a stage for its path.
+    fn ratio(&self, course: &Course, window: &Window, begin_s: f32, end_s: f32) -> f32 {
+        let ramp = self.ramp_mm_per_s2();
+        let (most_mm_per_s, middle_s) = (course.most_mm_per_s(begin_s, end_s), 0.5 * (begin_s + end_s));
+        let phase = course.phase(begin_s);
+        let rising = match phase {
+            // Not a number where it begins at rest; then nothing is smaller.
+            Phase::Up => ramp * (begin_s + window.head_s) / course.mm_per_s_after(begin_s),
+            Phase::Even | Phase::Down => ramp * (middle_s + window.head_s) / most_mm_per_s,
+        };
+        let mut ratio = smaller(self.feed_mm_per_s / most_mm_per_s, rising);
+        if phase != Phase::Even || self.keeps_acceleration {
+            ratio = smaller(ramp / course.acceleration_mm_per_s2, ratio);
         }
-        let fallen = after_ramp.saturating_sub(self.cruise_stages);
-        self.ramp_s * (1.0 + fallen as f32 / self.fall_stages as f32) + self.cruise_s
+        if window.is_end_cut || phase == Phase::Even {
+            ratio = smaller(ratio, ramp * (window.left_s - middle_s) / most_mm_per_s);
+        }
+        ratio
     }
 
-    /// The share of the filament that has moved after so long.
-    fn share_after(&self, time_s: f32) -> f32 {
-        let rising = smaller(time_s, self.ramp_s);
-        let falling = time_s - self.ramp_s - self.cruise_s;
-        let falling = if falling > 0.0 { falling } else { 0.0 };
-        let even = time_s - rising - falling;
-        // Speeds as shares of the peak, times.
-        let done = 0.5 * rising * rising / self.ramp_s + even + falling - 0.5 * falling * falling / self.ramp_s;
-        done * self.peak_mm_per_s / self.filament_mm
+    /// When the stage ends that begins then, s.
+    fn stage_end_s(&self, course: &Course, window: &Window, begin_s: f32) -> f32 {
+        let (ramp, acceleration) = (self.ramp_mm_per_s2(), course.acceleration_mm_per_s2);
+        let Window { head_s, left_s, stop_s, is_head_cut, is_end_cut } = *window;
+        // The path's speed up to which the filament's is in proportion to it.
+        let base_mm_per_s = self.feed_mm_per_s * acceleration / ramp;
+        let mm_per_s = course.mm_per_s_after(begin_s);
+        // The filament's speed begins to fall.
+        let fall_s = larger(left_s - self.feed_mm_per_s / ramp, 0.5 * (left_s - head_s));
+        let phase = course.phase(begin_s);
+        let is_slow = course.peak_mm_per_s < base_mm_per_s;
+        let risen_mm_per_s = ramp * (begin_s + head_s);
+        let rises = match phase {
+            Phase::Up => is_head_cut && risen_mm_per_s < smaller(self.feed_mm_per_s, mm_per_s * ramp / acceleration),
+            Phase::Even => risen_mm_per_s < self.feed_mm_per_s && !self.keeps_acceleration,
+            Phase::Down => false,
+        };
+        let falls = begin_s + LEAST_STAGE_S > fall_s
+            && (is_end_cut || phase == Phase::Even && !(self.keeps_acceleration && is_slow));
+        let mut end_s = match phase {
+            _ if rises || falls => begin_s + self.step_s(),
+            Phase::Up => begin_s + (larger(base_mm_per_s, GROWTH * mm_per_s) - mm_per_s) / acceleration,
+            Phase::Even => stop_s,
+            Phase::Down if mm_per_s <= base_mm_per_s * GROWTH => stop_s,
+            Phase::Down => begin_s + (mm_per_s - larger(base_mm_per_s, mm_per_s / GROWTH)) / acceleration,
+        };
+        end_s = larger(end_s, begin_s + LEAST_STAGE_S);
+        // A stage ends where the law changes.
+        for change_s in [course.up_s, course.even_s, fall_s] {
+            if change_s > begin_s + LEAST_STAGE_S && end_s + LEAST_STAGE_S > change_s {
+                end_s = change_s;
+            }
+        }
+        if end_s + LEAST_STAGE_S > stop_s {
+            end_s = stop_s;
+        }
+        // A whole leg has two stages at least, for two moves may end along it.
+        let middle_s = 0.5 * course.duration_s;
+        if begin_s < 0.9 * middle_s && end_s > middle_s { middle_s } else { end_s }
     }
 
-    /// What is done at the end of a stage, counted from 1, of a move that begins with the travel (or, seen backwards, ends with it).
-    pub fn stage_end(&self, stage: u32, travel: &TravelLaw) -> StageEnd {
-        let is_last = stage >= self.stages();
-        let time_s = if is_last { self.duration_s() } else { self.stage_end_s(stage) };
-        let filament = if is_last { 1.0 } else { self.share_after(time_s) };
-        StageEnd { filament, travel: travel.share_after(time_s), mm_per_s: travel.speed_after(time_s) }
+    /// The ride that ends after so long, with a share of 1, and what could move along it, mm.
+    fn ride_until(&self, way: &Way<'_>, end_s: f32) -> Option<(Ride, f32)> {
+        let (mut last, mut stages, mut sum_mm) = (None, 0_u8, 0.0);
+        while let Some(stage) = self.next_stage(way, last.as_ref(), end_s) {
+            if stages == MOST_STAGES {
+                return None;
+            }
+            stages += 1;
+            sum_mm += stage.filament_mm;
+            last = Some(stage);
+        }
+        let Stage { leg, ends_leg, end_mm, .. } = last?;
+        Some((Ride { end_s, share: 1.0, stages, leg: leg as u8, ends_leg, end_mm }, sum_mm))
+    }
+
+    /// The shortest ride, or how much time it lacks, s.
+    fn ride(&self, way: &Way<'_>, way_s: f32) -> Result<Ride, f32> {
+        // Until it is long enough.
+        let (mut short_s, mut long_s) = (0.0, smaller(self.duration_s(), way_s));
+        let mut found = Err(0.0);
+        for _ in 0..MOST_TRIALS {
+            let ride = self.ride_until(way, long_s);
+            let moves_mm = ride.map_or(0.0, |(_, moves_mm)| moves_mm);
+            found =
+                ride.filter(|_| moves_mm >= self.filament_mm).ok_or((self.filament_mm - moves_mm) / self.feed_mm_per_s);
+            if found.is_ok() || long_s >= way_s {
+                break;
+            }
+            (short_s, long_s) = (long_s, smaller(LENGTHENING * long_s, way_s));
+        }
+        let mut found = found?;
+        for _ in 0..HALVINGS {
+            let middle_s = 0.5 * (short_s + long_s);
+            match self.ride_until(way, middle_s) {
+                Some(shorter) if shorter.1 >= self.filament_mm => (found, long_s) = (shorter, middle_s),
+                _ => short_s = middle_s,
+            }
+        }
+        let (ride, moves_mm) = found;
+        Ok(Ride { share: self.filament_mm / moves_mm, ..ride })
+    }
+
+    /// Stage `number`, counted from 1, of a ride along a way, and the filament that moves along it, mm; `None` after the last one.
+    pub fn stage(&self, way: &Way<'_>, ride: &Ride, number: u8) -> Option<(Stage, f32)> {
+        let mut stage = None;
+        for _ in 0..number {
+            stage = self.next_stage(way, stage.as_ref(), ride.end_s);
+        }
+        stage.map(|stage| (stage, ride.share * stage.filament_mm))
     }
 }
 
-impl TravelLaw {
-    /// How long half of it takes, s.
-    pub fn half_s(&self) -> f32 {
-        let Self { length_mm, feed_mm_per_s, acceleration_mm_per_s2 } = *self;
-        let reached = square_root_f32(length_mm * acceleration_mm_per_s2);
-        if reached <= feed_mm_per_s {
-            return reached / acceleration_mm_per_s2;
-        }
-        let ramp_s = feed_mm_per_s / acceleration_mm_per_s2;
-        0.5 * length_mm / feed_mm_per_s + 0.5 * ramp_s
-    }
-
-    /// The same with so little acceleration that half of it takes a little longer than this: something is left in the middle.
-    pub fn lasting(&self, half_s: f32) -> Self {
-        let acceleration = smaller(self.acceleration_mm_per_s2, 0.98 * self.length_mm / (half_s * half_s));
-        Self { acceleration_mm_per_s2: acceleration, ..*self }
-    }
-
-    /// The speed that it reaches at most.
-    pub fn peak_mm_per_s(&self) -> f32 {
-        smaller(square_root_f32(self.length_mm * self.acceleration_mm_per_s2), self.feed_mm_per_s)
-    }
-
-    /// How fast it is after so long.
-    fn speed_after(&self, time_s: f32) -> f32 {
-        smaller(self.acceleration_mm_per_s2 * time_s, self.feed_mm_per_s)
-    }
-
-    /// The most filament, mm, that can ride along all of it, at most this fast.
-    pub fn most_filament_mm(&self, feed_mm_per_s: f32, acceleration_mm_per_s2: f32) -> f32 {
-        let by_feed = feed_mm_per_s / self.peak_mm_per_s();
-        self.length_mm * smaller(by_feed, acceleration_mm_per_s2 / self.acceleration_mm_per_s2)
-    }
-
-    /// The share of it that is done after so long.
-    fn share_after(&self, time_s: f32) -> f32 {
-        let ramp_s = smaller(time_s, self.feed_mm_per_s / self.acceleration_mm_per_s2);
-        let even_s = time_s - ramp_s;
-        self.acceleration_mm_per_s2 * ramp_s * (0.5 * ramp_s + even_s) / self.length_mm
-    }
+/// Which filament moves ride along a way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Spread {
+    /// How many times as long as without filament the way takes.
+    pub slowness: f32,
+    pub retraction: Option<Ride>,
+    /// Backwards.
+    pub recovery: Option<Ride>,
 }
 
-/// Which filament moves go along with a travel: the retraction before it, the recovery after it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Along {
-    pub retraction: bool,
-    pub recovery: bool,
-}
+impl Spread {
+    /// Nothing rides.
+    pub const NONE: Self = Self { slowness: 1.0, retraction: None, recovery: None };
 
-/// How many times as long as half of a travel the filament that goes along with it may take: more would hardly be gained, on a path
-/// that has to creep.
-const LONGEST_IN_HALVES: f32 = 2.0;
-
-/// The choice that takes the least time, about: a travel has to brake from what it reached while a filament move held it back.
-pub(crate) fn choose(travel: &TravelLaw, retraction: Option<&FilamentLaw>, recovery: Option<&FilamentLaw>) -> Along {
-    let half_s = travel.half_s();
-    let duration_s = |law: Option<&FilamentLaw>| law.map_or(0.0, FilamentLaw::duration_s);
-    let (first_s, last_s) = (duration_s(retraction), duration_s(recovery));
-    let mut best = (first_s + last_s + 2.0 * half_s, Along { retraction: false, recovery: false });
-    let mut consider = |is_possible: bool, seconds: f32, along: Along| {
-        if is_possible && seconds < best.0 {
-            best = (seconds, along);
+    /// What takes the least time, along legs that have been [joined](join).
+    pub fn of(legs: &[Leg], retraction: Option<&FilamentLaw>, recovery: Option<&FilamentLaw>) -> Self {
+        let way_s = Way { legs, slowness: 1.0, is_backwards: false }.duration_s();
+        let alone_s = |law: Option<&FilamentLaw>| law.map_or(0.0, FilamentLaw::duration_s);
+        let rest_s = |first, last| alone_s(retraction) + alone_s(recovery) - alone_s(first) - alone_s(last);
+        let (mut best, mut best_s) = (Self::NONE, way_s + rest_s(None, None));
+        for (first, last) in [(retraction, recovery), (retraction, None), (None, recovery)] {
+            let Some(spread) = Self::riding(legs, way_s, first, last) else { continue };
+            let seconds = spread.slowness * way_s + rest_s(first, last);
+            if seconds < best_s {
+                (best, best_s) = (spread, seconds);
+            }
+            // No faster than the way.
+            if best_s <= way_s {
+                break;
+            }
         }
-    };
-    let fits = |law: &FilamentLaw| law.duration_s() <= LONGEST_IN_HALVES * half_s;
-    let (has_first, has_last) = (retraction.is_some_and(fits), recovery.is_some_and(fits));
-    consider(has_first, last_s + 2.0 * larger(first_s, half_s), Along { retraction: true, recovery: false });
-    consider(has_last, first_s + 2.0 * larger(last_s, half_s), Along { retraction: false, recovery: true });
-    let both_s = 2.0 * larger(larger(first_s, last_s), half_s);
-    consider(has_first && has_last, both_s, Along { retraction: true, recovery: true });
-    best.1
+        best
+    }
+
+    /// These, along a way as slow as they need.
+    fn riding(legs: &[Leg], way_s: f32, first: Option<&FilamentLaw>, last: Option<&FilamentLaw>) -> Option<Self> {
+        let mut slowness = 1.0;
+        for _ in 0..MOST_TRIALS {
+            let slow_s = slowness * way_s;
+            // With a stage between them.
+            let mut lacking_s = LEAST_STAGE_S - slow_s;
+            let mut ride = |law: Option<&FilamentLaw>, is_backwards| {
+                let ride = law?.ride(&Way { legs, slowness, is_backwards }, slow_s);
+                lacking_s += ride.map_or_else(|lacking_s| slow_s + lacking_s, |ride| ride.end_s);
+                ride.ok()
+            };
+            let (retraction, recovery) = (ride(first, false), ride(last, true));
+            if lacking_s <= 0.0 && retraction.is_some() == first.is_some() && recovery.is_some() == last.is_some() {
+                return Some(Self { slowness, retraction, recovery });
+            }
+            slowness *= larger(1.02, 1.01 * (slow_s + lacking_s) / slow_s);
+            if slowness > MOST_SLOWNESS {
+                break;
+            }
+        }
+        None
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn stages_follow_the_law(
-            filament in 0.05f32..12.0, feed in 5.0f32..120.0, acceleration in 200.0f32..10_000.0, jump in 0.5f32..10.0,
-            length in 0.5f32..300.0, travel_feed in 20.0f32..500.0, travel_acceleration in 200.0f32..20_000.0,
-        ) {
-            let law = FilamentLaw::new(filament, feed, acceleration, jump);
-            let whole = TravelLaw { length_mm: length, feed_mm_per_s: travel_feed, acceleration_mm_per_s2: travel_acceleration };
-            let travel = whole.lasting(law.duration_s());
-            prop_assert!(law.peak_mm_per_s <= feed * 1.000_01);
-            prop_assert!((law.share_after(law.duration_s()) - 1.0).abs() < 1e-4);
-            let (mut before, mut time_before) = (StageEnd::NONE, 0.0);
-            for stage in 1..=law.stages() {
-                let (end, time) = (law.stage_end(stage, &travel), law.stage_end_s(stage));
-                // Forwards, both, and never faster than the feed on average.
-                prop_assert!(end.filament > before.filament && end.travel > before.travel, "{stage}: {before:?} {end:?}");
-                let mean = (end.filament - before.filament) * filament / (time - time_before);
-                prop_assert!(mean <= feed * 1.01, "{mean}");
-                (before, time_before) = (end, time);
-            }
-            prop_assert_eq!(before.filament, 1.0);
-            // Within its half.
-            prop_assert!(before.travel <= 0.495, "{before:?}");
-        }
-
-        #[test]
-        fn what_is_chosen_is_never_slower(
-            filament in 0.05f32..12.0, length in 0.5f32..300.0, acceleration in 200.0f32..20_000.0,
-        ) {
-            let law = FilamentLaw::new(filament, 35.0, 1_500.0, 5.0);
-            let travel = TravelLaw { length_mm: length, feed_mm_per_s: 150.0, acceleration_mm_per_s2: acceleration };
-            let both = choose(&travel, Some(&law), Some(&law));
-            // Two of the same length gain, if the travel is long enough.
-            let fits = law.duration_s() <= LONGEST_IN_HALVES * travel.half_s();
-            prop_assert_eq!(both, Along { retraction: fits, recovery: fits });
-            let one = choose(&travel, Some(&law), None);
-            prop_assert!(!one.recovery);
-            prop_assert_eq!(one.retraction, law.duration_s() < 2.0 * travel.half_s());
-            prop_assert_eq!(choose(&travel, None, None), Along { retraction: false, recovery: false });
-        }
-    }
-}
+mod tests;

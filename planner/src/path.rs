@@ -27,6 +27,15 @@ impl Path {
         Self { vector, length: square_root_f32(dot(vector, vector)), filament: 0.0 }
     }
 
+    /// The same, so long, in units of 10 nm; as long as it is for 0.
+    pub fn of_length(&self, length: f32) -> Self {
+        if length <= 0.0 || self.length <= 0.0 {
+            return *self;
+        }
+        let factor = length / self.length;
+        Self { vector: self.vector.map(|component| component * factor), length, filament: self.filament * factor }
+    }
+
     /// By how much the speeds of X, Y, Z and the filament differ between two paths that have a length, for a unit of speed
     /// along them.
     #[inline(always)]

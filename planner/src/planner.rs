@@ -204,12 +204,12 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.rules.pattern.is_none() && self.rule.is_none()
     }
 
-    /// A move has been taken.
+    /// A move has been taken; `whole_10nm`: the length of the travel of which it is a part, 0 if it is none.
     #[inline(always)]
-    fn advance_position(&mut self, target: &Target, planned: &Planned, is_part: bool) {
+    fn advance_position(&mut self, target: &Target, planned: &Planned, whole_10nm: f32) {
         let Planned { path, corner_acceleration, line, ends_move, is_forgotten, .. } = *planned;
         let unended_line = (!ends_move).then_some(line);
-        self.previous = Previous { path, acceleration: corner_acceleration, unended_line, is_part, is_forgotten };
+        self.previous = Previous { path, acceleration: corner_acceleration, unended_line, whole_10nm, is_forgotten };
         self.position.advance(target);
     }
 
@@ -221,6 +221,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
         if self.flushing {
             self.flushing = false;
+            self.stop();
             self.queue.flush();
         }
         true
@@ -261,9 +262,19 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// Motion ends with the last move taken; everything in the look-ahead ring may leave.
     pub fn flush(&mut self) {
         self.flushing = true;
-        // Now, not when there is room for it: the move before is not known any more then.
-        self.keep_tolerance_before_any();
-        self.close_open_block();
+        // Now, not when there is room for it: the move before is not known any more then. What is held is planned before any other move is.
+        if self.held.is_none() {
+            self.keep_tolerance_before_any();
+            self.close_open_block();
+            self.stop();
+        } else {
+            self.close_open_block();
+        }
+    }
+
+    /// Motion ends with the last move planned.
+    #[inline(always)]
+    fn stop(&mut self) {
         // A stop stays one.
         self.previous.is_forgotten &= !self.previous.acceleration.is_some();
         self.previous.acceleration = CornerAcceleration::ZERO;

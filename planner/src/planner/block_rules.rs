@@ -10,7 +10,7 @@ use crate::junction::{CornerAcceleration, radius_10nm, speed_of_jumps};
 use crate::kinematics::{Geometry, StepsPerMm, UNITS_PER_MM};
 use crate::limits::{AXES, ExtruderAdvance, FeedAndAcceleration, Limits, PathLimits, larger, smaller};
 use crate::methods::{MotionMethods, StepPattern};
-use crate::on_the_way::EXTRUDER_JUMP_MM_PER_S;
+use crate::on_the_way::{EXTRUDER_JUMP_MM_PER_S, stage_jump_mm_per_s};
 use crate::path::Path;
 use crate::pressure_advance::MOST_FILAMENT_IN_LINE;
 use crate::shaping::Shaping;
@@ -41,8 +41,8 @@ pub(crate) struct Previous {
     pub acceleration: CornerAcceleration,
     /// The line of which more moves come: those of an arc.
     pub unended_line: Option<u32>,
-    /// It is a part of a travel on which filament moves.
-    pub is_part: bool,
+    /// The length of the travel of which it is a part, units of 10 nm; 0: it is none.
+    pub whole_10nm: f32,
     /// No filter sees a path before its end any more.
     pub is_forgotten: bool,
 }
@@ -53,7 +53,7 @@ impl Previous {
         path: Path::NONE,
         acceleration: CornerAcceleration::ZERO,
         unended_line: None,
-        is_part: false,
+        whole_10nm: 0.0,
         is_forgotten: true,
     };
 }
@@ -82,8 +82,8 @@ pub(crate) struct PartLimits {
     /// Of the filament.
     pub filament_feed_mm_per_s: f32,
     pub filament_acceleration_mm_per_s2: f32,
-    /// By how much its speed may change at once where the part before ends.
-    pub filament_jump_mm_per_s: f32,
+    /// The length of the travel, units of 10 nm.
+    pub whole_10nm: f32,
 }
 
 impl PartLimits {
@@ -323,17 +323,28 @@ impl<M: MotionMethods> BlockRules<M> {
         motors + 1.0 + filament_10nm.abs() / (self.extruder_step_mm * UNITS_PER_MM as f32)
     }
 
+    /// The radius of the arc in a corner beside a part of a travel: it has room along all of the travel.
+    #[inline(never)]
+    fn radius_between_parts(&self, before: &Path, after: &Path) -> f32 {
+        radius_10nm(before, after, self.path_limits.four_deviations_10nm)
+    }
+
     /// Bound of the speed in the corner before a path. The axes' instantaneous corner velocities, if any is set, limit no
     /// corner between the chords of an arc: the commanded path has no corner there.
     #[inline(never)]
-    fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, travel: &Travel) -> Speed {
-        let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
+    pub fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, travel: &Travel) -> Speed {
+        let radius = if before.whole_10nm > 0.0 || travel.part.is_some() {
+            let whole_10nm = travel.part.as_ref().map_or(0.0, |part| part.whole_10nm);
+            self.radius_between_parts(&before.path.of_length(before.whole_10nm), &path.of_length(whole_10nm))
+        } else {
+            radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm)
+        };
         let is_line = |path: &Path| path.filament <= MOST_FILAMENT_IN_LINE * path.length;
         let speed = acceleration.min(before.acceleration).speed_along(radius);
         let mut per_velocity = self.path_limits.per_corner_velocity;
         let [.., per_filament_velocity] = &mut per_velocity;
         // No part of a travel has an advance, whatever filament moves along it.
-        match (before.is_part, &travel.part) {
+        match (before.whole_10nm > 0.0, &travel.part) {
             (false, None) => {
                 if self.advance.seconds > 0.0 && is_line(&before.path) != is_line(path) {
                     return Speed::ZERO;
@@ -342,7 +353,7 @@ impl<M: MotionMethods> BlockRules<M> {
                     return speed;
                 }
             }
-            (true, Some(part)) => *per_filament_velocity = 1.0 / part.filament_jump_mm_per_s,
+            (true, Some(part)) => *per_filament_velocity = 1.0 / stage_jump_mm_per_s(part.filament_feed_mm_per_s),
             (is_left, _) => {
                 // Beside a line there is a stop, as for filament alone: a faster nozzle would round the line's end.
                 let beside = if is_left { path } else { &before.path };

@@ -1,26 +1,24 @@
 //! Moves that wait until it is known whether filament moves on their way ([`crate::on_the_way`]).
 //!
-//! Held are a retraction, a travel and a recovery, in this order, each of them or none. With whatever cannot join them they are
-//! planned: nothing that is planned depends on when the next move comes.
+//! Held are a retraction, travels, at most [`MOST_LEGS`], and a recovery, in this order, each of them or none. With whatever cannot
+//! join them they are planned, part by part: nothing that is planned depends on when the next move comes.
+
+mod parts;
 
 use super::Planner;
-use super::block_rules::{PartLimits, Travel};
+use super::block_rules::{MIN_FEED_MM_PER_S, Previous, Travel};
 use super::move_error::MoveError;
 use super::position::{Position, Target};
-use crate::extruder::FILAMENT_UNITS_PER_MM;
+use crate::junction::CornerAcceleration;
 use crate::kinematics::UNITS_PER_MM;
-use crate::limits::{larger, smaller};
+use crate::limits::larger;
 use crate::methods::MotionMethods;
-use crate::on_the_way::{
-    Along, EXTRUDER_JUMP_MM_PER_S, FilamentLaw, LARGEST_JUMP, LEAST_TRAVEL_10NM, StageEnd, TravelLaw, choose,
-};
+use crate::motion_choice::AccelerationProfile;
+use crate::on_the_way::{LEAST_TRAVEL_10NM, Leg, MOST_LEGS, Spread, join};
 use crate::path::Path;
 use crate::pressure_advance::PressureAdvance;
 use crate::ring::{Marker, RingMemory};
 use crate::speed_plan::EntrySpeed;
-
-/// What of the time of a filament move the rest of it may take after a part has gone with a travel.
-const MOST_OF_DURATION: f32 = 0.9;
 
 /// The filament alone.
 #[derive(Clone, Copy, Debug)]
@@ -33,16 +31,12 @@ struct FilamentMove {
     ends_move: bool,
 }
 
-/// X, Y and Z without filament.
+/// Where X, Y and Z go without filament; how is in the [`Leg`] beside it.
 #[derive(Clone, Copy, Debug)]
 struct TravelMove {
     target_10nm: [i32; 3],
-    length_mm: f32,
-    /// As the travel's direction allows.
-    feed_mm_per_s: f32,
-    acceleration_mm_per_s2: f32,
     /// As it was asked for.
-    line_feed_mm_per_s: f32,
+    feed_mm_per_s: f32,
     line: u32,
 }
 
@@ -53,10 +47,45 @@ pub(super) struct Held {
     begin_10nm: [i32; 3],
     from: Position,
     retraction: Option<FilamentMove>,
-    travel: Option<TravelMove>,
+    /// The first `travels` of these.
+    legs: [Leg; MOST_LEGS],
+    moves: [TravelMove; MOST_LEGS],
+    travels: usize,
     recovery: Option<FilamentMove>,
-    /// How many of its parts have been planned.
-    parts: u32,
+    /// Whether blocks are planned under an S-curve.
+    is_s_curve: bool,
+    /// As soon as no more moves can join.
+    spread: Spread,
+    next: Next,
+}
+
+/// What is to be planned next.
+#[derive(Clone, Copy, Debug)]
+enum Next {
+    /// Nothing has been planned: more moves may join.
+    Begin,
+    /// A stage of the retraction, counted from 1, after so much of it; or all of it by itself.
+    Retraction {
+        stage: u8,
+        done_100pm: i64,
+    },
+    /// A leg without filament, from this place, mm; `is_after` a stage of the retraction.
+    Leg {
+        leg: usize,
+        begin_mm: f32,
+        is_after: bool,
+    },
+    /// The extruder's advance ends.
+    AdvanceOff,
+    /// A stage of the recovery, counted backwards, the last one 1.
+    Recovery {
+        stage: u8,
+        done_100pm: i64,
+    },
+    AdvanceOn,
+    /// The recovery by itself.
+    RecoveryAlone,
+    Done,
 }
 
 /// What is planned of it at once.
@@ -69,233 +98,72 @@ enum Part {
     },
 }
 
-/// Takes parts in their order, until it returns false: there is no room.
-type TakePart<'a> = dyn FnMut(&Part) -> bool + 'a;
-
-impl FilamentMove {
-    /// By itself, at this place.
-    fn alone(&self, target_10nm: [i32; 3]) -> Part {
-        let Self { filament_100pm, feed_mm_per_s, line, ends_move, .. } = *self;
-        let corner_filament_100pm = filament_100pm;
-        Part::Move(Travel {
-            target_10nm,
-            filament_100pm,
-            corner_filament_100pm,
-            feed_mm_per_s,
-            line,
-            ends_move,
-            part: None,
-        })
-    }
-
-    fn length_mm(&self) -> f32 {
-        // Below 2^32.
-        self.filament_100pm.unsigned_abs() as u32 as f32 / FILAMENT_UNITS_PER_MM as f32
-    }
-
-    fn law(&self, jump_mm_per_s: f32) -> FilamentLaw {
-        FilamentLaw::new(self.length_mm(), self.feed_mm_per_s, self.acceleration_mm_per_s2, jump_mm_per_s)
-    }
-
-    /// What limits a part along which it moves; nothing else does.
-    fn limits(&self) -> PartLimits {
-        PartLimits {
-            feed_mm_per_s: f32::MAX,
-            acceleration_mm_per_s2: f32::MAX,
-            filament_feed_mm_per_s: self.feed_mm_per_s,
-            filament_acceleration_mm_per_s2: self.acceleration_mm_per_s2,
-            filament_jump_mm_per_s: larger(EXTRUDER_JUMP_MM_PER_S, LARGEST_JUMP * self.feed_mm_per_s),
-        }
-    }
-
-    /// This share of it, units of 0.1 nm.
-    fn share_100pm(&self, share: f32) -> i64 {
-        share_of(self.filament_100pm, share)
-    }
-
-    /// What of it can ride along all of a travel, and the rest; `None` where the rest takes nearly as long as all of it.
-    fn divide(&self, law: &FilamentLaw, travel: &TravelLaw, jump_mm_per_s: f32) -> Option<(Self, Option<Self>)> {
-        let most_mm = travel.most_filament_mm(self.feed_mm_per_s, self.acceleration_mm_per_s2);
-        let length_mm = self.length_mm();
-        if most_mm >= length_mm {
-            return Some((*self, None));
-        }
-        let riding_100pm = self.share_100pm(most_mm / length_mm);
-        let rest_100pm = self.filament_100pm.wrapping_sub(riding_100pm);
-        let with = |filament_100pm| Self { filament_100pm, ..*self };
-        let rest = with(rest_100pm);
-        let is_shorter = rest.law(jump_mm_per_s).duration_s() <= MOST_OF_DURATION * law.duration_s();
-        is_shorter.then(|| (with(riding_100pm), Some(rest)))
-    }
-}
-
 impl Held {
-    /// Hands out all of it in parts, in the order of time. The extruder's speed may change by `jump_mm_per_s` at once.
-    fn each_part(&self, jump_mm_per_s: f32, take: &mut TakePart<'_>) -> bool {
-        let Self { begin_10nm, retraction, recovery, .. } = self;
-        let Some(travel) = &self.travel else {
-            return retraction.is_none_or(|filament| take(&filament.alone(*begin_10nm)));
-        };
-        let whole = travel.law();
-        let law = |filament: &FilamentMove| filament.law(jump_mm_per_s);
-        let (first, last) = (retraction.as_ref().map(law), recovery.as_ref().map(law));
-        match (retraction, recovery, first.as_ref().or(last.as_ref())) {
-            (Some(filament), None, Some(law)) if law.rides(&whole) => {
-                let Some((riding, rest)) = filament.divide(law, &whole, jump_mm_per_s) else {
-                    return take(&filament.alone(*begin_10nm)) && take(&travel.rest(travel.target_10nm, None));
-                };
-                rest.is_none_or(|rest| take(&FilamentMove { ends_move: false, ..rest }.alone(*begin_10nm)))
-                    && travel.carry(&riding, *begin_10nm, take)
-            }
-            (None, Some(filament), Some(law)) if law.rides(&whole) => {
-                let Some((riding, rest)) = filament.divide(law, &whole, jump_mm_per_s) else {
-                    return take(&travel.rest(travel.target_10nm, None)) && take(&filament.alone(travel.target_10nm));
-                };
-                let riding = FilamentMove { ends_move: riding.ends_move && rest.is_none(), ..riding };
-                take(&Part::Advance { is_on: false })
-                    && travel.carry(&riding, *begin_10nm, take)
-                    && take(&Part::Advance { is_on: true })
-                    && rest.is_none_or(|rest| take(&rest.alone(travel.target_10nm)))
-            }
-            _ => {
-                let along = choose(&whole, first.as_ref(), last.as_ref());
-                let first = retraction.as_ref().zip(first.as_ref());
-                let last = recovery.as_ref().zip(last.as_ref());
-                self.each_stage(travel, along, [first, last], take)
-            }
+    /// Nothing yet, at this place.
+    fn nothing(from: Position, is_s_curve: bool) -> Self {
+        Self {
+            begin_10nm: from.coordinates_10nm,
+            from,
+            retraction: None,
+            legs: [Leg::NONE; MOST_LEGS],
+            moves: [TravelMove { target_10nm: [0; 3], feed_mm_per_s: 0.0, line: 0 }; MOST_LEGS],
+            travels: 0,
+            recovery: None,
+            is_s_curve,
+            spread: Spread::NONE,
+            next: Next::Begin,
         }
     }
 
-    /// The same for filament that moves along a travel's halves, or by itself.
-    fn each_stage(
-        &self,
-        travel: &TravelMove,
-        along: Along,
-        [first, last]: [Option<(&FilamentMove, &FilamentLaw)>; 2],
-        take: &mut TakePart<'_>,
-    ) -> bool {
-        let (whole, begin_10nm) = (travel.law(), self.begin_10nm);
-        let after = first.filter(|_| along.retraction).map(|(filament, _)| filament);
-        if let Some((filament, law)) = first {
-            if !along.retraction {
-                if !take(&filament.alone(begin_10nm)) {
-                    return false;
-                }
-            } else {
-                let slowed = whole.lasting(law.duration_s());
-                let mut before = StageEnd::NONE;
-                for stage in 1..=law.stages() {
-                    let end = law.stage_end(stage, &slowed);
-                    let filament_100pm =
-                        filament.share_100pm(end.filament).wrapping_sub(filament.share_100pm(before.filament));
-                    let ends_move = filament.ends_move && stage == law.stages();
-                    let part = FilamentMove { filament_100pm, ends_move, ..*filament };
-                    if !take(&travel.stage(&part, &slowed, end.mm_per_s, travel.place(begin_10nm, end.travel))) {
-                        return false;
-                    }
-                    before = end;
-                }
+    /// Whether such a move may join.
+    fn admits(&self, kind: Kind) -> bool {
+        let is_open = matches!(self.next, Next::Begin) && self.recovery.is_none();
+        is_open
+            && match kind {
+                Kind::Travel => self.travels < MOST_LEGS,
+                Kind::Recovery => self.travels > 0,
+                Kind::Retraction | Kind::Other => false,
             }
+    }
+
+    fn legs(&self) -> &[Leg] {
+        self.legs.get(..self.travels).unwrap_or(&[])
+    }
+
+    /// Where leg `leg` begins: where the one before ends.
+    fn begin_of(&self, leg: usize) -> [i32; 3] {
+        let before = leg.checked_sub(1).and_then(|before| self.moves.get(before));
+        before.map_or(self.begin_10nm, |before| before.target_10nm)
+    }
+
+    /// Where it ends.
+    fn end_10nm(&self) -> [i32; 3] {
+        self.begin_of(self.travels)
+    }
+
+    /// The path of a leg.
+    fn path_of(&self, leg: usize) -> Path {
+        let (begin, end) = (self.begin_of(leg), self.begin_of(leg + 1));
+        let mut vector_10nm = [0; 3];
+        for ((component, begin), end) in vector_10nm.iter_mut().zip(begin).zip(end) {
+            *component = end.wrapping_sub(begin);
         }
-        let Some((filament, law)) = last.filter(|_| along.recovery) else {
-            return take(&travel.rest(travel.target_10nm, after))
-                && last.is_none_or(|(filament, _)| take(&filament.alone(travel.target_10nm)));
-        };
-        let slowed = whole.lasting(law.duration_s());
-        let left = law.stage_end(law.stages(), &slowed).travel;
-        if !(take(&travel.rest(travel.place(begin_10nm, 1.0 - left), after)) && take(&Part::Advance { is_on: false })) {
-            return false;
+        Path::along(vector_10nm)
+    }
+
+    /// No more moves join it.
+    #[inline(never)]
+    fn close(&mut self) {
+        if let Some(legs) = self.legs.get_mut(..self.travels) {
+            join(legs);
         }
-        // As it would be drawn back, backwards.
-        for stage in (1..=law.stages()).rev() {
-            let end = law.stage_end(stage, &slowed);
-            let next = if stage == 1 { StageEnd::NONE } else { law.stage_end(stage - 1, &slowed) };
-            let filament_100pm = filament.share_100pm(end.filament).wrapping_sub(filament.share_100pm(next.filament));
-            let target_10nm = if stage == 1 { travel.target_10nm } else { travel.place(begin_10nm, 1.0 - next.travel) };
-            let part = FilamentMove { filament_100pm, ends_move: filament.ends_move && stage == 1, ..*filament };
-            if !take(&travel.stage(&part, &slowed, end.mm_per_s, target_10nm)) {
-                return false;
-            }
+        if self.travels > 0 {
+            let law = |filament: &Option<FilamentMove>| filament.as_ref().map(|filament| filament.law(self.is_s_curve));
+            let (retraction, recovery) = (law(&self.retraction), law(&self.recovery));
+            self.spread = Spread::of(self.legs(), retraction.as_ref(), recovery.as_ref());
         }
-        take(&Part::Advance { is_on: true })
+        self.next = Next::Retraction { stage: 1, done_100pm: 0 };
     }
-}
-
-impl TravelMove {
-    fn law(&self) -> TravelLaw {
-        let Self { length_mm, feed_mm_per_s, acceleration_mm_per_s2, .. } = *self;
-        TravelLaw { length_mm, feed_mm_per_s, acceleration_mm_per_s2 }
-    }
-
-    /// Where this share of it is done.
-    fn place(&self, begin_10nm: [i32; 3], share: f32) -> [i32; 3] {
-        let mut place = begin_10nm;
-        for (place, target) in place.iter_mut().zip(self.target_10nm) {
-            let done = share_of(i64::from(target) - i64::from(*place), share);
-            // Between two coordinates.
-            *place = place.wrapping_add(done as i32);
-        }
-        place
-    }
-
-    /// The part of it without filament, at whose end the move ends; after this filament.
-    fn rest(&self, target_10nm: [i32; 3], after: Option<&FilamentMove>) -> Part {
-        let part = after.map(|filament| PartLimits {
-            feed_mm_per_s: self.feed_mm_per_s,
-            acceleration_mm_per_s2: self.acceleration_mm_per_s2,
-            ..filament.limits()
-        });
-        let Self { line_feed_mm_per_s: feed_mm_per_s, line, .. } = *self;
-        let (filament_100pm, corner_filament_100pm) = (0, 0);
-        Part::Move(Travel {
-            target_10nm,
-            filament_100pm,
-            corner_filament_100pm,
-            feed_mm_per_s,
-            line,
-            ends_move: true,
-            part,
-        })
-    }
-
-    /// A part of it along which this filament moves, and in which the law goes at most so fast.
-    fn stage(&self, filament: &FilamentMove, law: &TravelLaw, mm_per_s: f32, target_10nm: [i32; 3]) -> Part {
-        let FilamentMove { filament_100pm, line, ends_move, .. } = *filament;
-        let part = Some(PartLimits {
-            // It may begin at the speed of a corner instead of at rest.
-            feed_mm_per_s: smaller(self.feed_mm_per_s, 1.25 * mm_per_s),
-            acceleration_mm_per_s2: law.acceleration_mm_per_s2,
-            ..filament.limits()
-        });
-        let feed_mm_per_s = self.line_feed_mm_per_s;
-        let corner_filament_100pm = filament_100pm;
-        Part::Move(Travel { target_10nm, filament_100pm, corner_filament_100pm, feed_mm_per_s, line, ends_move, part })
-    }
-
-    /// All of it, and this filament along all of it. In two parts, for two moves end.
-    fn carry(&self, filament: &FilamentMove, begin_10nm: [i32; 3], take: &mut TakePart<'_>) -> bool {
-        let half_100pm = filament.filament_100pm / 2;
-        let other_100pm = filament.filament_100pm.wrapping_sub(half_100pm);
-        let law = self.law();
-        let (one, other) = if filament.filament_100pm < 0 {
-            let one = FilamentMove { filament_100pm: half_100pm, ..*filament };
-            (one, FilamentMove { filament_100pm: other_100pm, line: self.line, ends_move: true, ..*filament })
-        } else {
-            let one = FilamentMove { filament_100pm: half_100pm, line: self.line, ends_move: true, ..*filament };
-            (one, FilamentMove { filament_100pm: other_100pm, ..*filament })
-        };
-        let peak = law.peak_mm_per_s();
-        take(&self.stage(&one, &law, peak, self.place(begin_10nm, 0.5)))
-            && take(&self.stage(&other, &law, peak, self.target_10nm))
-    }
-}
-
-/// A share, 0 to 1, of a whole number, to 2^-24 of it.
-fn share_of(whole: i64, share: f32) -> i64 {
-    const BITS: u32 = 24;
-    let parts = (share * (1_u32 << BITS) as f32 + 0.5) as i64;
-    // Below 2^35, filament and coordinates alike: 59 bits.
-    whole.wrapping_mul(parts) >> BITS
 }
 
 impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
@@ -311,42 +179,58 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         make_room: &mut impl FnMut(&mut Self) -> bool,
     ) -> Result<bool, MoveError> {
         let kind = kind(travel, target);
-        let is_next = matches!(
-            (&self.held, kind),
-            (Some(Held { travel: None, .. }), Kind::Travel)
-                | (Some(Held { travel: Some(_), recovery: None, parts: 0, .. }), Kind::Recovery)
-        );
-        if !is_next || self.flushing {
+        let joins = self.held.as_ref().is_some_and(|held| held.admits(kind));
+        if !joins || self.flushing {
             self.settle_held(make_room)?;
         }
         if kind == Kind::Other || kind == Kind::Recovery && self.held.is_none() {
             return Ok(false);
         }
-        let from = self.position;
-        let nothing =
-            Held { begin_10nm: from.coordinates_10nm, from, retraction: None, travel: None, recovery: None, parts: 0 };
-        let held = self.held.get_or_insert(nothing);
-        let Travel { filament_100pm, feed_mm_per_s, line, ends_move, .. } = *travel;
-        if kind == Kind::Travel {
-            let path = Path::along(target.vector_10nm);
-            let [x, y, z] = path.vector.map(f32::abs);
-            let (feed, acceleration) = self.rules.limits_along(feed_mm_per_s, path.length, [x, y, z, 0.0], false);
-            held.travel = Some(TravelMove {
-                target_10nm: target.coordinates_10nm,
-                length_mm: path.length / UNITS_PER_MM as f32,
-                feed_mm_per_s: feed,
-                acceleration_mm_per_s2: acceleration,
-                line_feed_mm_per_s: feed_mm_per_s,
-                line,
-            });
-        } else {
-            let (feed_mm_per_s, acceleration_mm_per_s2) = self.rules.path_limits.of_filament(feed_mm_per_s);
+        self.hold(kind, travel, target);
+        self.position.advance(target);
+        Ok(true)
+    }
+
+    /// Such a move joins what is held.
+    #[inline(never)]
+    fn hold(&mut self, kind: Kind, travel: &Travel, target: &Target) {
+        let Self { held, rules, choice, position, previous, .. } = self;
+        let is_s_curve = choice.acceleration == AccelerationProfile::SCurve;
+        let held = held.get_or_insert_with(|| Held::nothing(*position, is_s_curve));
+        let Travel { filament_100pm, line, ends_move, .. } = *travel;
+        let feed_mm_per_s = larger(travel.feed_mm_per_s, MIN_FEED_MM_PER_S as f32);
+        if kind != Kind::Travel {
+            let (feed_mm_per_s, acceleration_mm_per_s2) = rules.path_limits.of_filament(feed_mm_per_s);
             let alone = FilamentMove { filament_100pm, feed_mm_per_s, acceleration_mm_per_s2, line, ends_move };
             let place = if kind == Kind::Retraction { &mut held.retraction } else { &mut held.recovery };
             *place = Some(alone);
+            return;
         }
-        self.position.advance(target);
-        Ok(true)
+        let path = Path::along(target.vector_10nm);
+        let [x, y, z] = path.vector.map(f32::abs);
+        let (feed, acceleration_mm_per_s2) = rules.limits_along(feed_mm_per_s, path.length, [x, y, z, 0.0], false);
+        let corner_acceleration = CornerAcceleration::of_mm_per_s2(acceleration_mm_per_s2);
+        let before = match held.travels.checked_sub(1).and_then(|number| Some((number, held.legs.get(number)?))) {
+            Some((number, before)) => {
+                let acceleration = CornerAcceleration::of_mm_per_s2(before.acceleration_mm_per_s2);
+                Previous { path: held.path_of(number), acceleration, ..Previous::NONE }
+            }
+            // Between a line and its retraction there is a stop.
+            None if held.retraction.is_some() && previous.path.filament > 0.0 => Previous::NONE,
+            None => *previous,
+        };
+        let entry_mm_per_s = if before.acceleration.is_some() {
+            rules.corner(&before, &path, corner_acceleration, travel).mm_per_s_f32()
+        } else {
+            0.0
+        };
+        let length_mm = path.length / UNITS_PER_MM as f32;
+        let leg = Leg { length_mm, feed_mm_per_s: feed, acceleration_mm_per_s2, entry_mm_per_s };
+        let target_10nm = target.coordinates_10nm;
+        if let (Some(legs), Some(moves)) = (held.legs.get_mut(held.travels), held.moves.get_mut(held.travels)) {
+            (*legs, *moves) = (leg, TravelMove { target_10nm, feed_mm_per_s, line });
+            held.travels += 1;
+        }
     }
 
     /// What is held is planned, and a flush that waits happens.
@@ -368,27 +252,31 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     #[cold]
     #[inline(never)]
     fn plan_parts(&mut self) -> bool {
-        let Some(mut held) = self.held else { return true };
-        let end = self.position;
-        let mut planned = held.parts;
-        self.position = held.from;
-        let jump_mm_per_s = self.rules.extruder_jump_mm_per_s();
-        // Each part is worked out from where all of it begins, so that those that are planned are passed.
-        let (begun, mut index) = (held.parts, 0);
-        let is_planned = held.each_part(jump_mm_per_s, &mut |part| {
-            index += 1;
-            if index <= begun {
-                return true;
-            }
-            let is_planned = self.plan_part(part);
-            planned += u32::from(is_planned);
-            is_planned
-        });
-        held.parts = planned;
-        held.from = self.position;
-        self.position = end;
-        self.held = if is_planned { None } else { Some(held) };
+        let Some(held) = &mut self.held else { return true };
+        if matches!(held.next, Next::Begin) {
+            held.close();
+        }
+        core::mem::swap(&mut self.position, &mut held.from);
+        let is_planned = self.plan_held_parts();
+        let Some(held) = &mut self.held else { return true };
+        core::mem::swap(&mut self.position, &mut held.from);
+        if is_planned {
+            self.held = None;
+        }
         is_planned
+    }
+
+    /// The same, with the position where what has been planned ends.
+    fn plan_held_parts(&mut self) -> bool {
+        while let Some((part, next)) = self.held.as_ref().and_then(Held::next_part) {
+            if !self.plan_part(&part) {
+                return false;
+            }
+            if let Some(held) = &mut self.held {
+                held.next = next;
+            }
+        }
+        true
     }
 
     /// Plans a part; `false` without room.
@@ -413,7 +301,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             }
             self.open.begin(&planned, EntrySpeed::Bound, planned.nominal);
         }
-        self.advance_position(&target, &planned, travel.part.is_some());
+        self.advance_position(&target, &planned, travel.part.as_ref().map_or(0.0, |part| part.whole_10nm));
         true
     }
 }

@@ -97,7 +97,7 @@ impl Request for Prepared<'_> {
         } else {
             return Err(planner.fail(PlanFault::NotContinued));
         }
-        planner.advance_position(&target, &planned, false);
+        planner.advance_position(&target, &planned, 0.0);
         Ok(Moved::Queued)
     }
 }

@@ -73,7 +73,7 @@ impl Request for Move {
             // Now, not with the next move: a host may wait until the speeds before this block are known to be final.
             planner.close_open_block();
         }
-        planner.advance_position(&target, &planned, false);
+        planner.advance_position(&target, &planned, 0.0);
         Ok(Moved::Queued)
     }
 

@@ -12,7 +12,8 @@ mod reference;
 #[path = "../textbook/mod.rs"]
 mod textbook;
 
-use paths::{Case, case};
+use ferrostep_planner::PlannedBlock;
+use paths::{Case, case, on_the_way};
 use random::Random;
 use reference::{Filters, Plan, from_line};
 
@@ -40,8 +41,11 @@ struct Worst {
 }
 
 fn worst(case: &Case, keeps: bool) -> Worst {
-    let blocks = case.blocks(keeps);
-    let plan = Plan::new(&case.moves, &blocks);
+    worst_of(case, &case.blocks(keeps))
+}
+
+fn worst_of(case: &Case, blocks: &[PlannedBlock]) -> Worst {
+    let plan = Plan::new(&case.moves, blocks);
     let filters = Filters::new(&case.shapers, case.smooth_time_s);
     let mut worst = Worst { time_s: plan.end_s(), ..Worst::default() };
     let reach = filters.reach_s;
@@ -123,6 +127,35 @@ fn the_filtered_path_keeps_its_tolerance_and_its_acceleration() {
     println!("{tried} corners, at most these parts of what is allowed: {most:?}");
     // All of them are reached nearly: a rule that gave more would break them.
     assert!(most.tube > 0.9 && most.corner > 0.9 && most.acceleration > 1.2 && most.filament > 0.95, "{most:?}");
+}
+
+/// Filament that rides along travels divides them, and the parts keep the tolerance as other moves do, the acceleration of X and Y, and
+/// that of the filament.
+#[test]
+fn with_filament_on_the_way_the_same_is_kept() {
+    let mut most = Worst::default();
+    for plan in 1..=150_u64 {
+        let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        let (case, blocks) = on_the_way(&mut random);
+        let riding = case
+            .moves
+            .windows(2)
+            .filter(|pair| pair[0].target_10nm != pair[1].target_10nm && pair[1].filament_100pm < 0);
+        assert!(riding.count() > 0, "plan {plan}");
+        let worst = worst_of(&case, &blocks);
+        let Worst { tube, corner, acceleration, filament, .. } = worst;
+        most = Worst {
+            tube: most.tube.max(tube),
+            corner: most.corner.max(corner),
+            acceleration: most.acceleration.max(acceleration),
+            filament: most.filament.max(filament),
+            ..most
+        };
+        let is_kept =
+            tube <= 1.0 && corner <= 1.0 && acceleration <= MOST_ACCELERATION && filament <= MOST_ACCELERATION;
+        assert!(is_kept, "plan {plan}: {worst:?} of {:?}", Case { moves: Vec::new(), ..case });
+    }
+    println!("at most these parts of what is allowed: {most:?}");
 }
 
 /// Without the tolerance the same machines break it, and by far.

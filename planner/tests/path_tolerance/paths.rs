@@ -18,8 +18,15 @@ pub struct Case {
     pub shapers: [AxisShaper; 2],
     pub smooth_time_s: Option<f64>,
     pub path_tolerance_mm: f64,
+    pub filament_on_the_way: bool,
+    pub steps_per_mm: [f64; 3],
     pub moves: Vec<Move>,
 }
+
+const EXTRUDER_STEPS_PER_MM: f64 = 140.0;
+
+/// The most that there may be: no block has several moves then, and a place is known from the motors to 0.1 um.
+const FINE_STEPS_PER_MM: f64 = 10_000.0;
 
 impl Case {
     fn limits(&self) -> Limits {
@@ -43,9 +50,10 @@ impl Case {
     /// The same, with a look-ahead ring of this many places.
     pub fn blocks_with(&self, keeps: bool, ring: usize) -> Vec<PlannedBlock> {
         let steps = |value: f64| StepsPerMm::from_f64(value).unwrap();
+        let [x, y, z] = self.steps_per_mm;
         let geometry = Geometry {
             kinematics: Kinematics::Cartesian,
-            steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(140.0)],
+            steps_per_mm: [steps(x), steps(y), steps(z), steps(EXTRUDER_STEPS_PER_MM)],
             minimum_event_interval_ticks: 1,
             event_cost_ticks: 0,
             move_cost_ticks: 0,
@@ -55,6 +63,7 @@ impl Case {
             shapers: self.shapers,
             smooth_time_s: self.smooth_time_s,
             path_tolerance_mm: keeps.then_some(self.path_tolerance_mm),
+            filament_on_the_way: self.filament_on_the_way,
             ..MotionChoice::DEFAULT
         };
         planner.set_motion_choice(&choice).unwrap();
@@ -119,6 +128,28 @@ impl Drawn<'_> {
             self.turn(angle);
             length *= ratio;
         }
+    }
+
+    /// Filament back, a lift, travels, down, filament again.
+    fn way(&mut self) {
+        let (flow, feed) = (self.flow, self.feed);
+        let filament = self.random.magnitude(0.02, 4.0);
+        let lift = if self.random.next().is_multiple_of(3) { 0.0 } else { self.random.magnitude(0.05, 1.0) };
+        self.feed = self.random.magnitude(10.0, 80.0) as f32;
+        self.add(-filament);
+        (self.flow, self.feed) = (0.0, self.random.magnitude(50.0, 400.0) as f32);
+        self.place[2] += (lift * 1e5) as i64;
+        self.add(0.0);
+        for _ in 0..1 + self.random.next() % 4 {
+            let (angle, length) = (TAU * self.random.share(), self.random.magnitude(0.1, 60.0));
+            self.turn(angle);
+            self.go(length);
+        }
+        self.place[2] -= (lift * 1e5) as i64;
+        self.add(0.0);
+        self.feed = self.random.magnitude(10.0, 80.0) as f32;
+        self.add(filament);
+        (self.flow, self.feed) = (flow, feed);
     }
 
     fn piece(&mut self) {
@@ -226,5 +257,45 @@ pub fn case(random: &mut Random) -> Case {
         drawn.piece();
     }
     let moves = drawn.moves;
-    Case { acceleration, filament_acceleration, shapers, smooth_time_s, path_tolerance_mm, moves }
+    let (filament_on_the_way, steps_per_mm) = (false, [80.0, 80.0, 400.0]);
+    Case {
+        acceleration,
+        filament_acceleration,
+        shapers,
+        smooth_time_s,
+        path_tolerance_mm,
+        filament_on_the_way,
+        steps_per_mm,
+        moves,
+    }
+}
+
+/// A case with filament on the way between its lines, and the blocks that are planned of it: each of them as a move of the case.
+pub fn on_the_way(random: &mut Random) -> (Case, Vec<PlannedBlock>) {
+    let mut case = Case { filament_on_the_way: true, steps_per_mm: [FINE_STEPS_PER_MM; 3], ..case(random) };
+    let (direction, feed) = (TAU * random.share(), random.magnitude(20.0, 400.0) as f32);
+    let mut drawn = Drawn { random, place: [0; 3], direction, feed, flow: 0.04, moves: Vec::new() };
+    for _ in 0..12 {
+        drawn.piece();
+        drawn.way();
+    }
+    case.moves = drawn.moves;
+    let (mut steps, mut line) = ([0; 3], 0);
+    let mut moves = Vec::new();
+    let mut blocks = case.blocks(true);
+    for planned in &mut blocks {
+        for (sum, steps) in steps.iter_mut().zip(planned.block.steps) {
+            *sum += i64::from(steps);
+        }
+        line += 1;
+        planned.block.line = line;
+        let target_10nm = steps.map(|steps| (steps as f64 * 1e5 / FINE_STEPS_PER_MM).round() as i64);
+        let filament_mm = f64::from(planned.block.extruder_256ths) / (256.0 * EXTRUDER_STEPS_PER_MM);
+        // What is shorter than a step lasts as long as it does.
+        let stands = planned.block.steps == [0; 3] && planned.block.extruder_256ths == 0;
+        let filament_100pm = if stands { 1 } else { (filament_mm * 1e7).round() as i64 };
+        moves.push(Move { target_10nm, filament_100pm, feed_mm_per_s: 1.0, line, ends_move: true });
+    }
+    case.moves = moves;
+    (case, blocks)
 }
