@@ -59,7 +59,7 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         pressure_advance: pressure_advance(keys),
         filament_on_the_way: keys.apart().flag("filament_on_the_way").or(
             default.filament_on_the_way,
-            "filament is drawn back in the first half of the travel after it and comes back in the last half, without a stop ([Filament on the way](filament-on-the-way.md)); prepared jobs stop",
+            "filament is drawn back and comes back along the travels between two lines, without a stop ([Filament on the way](filament-on-the-way.md)); prepared jobs stop",
         ),
         ..choice
     };
