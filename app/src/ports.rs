@@ -235,6 +235,16 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         self.to.get()
     }
 
+    /// Whether a line of a record finds room without a wait.
+    pub fn have_room(&self) -> bool {
+        self.writers.borrow_mut().lock(|writers| writers.have_room(self.to.get()))
+    }
+
+    /// Sends a line.
+    pub fn text(&self, text: &str) {
+        self.line(format_args!("{text}"));
+    }
+
     /// Replies to every host from now on.
     #[cfg(card)]
     pub fn answer_all(&self) {

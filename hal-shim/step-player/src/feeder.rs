@@ -86,7 +86,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             usual_above_ticks: 0,
             filled: player.next_number(),
             newest: Newest {
-                numbering: Numbering::new(M::EVENTS_A_STEP),
+                numbering: Numbering::from(M::EVENTS_A_STEP, player.number_before(player.next_number())),
                 // What is low is to be set.
                 turning: [0xffff; PORTS],
                 held: [0; PORTS],
@@ -95,6 +95,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             turning: None,
         };
         feeder.turn(None);
+        player.note_directions(0);
         feeder
     }
 
@@ -261,6 +262,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     pub fn start(&mut self) -> bool {
         let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
         if idle {
+            self.player.motion_begins();
             self.player.link().start();
         }
         idle
@@ -304,6 +306,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
         dropped.requested = self.player.forget(self.filled);
         self.directions = self.turning.unwrap_or(self.directions);
+        self.player.note_directions(self.directions);
         self.turn(None);
         self.newest.held = [0; PORTS];
         dropped
@@ -421,6 +424,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             *word &= changed | PinMap::<PORTS>::turned(changed);
         }
         self.directions = directions;
+        self.player.note_directions(directions);
         if M::EVENTS_A_STEP == 2 {
             // The signals change with the end of the pulse before.
             for (word, direction) in self.newest.held.iter_mut().zip(words) {

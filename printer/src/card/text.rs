@@ -117,7 +117,7 @@ impl<P: Ports> Printer<'_, P> {
                 | CardCommand::ReportTime
                 | CardCommand::Abort,
             ) => {}
-            Command::Card(_) | Command::ReceiveJob { .. } => return Err(Failure::Command(CommandError::CardInUse)),
+            Command::Card(_) | Command::ReceiveJob { .. } | Command::BlackBox { .. } => return Err(Failure::Command(CommandError::CardInUse)),
             _ => {}
         }
         self.source = Source::Card;
