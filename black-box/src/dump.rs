@@ -113,6 +113,7 @@ pub struct Dump<'a, S> {
 
 impl<'a, S: StepPast> Dump<'a, S> {
     /// Of these memories, as they are now.
+    #[inline(never)]
     pub fn new(steps: S, memory: &'a RecordMemory, facts: Facts<'a>) -> Self {
         let mut past = steps.past();
         // From the newest slot back to the first that cannot be read.
@@ -142,6 +143,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
     }
 
     /// Makes the next line, without its line end; `false` after the last.
+    #[inline(never)]
     pub fn next_line(&mut self, text: &mut String<LINE_CHARS>) -> bool {
         text.clear();
         while self.pending.len() < LINE_BYTES && self.go_on() {}
@@ -159,20 +161,27 @@ impl<'a, S: StepPast> Dump<'a, S> {
             bytes.chunks(3).for_each(|three| encode(three, text));
         }
         let rest = self.pending.len() - length;
-        self.pending.rotate_left(length);
+        self.pending.copy_within(length.., 0);
         self.pending.truncate(rest);
         true
     }
 
-    fn put(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            // There is room for the longest part.
-            let _ = self.pending.push(*byte);
-        }
-        self.digest.update(bytes);
+    // Not inlined, nor are the others: flash is short, and a line takes longer to send.
+    #[inline(never)]
+    fn put(&mut self, byte: u8) {
+        // There is room for the longest part.
+        let _ = self.pending.push(byte);
+        self.digest.update(&[byte]);
+    }
+
+    /// The lowest bytes of a word, little-endian.
+    #[inline(never)]
+    fn word(&mut self, word: u32, bytes: usize) {
+        word.to_le_bytes().iter().take(bytes).for_each(|byte| self.put(*byte));
     }
 
     /// The next part; `false` if there is none.
+    #[inline(never)]
     fn go_on(&mut self) -> bool {
         self.part = match self.part {
             Part::Header => {
@@ -183,20 +192,20 @@ impl<'a, S: StepPast> Dump<'a, S> {
                 Some(name) => {
                     let name = name.as_bytes();
                     let name = name.get(..MAX_NAME).unwrap_or(name);
-                    self.put(&[name.len() as u8]);
-                    self.put(name);
+                    self.put(name.len() as u8);
+                    name.iter().for_each(|byte| self.put(*byte));
                     Part::Name(place + 1)
                 }
                 None => Part::RecordBytes,
             },
             Part::RecordBytes => {
-                self.put(&(self.memory.len() as u16).to_le_bytes());
+                self.word(self.memory.len() as u32, 2);
                 Part::Records(0)
             }
             Part::Records(place) => {
                 let end = self.memory.len().min(place + CHUNK);
                 for index in place..end {
-                    self.put(&[self.memory.get(index)]);
+                    self.put(self.memory.get(index));
                 }
                 if end == place { Part::Slots(self.past.oldest) } else { Part::Records(end) }
             }
@@ -208,7 +217,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
             }
             Part::Checksum => {
                 let checksum = self.digest.clone().finalize();
-                self.put(&checksum.to_le_bytes());
+                self.word(checksum, 4);
                 Part::Done
             }
             Part::Done => return false,
@@ -224,40 +233,38 @@ impl<'a, S: StepPast> Dump<'a, S> {
             | flag(!self.memory.is_there(), NO_MEMORY);
         let Facts { tick_hz, pulse_ticks, now_ms, .. } = self.facts;
         let Past { oldest, next, filled, events_left, directions, positions, .. } = self.past;
-        self.put(&MAGIC);
-        self.put(&[flags]);
+        self.word(u32::from_le_bytes(MAGIC), 4);
+        self.put(flags);
         for word in [tick_hz, pulse_ticks, now_ms] {
-            self.put(&word.to_le_bytes());
+            self.word(word, 4);
         }
-        for count in [filled.wrapping_sub(oldest) as u16, next.wrapping_sub(oldest) as u16, events_left] {
-            self.put(&count.to_le_bytes());
+        for count in [filled.wrapping_sub(oldest), next.wrapping_sub(oldest), events_left.into()] {
+            self.word(count, 2);
         }
-        self.put(&[directions]);
+        self.put(directions);
         for position in positions {
-            self.put(&[position.is_some().into()]);
-            let PositionMark { filled, next, now_ms, motor_steps: [x, y, z, extruder] } = position.unwrap_or_default();
-            let places = [filled, next].map(|number| number.wrapping_sub(oldest));
-            for word in [places[0], places[1], now_ms, x as u32, y as u32, z as u32, extruder as u32] {
-                self.put(&word.to_le_bytes());
+            self.put(position.is_some().into());
+            let PositionMark { filled, next, now_ms, motor_steps } = position.unwrap_or_default();
+            for word in [filled.wrapping_sub(oldest), next.wrapping_sub(oldest), now_ms] {
+                self.word(word, 4);
+            }
+            for steps in motor_steps {
+                self.word(steps as u32, 4);
             }
         }
     }
 
     fn slot(&mut self, slot: &PastSlot) {
-        let mut bytes = Vec::<u8, 12>::new();
         let turns = slot.turned != 0;
-        let mut put = |byte| {
-            // One, three and five bytes, and one.
-            let _ = bytes.push(byte);
-        };
-        put(slot.first | slot.then << 4);
-        varint::put(u32::from(slot.events) << 1 | u32::from(turns), &mut put);
-        varint::put(varint::difference(self.reload, slot.reload), &mut put);
+        self.put(slot.first | slot.then << 4);
+        let reload = varint::difference(self.reload, slot.reload);
+        for number in [u32::from(slot.events) << 1 | u32::from(turns), reload] {
+            varint::put(number, |byte| self.put(byte));
+        }
         if turns {
-            put(slot.turned | slot.backwards << 4);
+            self.put(slot.turned | slot.backwards << 4);
         }
         self.reload = slot.reload;
-        self.put(&bytes);
     }
 }
 

@@ -121,7 +121,8 @@ impl RecordMemory {
         }
         // A memory that has lost its ends begins anew.
         let Ends { mut begin, end } = self.load().unwrap_or(Ends { begin: 0, end: 0 });
-        let bytes = record.bytes();
+        let parts = record.parts(now_ms);
+        let bytes = parts.bytes();
         let used = |begin: usize| (end + RING - begin) % RING;
         // One byte stays free: a full ring would be an empty one.
         while begin != end && used(begin) + bytes >= RING {
@@ -129,7 +130,7 @@ impl RecordMemory {
         }
         self.store(Ends { begin, end });
         let mut place = end;
-        record.encode(now_ms, |byte| {
+        parts.put(|byte| {
             if let Some(at) = self.ring.get(place) {
                 at.store(byte, Ordering::Relaxed);
             }

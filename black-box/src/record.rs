@@ -76,46 +76,57 @@ pub enum Record<'a> {
     LastWords(&'a [u8]),
 }
 
-fn cut(text: &[u8], most: usize) -> &[u8] {
-    text.get(..most).unwrap_or(text)
+/// The bytes of a record but the last.
+pub(crate) struct Parts<'a> {
+    /// All before the text, in the first `length` of these.
+    head: [u8; 16],
+    length: usize,
+    text: &'a [u8],
+}
+
+impl Parts<'_> {
+    /// How many bytes the record has.
+    pub fn bytes(&self) -> usize {
+        self.length + self.text.len() + 1
+    }
+
+    /// Hands them over.
+    pub fn put(&self, mut put: impl FnMut(u8)) {
+        let mut check = CHECK;
+        for byte in self.head.iter().take(self.length).chain(self.text) {
+            check ^= byte;
+            put(*byte);
+        }
+        put(check);
+    }
 }
 
 impl Record<'_> {
-    /// Hands the record's bytes over, in parts.
-    pub(crate) fn encode(&self, now_ms: u32, mut put: impl FnMut(u8)) {
-        let mut fixed = [0; 10];
-        let (kind, fixed, text): (u8, &[u8], &[u8]) = match *self {
+    /// Its bytes.
+    pub(crate) fn parts(&self, now_ms: u32) -> Parts<'_> {
+        let mut head = [0; 16];
+        let (kind, fixed, most, text) = match *self {
             Self::Command { line, text } => {
-                fixed[..4].copy_from_slice(&line.to_le_bytes());
-                (COMMAND, &fixed[..4], cut(text, MAX_COMMAND_BYTES))
+                head[6..10].copy_from_slice(&line.to_le_bytes());
+                (COMMAND, 4, MAX_COMMAND_BYTES, text)
             }
             Self::Temperatures(heaters) => {
-                for (place, heater) in fixed.chunks_exact_mut(5).zip(heaters) {
+                for (place, heater) in head[6..].chunks_exact_mut(5).zip(heaters) {
                     let [a, b] = heater.decicelsius.to_le_bytes();
                     let [c, d] = heater.target_decicelsius.to_le_bytes();
                     place.copy_from_slice(&[a, b, c, d, heater.power]);
                 }
-                (TEMPERATURES, &fixed, &[])
+                (TEMPERATURES, 10, 0, &[][..])
             }
-            Self::Driver(text) => (DRIVER, &[], cut(text, MAX_TEXT_BYTES)),
-            Self::Halt(text) => (HALT, &[], cut(text, MAX_TEXT_BYTES)),
-            Self::Reset(text) => (RESET, &[], cut(text, MAX_TEXT_BYTES)),
-            Self::LastWords(text) => (LAST_WORDS, &[], cut(text, MAX_TEXT_BYTES)),
+            Self::Driver(text) => (DRIVER, 0, MAX_TEXT_BYTES, text),
+            Self::Halt(text) => (HALT, 0, MAX_TEXT_BYTES, text),
+            Self::Reset(text) => (RESET, 0, MAX_TEXT_BYTES, text),
+            Self::LastWords(text) => (LAST_WORDS, 0, MAX_TEXT_BYTES, text),
         };
-        let mut check = CHECK;
-        let head = [(fixed.len() + text.len()) as u8, kind];
-        for &byte in head.iter().chain(&now_ms.to_le_bytes()).chain(fixed).chain(text) {
-            check ^= byte;
-            put(byte);
-        }
-        put(check);
-    }
-
-    /// How many bytes it takes.
-    pub(crate) fn bytes(&self) -> usize {
-        let mut bytes = 0;
-        self.encode(0, |_| bytes += 1);
-        bytes
+        let text = text.get(..most).unwrap_or(text);
+        let [a, b, c, d] = now_ms.to_le_bytes();
+        head[..6].copy_from_slice(&[(fixed + text.len()) as u8, kind, a, b, c, d]);
+        Parts { head, length: 6 + fixed, text }
     }
 }
 
