@@ -107,7 +107,7 @@ mod app {
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
     const WAITS_PRIORITY: u8 = 9;
 
-    /// The planner looks at the step queue this often, ms: at 100,000 events a second a fifth of the queue.
+    /// The planner looks at the step queue this often, ms: at 100,000 events a second an eighth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
 
     #[cfg(drivers)]

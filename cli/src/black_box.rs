@@ -275,3 +275,91 @@ impl fmt::Display for StepsReport {
         writeln!(out, "  digests     order {}, step {}", self.order_digest, self.step_digest)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use ferrostep_black_box::{Dump, Facts, RecordMemory, StepPast};
+    use ferrostep_step_player::Past;
+
+    use super::*;
+
+    /// Three slots, of which the second was being played.
+    struct Steps(Past);
+
+    const SLOTS: [PastSlot; 3] = [
+        PastSlot { first: 0, then: 0b0001, turned: 0, backwards: 0, reload: 199, events: 4 },
+        PastSlot { first: 0b0001, then: 0b0010, turned: 0b0010, backwards: 0b0010, reload: 399, events: 3 },
+        PastSlot { first: 0b0010, then: 0b1000, turned: 0, backwards: 0, reload: 99, events: 2 },
+    ];
+
+    impl StepPast for Steps {
+        fn past(&self) -> Past {
+            self.0
+        }
+
+        fn slot(&self, number: u32) -> Option<PastSlot> {
+            SLOTS.get(number.checked_sub(5)? as usize).copied()
+        }
+    }
+
+    fn fetched(positions: [Option<PositionMark>; 2], memory: &RecordMemory) -> Vec<u8> {
+        let past = Past { oldest: 5, next: 7, filled: 8, events_left: 1, directions: 0b0010, is_kept: true, positions };
+        let names = ["bench", "cartesian", "0.2.0"];
+        let facts = Facts { both_edges: true, tick_hz: 84_000_000, pulse_ticks: 84, now_ms: 9_000, names };
+        let mut dump = Dump::new(Steps(past), memory, facts);
+        let (mut log, mut line) = (String::new(), Default::default());
+        while dump.next_line(&mut line) {
+            log += &format!("{line}\nT:20.0 /0.0\n");
+        }
+        from_text(&log).unwrap()
+    }
+
+    #[test]
+    fn what_was_made_and_what_was_not() {
+        // Where the queue's end was before the last slot was filled: the event held back then is that slot's first.
+        let mark = PositionMark { filled: 7, next: 6, now_ms: 8_000, motor_steps: [104, 47, 0, 7] };
+        let bytes = fetched([None, Some(mark)], &RecordMemory::new());
+        let contents = Contents::read(&bytes).unwrap();
+        let mut steps = Vec::new();
+        replay_made(&contents, |step| steps.push((step.tick, step.axes, step.backwards)));
+        assert_eq!(steps, [(200, 1, 0), (400, 1, 0), (600, 1, 0), (800, 1, 0), (1200, 2, 2)]);
+        let profile = ferrostep_profiles::load("cartesian").unwrap();
+        let report = BlackBoxReport::new(&contents, Some(&profile)).steps;
+        assert_eq!((report.slots, report.events, report.motions, report.ticks), ([2, 1], 5, 1, 1000));
+        assert_eq!((report.made, report.not_made), ([4, -1, 0, 0], [0, -2, 0, 1]));
+        assert_eq!(report.motor_steps, Some([104, 49, 0, 7]));
+        assert_eq!(report.position_mm, Some([1.3, 0.6125, 0.0]));
+    }
+
+    #[test]
+    fn a_position_from_another_time_is_none() {
+        // At the end of the queue an event was held back of which nothing is known; the other lies before the first slot.
+        for filled in [8, 4, 1_000] {
+            let mark = PositionMark { filled, ..PositionMark::default() };
+            let bytes = fetched([Some(mark), None], &RecordMemory::new());
+            let report = BlackBoxReport::new(&Contents::read(&bytes).unwrap(), None);
+            assert_eq!(report.steps.motor_steps, None, "{filled}");
+            assert!(report.to_string().contains("no records: the board has no memory for them"));
+        }
+    }
+
+    #[test]
+    fn records_are_told_with_their_times() {
+        let memory = RecordMemory::new();
+        memory.restart(0);
+        memory.record(1_500, 0, &Record::Command { line: 12, text: b"G1 X5 \x1b[2J" });
+        memory.record(2_000, 0, &Record::Temperatures([HeaterSample::new(215.0, 215.0, 0.4), HeaterSample::default()]));
+        memory.add_last(None, &Record::Reset(b"watchdog"));
+        let bytes = fetched([None; 2], &memory);
+        let text = BlackBoxReport::new(&Contents::read(&bytes).unwrap(), None).to_string();
+        let expected = [
+            "black box of bench, profile cartesian, firmware 0.2.0",
+            "     1.500 s  command       line 12: G1 X5 \\u{1b}[2J",
+            "     2.000 s  temperatures  nozzle 215.0 of 215.0 C at 40 %, bed 0.0 of 0.0 C at 0 %",
+            "     2.000 s  reset         watchdog",
+            "steps         5 events in 0.012 ms, 1 motions",
+        ];
+        assert_eq!(text.lines().take(5).collect::<Vec<_>>(), expected);
+    }
+}

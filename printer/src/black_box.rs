@@ -23,7 +23,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     pub(crate) fn send_black_box(&mut self, clear: bool) -> Result<(), CommandError> {
-        let black_box = self.black_box.ok_or(CommandError::NoBlackBox)?;
+        let black_box = self.black_box.ok_or(CommandError::NotEquipped("black box"))?;
         if self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused() {
             return Err(CommandError::BlackBoxInPrint);
         }

@@ -74,13 +74,9 @@ pub fn fetch_black_box(
         match assembly.take(&said).map_err(FetchError::Lines)? {
             Some(true) => return Ok(assembly.into_bytes()),
             Some(false) => last = port.now(),
-            None if said.contains("M791") => {
-                if said.contains("Unknown command") {
-                    refusal = Some(FetchError::Unknown);
-                } else {
-                    refusal = Some(FetchError::Refused(said));
-                }
-            }
+            None if said.contains("Unknown command") => refusal = Some(FetchError::Unknown),
+            // The line that was sent is the only one that can be refused now.
+            None if said.starts_with("echo:line ") => refusal = Some(FetchError::Refused(said)),
             None if said.starts_with("ok") => match refusal.take() {
                 Some(refusal) => return Err(refusal),
                 None => (is_answered, last) = (true, port.now()),
@@ -117,7 +113,7 @@ mod tests {
         let none = "this printer has no black box: its firmware does not know M791";
         assert_eq!(fetched(&["echo:Unknown command: \"M791\"", "ok"]).unwrap_err(), none);
         assert_eq!(fetched(&["ok", "T:20.0 /0.0"]).unwrap_err(), none);
-        let refused = "echo:line 3: M791: this machine has no black box: a board has one";
+        let refused = "echo:line 3: this board has no black box";
         let expected = format!("the printer does not send its black box: {refused}");
         assert_eq!(fetched(&[refused, "ok"]).unwrap_err(), expected);
         assert_eq!(fetched(&["ok", "blackbox:0:RkJY"]).unwrap_err(), "the black box breaks off: fetch it again");

@@ -199,6 +199,8 @@ impl Marks {
 
     pub(super) fn past(&self, next: u32, slots: usize) -> Past {
         let is_kept = self.are_kept();
+        // Slots that were filled since and never played have overwritten the oldest.
+        let end = next;
         let (next, left, filled, directions) = if is_kept {
             (self.next.load(), self.left.load(), self.filled.load(), self.kept_directions.load())
         } else {
@@ -207,7 +209,9 @@ impl Marks {
         // The slot before the oldest one has the number from which its events are counted.
         let most = slots as u32 - 1;
         let oldest = self.oldest.load();
-        let oldest = if filled.wrapping_sub(oldest) > most { filled.wrapping_sub(most) } else { oldest };
+        let oldest = if end.wrapping_sub(oldest) > most { end.wrapping_sub(most) } else { oldest };
+        // Of words that have not outlived a reset nothing is read.
+        let oldest = if filled.wrapping_sub(oldest) > most { filled } else { oldest };
         let [first, second] = self.positions.each_ref().map(Position::load);
         let positions = if self.older.load() & 1 == 0 { [second, first] } else { [first, second] };
         let directions = directions as u8 & 0b1111;

@@ -317,9 +317,11 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.link.stopped()
     }
 
-    /// Notes for [`Self::past`] what has been played.
+    /// Notes for [`Self::past`] what has been played, once: after a stop without a motion since, that is what was noted then.
     fn keep(&self, filled: u32) {
-        self.marks.keep(self.next.load(), self.left(), filled);
+        if !self.marks.are_kept() {
+            self.marks.keep(self.next.load(), self.left(), filled);
+        }
     }
 
     /// Takes the slots that have not been played out of the ring. Their contents stay.
@@ -344,9 +346,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         if is_trusted && self.marks.are_valid() {
             self.finish_begun();
             let filled = self.first_empty();
-            if !self.marks.are_kept() {
-                self.keep(filled);
-            }
+            self.keep(filled);
             self.clear_unplayed(filled);
         } else {
             self.empty();

@@ -19,7 +19,7 @@ struct Run<M: 'static, const PORTS: usize> {
 
 impl<M: Stepping + 'static, const PORTS: usize> Run<M, PORTS> {
     fn go(&mut self, entries: &[StepEntry], updates: usize) -> StepFeeder<'static, M, PORTS, RING> {
-        let mut feeder = self.board.feeder(SIGNALS);
+        let mut feeder = self.board.feeder(SIGNALS).keeping_past();
         let mut left = entries.iter();
         let mut sealed = false;
         for now_ms in 0..updates as u32 {
@@ -86,6 +86,8 @@ fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry],
     }
     run.assert_replayed(0);
     let (past, slots, _) = run.past();
+    // A quarter of the ring is of the past, as soon as so much was played.
+    assert!(past.oldest == 0 || past.next - past.oldest >= RING as u32 / 4, "{past:?}");
     // Nothing that was played and not overwritten is missing.
     assert!(slots.len() == RING - 1 || past.oldest == 0);
     // A second reset, without a motion in between, changes nothing.
@@ -105,6 +107,12 @@ fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry],
     let moved = again.assert_replayed(begun);
     assert_eq!(dropped.issued[0] as usize + moved, 20);
     assert!(board.player.past().is_kept);
+    // And a second stop leaves it.
+    board.stop();
+    assert_eq!(feeder.drop_all().issued, [0; 4]);
+    assert_eq!(again.assert_replayed(begun), moved);
+    board.player.restart(true);
+    assert_eq!(again.assert_replayed(begun), moved);
 }
 
 proptest! {
