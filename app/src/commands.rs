@@ -57,7 +57,11 @@ pub struct Own<'a> {
 }
 
 /// Executes what the hosts send, and prints from the card.
-pub async fn execute<M, H, W, D, A, R, B>(shared: Shared<M, H, W, D, A, R, B>, own: Own<'_>, signals: &'static Signals) -> !
+pub async fn execute<M, H, W, D, A, R, B>(
+    shared: Shared<M, H, W, D, A, R, B>,
+    own: Own<'_>,
+    signals: &'static Signals,
+) -> !
 where
     M: Mutex<T = &'static mut BoardMachine>,
     H: Mutex<T = Heat>,

@@ -204,8 +204,7 @@ mod app {
         let actions = Actions { act, note_line: || SIGNALS.note_host() };
         let HostLines { port, input, to_send, usb, mut writers, to_read } =
             HostLines::start(cx.local.rings, cx.local.usb_memory, ports, &rcc, &clock, actions);
-        Start { clock: &clock, reset_cause, brown_out, no_usb: usb.as_ref().err() }
-            .tell(&mut writers, &records);
+        Start { clock: &clock, reset_cause, brown_out, no_usb: usb.as_ref().err() }.tell(&mut writers, &records);
 
         let converters = (device.ADC1, device.ADC3, device.ADC_COMMON, device.DMA2);
         let heat = Heat::new(&PROFILE, converters, &clock);
@@ -427,7 +426,8 @@ mod app {
     /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps say halts the machine.
     #[task(priority = 1, shared = [machine, writers, drivers, driver_line, records], local = [drivers_clock])]
     async fn drivers(cx: drivers::Context) {
-        let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, mut records, .. } = cx.shared;
+        let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, mut records, .. } =
+            cx.shared;
         let replies = BoardReplies::new(writers);
         let mut line = board_drivers::Line(&mut driver_line);
         loop {

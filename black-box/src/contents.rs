@@ -228,7 +228,8 @@ impl<'a> Contents<'a> {
 
     /// The facts that the board has sent.
     pub fn facts(&self) -> Facts<'a> {
-        let Self { identity: Identity { board, profile, version }, both_edges, tick_hz, pulse_ticks, now_ms, .. } = *self;
+        let Self { identity: Identity { board, profile, version }, both_edges, tick_hz, pulse_ticks, now_ms, .. } =
+            *self;
         Facts { both_edges, tick_hz, pulse_ticks, now_ms, names: [board, profile, version] }
     }
 

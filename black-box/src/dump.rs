@@ -274,7 +274,8 @@ fn encode(bytes: &[u8], text: &mut String<LINE_CHARS>) {
     let word = byte(0) << 16 | byte(1) << 8 | byte(2);
     for place in 0..4 {
         let index = word >> (18 - 6 * place) & 63;
-        let character = if place as usize > bytes.len() { b'=' } else { BASE64.get(index as usize).copied().unwrap_or(b'=') };
+        let character =
+            if place as usize > bytes.len() { b'=' } else { BASE64.get(index as usize).copied().unwrap_or(b'=') };
         // The longest line has room.
         let _ = text.push(character.into());
     }

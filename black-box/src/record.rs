@@ -46,11 +46,7 @@ impl HeaterSample {
     pub fn new(celsius: f32, target_celsius: f32, power: f32) -> Self {
         // Casts of floats stop at the ends of the range.
         let tenths = |celsius: f32| (celsius * 10.0) as i16;
-        Self {
-            decicelsius: tenths(celsius),
-            target_decicelsius: tenths(target_celsius),
-            power: (power * 255.0) as u8,
-        }
+        Self { decicelsius: tenths(celsius), target_decicelsius: tenths(target_celsius), power: (power * 255.0) as u8 }
     }
 }
 

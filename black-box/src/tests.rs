@@ -91,7 +91,11 @@ fn memory(texts: &[Vec<u8>]) -> RecordMemory {
     memory.restart(0);
     for (now_ms, text) in (0..).zip(texts) {
         memory.record(now_ms, 0, &Record::Command { line: now_ms, text });
-        memory.record(now_ms, 0, &Record::Temperatures([HeaterSample::new(214.96, 215.0, 0.5), HeaterSample::default()]));
+        memory.record(
+            now_ms,
+            0,
+            &Record::Temperatures([HeaterSample::new(214.96, 215.0, 0.5), HeaterSample::default()]),
+        );
     }
     memory
 }

@@ -129,7 +129,9 @@ fn origin(contents: &Contents<'_>) -> Option<[i64; 4]> {
         // pulse is no step.
         let held = match (contents.both_edges, slots.get(place)) {
             (true, Some(_)) => 1,
-            (true, None) if place.checked_sub(1).and_then(|last| slots.get(last)).is_some_and(|last| last.then != 0) => {
+            (true, None)
+                if place.checked_sub(1).and_then(|last| slots.get(last)).is_some_and(|last| last.then != 0) =>
+            {
                 return None;
             }
             _ => 0,

@@ -32,7 +32,8 @@ pub fn run(arguments: &BlackBoxArguments) -> Result<ExitCode, String> {
     let path = Path::new(&arguments.source);
     let is_file = path.is_file();
     let saved = is_file.then(|| read(path)).transpose()?;
-    let named = arguments.profile.as_deref().map(ferrostep_profiles::load).transpose().map_err(|error| error.to_string())?;
+    let named =
+        arguments.profile.as_deref().map(ferrostep_profiles::load).transpose().map_err(|error| error.to_string())?;
     // The outputs are opened before the printer is asked.
     let mut protected = Vec::new();
     if is_file {
@@ -82,7 +83,9 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     let name = input::name(path);
     let size = path.metadata().map_err(|error| format!("{name}: {error}"))?.len();
     if size > MAX_FILE_BYTES {
-        return Err(format!("{name}: {size} bytes, expected at most {MAX_FILE_BYTES}: cut the part with the answer to M791 out"));
+        return Err(format!(
+            "{name}: {size} bytes, expected at most {MAX_FILE_BYTES}: cut the part with the answer to M791 out"
+        ));
     }
     let bytes = std::fs::read(path).map_err(|error| format!("{name}: {error}"))?;
     if bytes.starts_with(MAGIC) {

@@ -59,8 +59,8 @@ mod waits;
 mod z_offset;
 
 pub use accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent, RecordFault, Recorder};
-pub use black_box::BlackBox;
 pub use axis_names::AXIS_NAMES;
+pub use black_box::BlackBox;
 pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};

@@ -103,7 +103,15 @@ mod tests {
 
     #[test]
     fn lines_in_between_are_not_its() {
-        let lines = ["ok", "T:20.0 /0.0 B:20.0 /0.0 @:0 B@:0", "blackbox:0:Rk", "blackbox:0:RkJY", "T:20.1", "blackbox:1:MQ==", "blackbox:end:2"];
+        let lines = [
+            "ok",
+            "T:20.0 /0.0 B:20.0 /0.0 @:0 B@:0",
+            "blackbox:0:Rk",
+            "blackbox:0:RkJY",
+            "T:20.1",
+            "blackbox:1:MQ==",
+            "blackbox:end:2",
+        ];
         assert_eq!(fetched(&[&lines[..2], &lines[3..]].concat()).unwrap(), b"FBX1");
         assert_eq!(fetched(&lines).unwrap_err(), "line 0 of the black box is damaged: fetch it again");
     }

@@ -190,7 +190,13 @@ impl Marks {
         if self.are_kept() {
             return;
         }
-        let place = self.older.load() & 1;
+        // Without a slot since, the other stays: at the queue's very end an event may be held back of which the slots say nothing.
+        let older = self.older.load() & 1;
+        let is_same = |place: u32| {
+            let newest = self.positions.get(place as usize).and_then(Position::load);
+            newest.is_some_and(|newest| newest.filled == mark.filled)
+        };
+        let place = if is_same(older ^ 1) { older ^ 1 } else { older };
         if let Some(position) = self.positions.get(place as usize) {
             position.store(mark);
         }

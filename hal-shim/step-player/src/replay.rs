@@ -40,7 +40,8 @@ pub fn replay(
 ) {
     let slots = slots.get(..MAX_REPLAYED_SLOTS).unwrap_or(slots);
     // Where a motor turned first, it ran the other way before.
-    let backwards = slots.iter().rev().fold(directions, |before, slot| before & !slot.turned | slot.turned & !slot.backwards);
+    let backwards =
+        slots.iter().rev().fold(directions, |before, slot| before & !slot.turned | slot.turned & !slot.backwards);
     if both_edges {
         play(&StepPlayer::<BothEdges, 1, RING>::new(), slots, pulse_ticks, backwards, events, stepped);
     } else {

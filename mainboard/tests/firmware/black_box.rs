@@ -47,8 +47,19 @@ fn events(bench: &mut Bench) -> Vec<Event> {
     bench.with(|machine, _| machine.decoder.clone().finish().to_vec())
 }
 
+/// Without the edges by which the safe state lowers the step signals, of motors that have no current any more: where both edges step, the
+/// decoder counts them. They are those of the signals that were high.
+fn without_safe_state(board: &BoardFacts, mut events: Vec<Event>) -> Vec<Event> {
+    if board.both_edges
+        && let Some((last, before)) = events.split_last()
+        && before.iter().fold(0, |high, event| high ^ event.axes) == last.axes
+    {
+        events.pop();
+    }
+    events
+}
+
 fn fetch(bench: &mut Bench) -> Vec<u8> {
-    bench.host.connect_again().unwrap();
     fetch_black_box(&mut Line::new(&mut bench.host, None), PATIENCE, |_| {}).unwrap()
 }
 
@@ -60,7 +71,7 @@ fn assert_replayed(board: &BoardFacts, bytes: &[u8], events: &[Event]) -> BlackB
     let mut replayed = Vec::new();
     replay_made(&contents, |step| replayed.push((step.tick, step.axes, step.backwards)));
     // A quarter of the ring is kept for what was played: 2048 slots with one port of motors, 1024 with two.
-    assert!(contents.past.next > 250 && replayed.len() > 250, "{}: {} events", board.name, replayed.len());
+    assert!(contents.past.next > 100 && replayed.len() > 250, "{}: {} events", board.name, replayed.len());
     let newest = &events[events.len().checked_sub(replayed.len()).unwrap()..];
     let offset_ns = newest[0].at_ns as f64 - replayed[0].0 as f64 * TICK_NS;
     let mut farthest_ns = 0.0_f64;
@@ -102,11 +113,11 @@ fn texts<'a>(report: &'a BlackBoxReport, kind: &str) -> Vec<&'a str> {
 #[test]
 fn after_a_panic_the_last_steps_are_those_of_the_pins() {
     for board in &BOARDS {
-        let mut bench = moving(board, 2200);
+        let mut bench = moving(board, 2600);
         force_panic(board, &mut bench);
         bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
         bench.pass(50);
-        let events = events(&mut bench);
+        let events = without_safe_state(board, events(&mut bench));
         bench.press_reset();
         bench.host.wait_for("start", |line| line == "start").unwrap();
         bench.pass(300);
@@ -187,7 +198,10 @@ fn a_stop_leaves_the_black_box_without_a_reset() {
         assert!(report.is_kept && report.steps.slots[1] > 10, "{}: {:?}", board.name, report.steps);
         assert_eq!(texts(&report, "halt"), ["by M112 or a motor's driver"]);
         // Reading changes nothing.
-        assert_eq!(Contents::read(&fetch(&mut bench)).unwrap().events_played(), Contents::read(&bytes).unwrap().events_played());
+        assert_eq!(
+            Contents::read(&fetch(&mut bench)).unwrap().events_played(),
+            Contents::read(&bytes).unwrap().events_played()
+        );
     }
 }
 

@@ -117,7 +117,9 @@ impl<P: Ports> Printer<'_, P> {
                 | CardCommand::ReportTime
                 | CardCommand::Abort,
             ) => {}
-            Command::Card(_) | Command::ReceiveJob { .. } | Command::BlackBox { .. } => return Err(Failure::Command(CommandError::CardInUse)),
+            Command::Card(_) | Command::ReceiveJob { .. } | Command::BlackBox { .. } => {
+                return Err(Failure::Command(CommandError::CardInUse));
+            }
             _ => {}
         }
         self.source = Source::Card;
