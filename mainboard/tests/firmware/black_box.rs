@@ -189,7 +189,7 @@ fn a_watchdog_leaves_the_black_box() {
 #[test]
 fn a_stop_leaves_the_black_box_without_a_reset() {
     for board in &BOARDS {
-        let mut bench = moving(board, 1200);
+        let mut bench = moving(board, 2200);
         bench.host.send_raw(b"M112\n").unwrap();
         bench.pass(400);
         let events = events(&mut bench);
