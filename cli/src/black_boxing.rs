@@ -10,7 +10,6 @@ use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep::printer_line::{Address, PrinterLine};
 use ferrostep::record::{Recorder, TraceWriter};
 use ferrostep::send::{FetchError, Patience, fetch_black_box};
-use ferrostep::terminal::tell;
 use ferrostep_black_box::Contents;
 use ferrostep_planner::StepObserver;
 use ferrostep_printer::Profile;

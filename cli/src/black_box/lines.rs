@@ -97,7 +97,8 @@ pub fn from_text(text: &str) -> Result<Vec<u8>, LinesError> {
             }
             Err(error) => {
                 assembly = Assembly::default();
-                if last.is_err() {
+                // What follows the first error follows from it.
+                if matches!(last, Err(LinesError::None | LinesError::Unfinished)) {
                     last = Err(error);
                 }
             }
