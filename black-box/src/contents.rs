@@ -173,7 +173,8 @@ impl<'a> Contents<'a> {
         if all.get(..MAGIC.len()) != Some(&MAGIC) {
             return Err(ReadError::Magic);
         }
-        let (contents, checksum) = all.split_last_chunk().ok_or(ReadError::Short)?;
+        let (contents, checksum) =
+            all.split_last_chunk().filter(|(contents, _)| contents.len() >= MAGIC.len()).ok_or(ReadError::Short)?;
         let (expected, computed) = (u32::from_le_bytes(*checksum), CRC.checksum(contents));
         if expected != computed {
             return Err(ReadError::Checksum { expected, computed });
