@@ -56,13 +56,12 @@ impl Default for RecordMemory {
 impl RecordMemory {
     /// Not set up.
     pub const fn new() -> Self {
-        const WORD: AtomicU32 = AtomicU32::new(0);
         Self {
-            marker: WORD,
-            ends: [const { [WORD, WORD] }; 2],
-            frozen: WORD,
-            motions: WORD,
-            newest_ms: WORD,
+            marker: AtomicU32::new(0),
+            ends: [const { [const { AtomicU32::new(0) }; 2] }; 2],
+            frozen: AtomicU32::new(0),
+            motions: AtomicU32::new(0),
+            newest_ms: AtomicU32::new(0),
             ring: [const { AtomicU8::new(0) }; RING],
         }
     }

@@ -107,10 +107,10 @@ impl Record<'_> {
                 (COMMAND, 4, MAX_COMMAND_BYTES, text)
             }
             Self::Temperatures(heaters) => {
-                for (place, heater) in head[6..].chunks_exact_mut(5).zip(heaters) {
+                for (place, heater) in head[6..].as_chunks_mut::<5>().0.iter_mut().zip(heaters) {
                     let [a, b] = heater.decicelsius.to_le_bytes();
                     let [c, d] = heater.target_decicelsius.to_le_bytes();
-                    place.copy_from_slice(&[a, b, c, d, heater.power]);
+                    *place = [a, b, c, d, heater.power];
                 }
                 (TEMPERATURES, 10, 0, &[][..])
             }

@@ -122,19 +122,18 @@ fn sum(values: [u32; 7]) -> u32 {
 
 impl Marks {
     pub(super) const fn new() -> Self {
-        const WORD: WordU32 = WordU32::new(0);
         Self {
-            marker: WORD,
-            motions: WORD,
-            oldest: WORD,
-            directions: WORD,
-            kept: WORD,
-            next: WORD,
-            left: WORD,
-            filled: WORD,
-            kept_directions: WORD,
+            marker: WordU32::new(0),
+            motions: WordU32::new(0),
+            oldest: WordU32::new(0),
+            directions: WordU32::new(0),
+            kept: WordU32::new(0),
+            next: WordU32::new(0),
+            left: WordU32::new(0),
+            filled: WordU32::new(0),
+            kept_directions: WordU32::new(0),
             positions: [const { Position::new() }; 2],
-            older: WORD,
+            older: WordU32::new(0),
         }
     }
 

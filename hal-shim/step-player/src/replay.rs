@@ -100,8 +100,7 @@ fn play<M: Stepping>(
     let Some(pins) = pins() else { return };
     player.set_pulse_reload(pulse_ticks.max(2) - 1);
     let mut numbering = Numbering::new(M::EVENTS_A_STEP);
-    let mut filled = 0_u32;
-    for slot in slots {
+    for (filled, slot) in (0_u32..).zip(slots) {
         if slot.events == 0 || slot.events > super::MAX_EVENTS || slot.reload == 0 {
             break;
         }
@@ -116,7 +115,6 @@ fn play<M: Stepping>(
             reload: slot.reload,
             head: numbering.head(slot.events.into()),
         });
-        filled += 1;
     }
     let timer = VirtualUpdateTimer::default();
     let port = Port {
