@@ -11,6 +11,7 @@ use rtic::Mutex;
 #[cfg(accelerometer)]
 use crate::accelerometer::BoardAccelerometer;
 use crate::accelerometer::BoardRecorder;
+use crate::black_box::{BoardBlackBox, Records};
 use crate::card::BoardMailbox;
 #[cfg(card)]
 use crate::card::{BoardMailboxLock, CardHosts};
@@ -28,7 +29,7 @@ use crate::settings_memory;
 use crate::timing::BoardTiming;
 
 /// What the task shares with others.
-pub struct Shared<M, H, W, D, A, B> {
+pub struct Shared<M, H, W, D, A, R, B> {
     /// The machine, with the planner task.
     pub machine: M,
     /// The heaters, with their control.
@@ -39,6 +40,8 @@ pub struct Shared<M, H, W, D, A, B> {
     pub drivers: D,
     /// The accelerometer's recorder, with the task that takes its samples.
     pub recorder: A,
+    /// The black box's records, with the tasks that make some.
+    pub records: R,
     /// Questions to the card's task; `None` if the board has no slot, or no clock for it.
     pub mailbox: Option<B>,
 }
@@ -54,16 +57,21 @@ pub struct Own<'a> {
 }
 
 /// Executes what the hosts send, and prints from the card.
-pub async fn execute<M, H, W, D, A, B>(shared: Shared<M, H, W, D, A, B>, own: Own<'_>, signals: &'static Signals) -> !
+pub async fn execute<M, H, W, D, A, R, B>(
+    shared: Shared<M, H, W, D, A, R, B>,
+    own: Own<'_>,
+    signals: &'static Signals,
+) -> !
 where
     M: Mutex<T = &'static mut BoardMachine>,
     H: Mutex<T = Heat>,
     W: Mutex<T = Writers>,
     D: Mutex<T = DriverBank>,
     A: Mutex<T = BoardRecorder>,
+    R: Mutex<T = Records>,
     B: Mutex<T = BoardMailbox>,
 {
-    let Shared { machine, heat, writers, drivers, recorder, mailbox } = shared;
+    let Shared { machine, heat, writers, drivers, recorder, records, mailbox } = shared;
     let motion = SharedMotion::new(BoardMachineLock::new(machine, signals));
     let heating = BoardHeating(RefCell::new(heat));
     let replies = BoardReplies::new(writers);
@@ -85,6 +93,8 @@ where
     printer.set_accelerometer(&accelerometer);
     #[cfg(not(accelerometer))]
     let _no_accelerometer = recorder;
+    let black_box = BoardBlackBox::new(records);
+    printer.set_black_box(&black_box);
     let timing = BoardTiming::new(own.measured);
     printer.set_timing(&timing);
     printer.set_receives_jobs();
@@ -112,6 +122,11 @@ where
             bytes = bytes.get(used..).unwrap_or_default();
             let Some((host, line)) = heard else { continue };
             host.answer(&mut printer, line).await;
+            if black_box.take_wanted() {
+                // A halted machine stands already.
+                let _ = printer.finish().await;
+                black_box.send_to(&replies).await;
+            }
             if let Some(request) = printer.take_job_request() {
                 // The host that asks waits for the answer, and sends again what it sent after the question.
                 let mut line = JobPort::new(own.reader, port, &mut hosts, &replies);

@@ -6,6 +6,7 @@ use ferrostep_stm32f4::{BrownOut, ResetCause};
 use ferrostep_stm32f4_board::{board, supervision};
 use ferrostep_stm32f4_usb::NoUsb;
 
+use crate::black_box::Records;
 use crate::host_line::{To, Writers};
 
 /// How the board has started.
@@ -22,7 +23,7 @@ pub struct Start<'a> {
 
 impl Start<'_> {
     /// Tells every host, with the last words of a run that ended in a crash.
-    pub fn tell(&self, writers: &mut Writers) {
+    pub fn tell(&self, writers: &mut Writers, records: &Records) {
         writers.line(To::All, Reply::Start);
         writers.line(To::All, format_args!("echo:board: {}", board::NAME));
         writers.line(To::All, format_args!("echo:clock: {}", self.clock));
@@ -30,7 +31,10 @@ impl Start<'_> {
         if self.brown_out != BrownOut::WasSet {
             writers.line(To::All, format_args!("echo:brown-out level: {}", self.brown_out));
         }
-        supervision::take_last_words(|text| writers.line(To::All, format_args!("echo:last {text}")));
+        supervision::take_last_words(|text| {
+            records.last_words(text);
+            writers.line(To::All, format_args!("echo:last {text}"));
+        });
         if let Some(why) = self.no_usb {
             writers.line(To::All, format_args!("echo:usb: {why}"));
         }

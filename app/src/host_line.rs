@@ -318,9 +318,8 @@ impl Writers {
     }
 }
 
-#[cfg(accelerometer)]
 impl Writers {
-    /// Whether a sample's line finds room without a wait, with as much left for replies: half of each ring is free.
+    /// Whether the line of a record finds room without a wait, with as much left for replies: half of each ring is free.
     pub fn have_room(&self, to: To) -> bool {
         let serial = || self.serial.0.len() <= SERIAL_SEND_BYTES / 2;
         let usb = || self.usb.as_ref().is_none_or(LineWriter::is_half_free);

@@ -13,22 +13,23 @@
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 8 | `tachometers` | every ms, on a board that has any | | looks at each fan's line |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
-//! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `mailbox` | one line, one item of a job; a wait is an await |
-//! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers` | a datagram's end, and the next |
+//! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `records`, `mailbox` | one line, one item of a job; a wait is an await |
+//! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers`, `records` | a datagram's end, and the next |
 //! | 1 | `accelerometer` | every 2 ms, on a board with a plug for one | `recorder`, `machine`, `writers` | a sample and its line: 40 us on the bus; at most 34 in a row |
-//! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
+//! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers`, `records` | M155's line |
 //! | 0 | `idle` | whenever nothing else runs | `mailbox` | a block of the memory card, up to 1.1 s; any task may interrupt it |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
 //! (`hal-shim/critical-section/`): nothing delays a step. So the two step handlers must never share
 //! anything with a task below, nor use a signal or the log.
-//! `machine` has ceiling 4, `heat` 8, `writers` 2: the planner cannot delay heater control, and no task can delay the receiving
+//! `machine` has ceiling 4, `heat` 8, `writers` and `records` 2: the planner cannot delay heater control, and no task can delay the receiving
 //! of bytes.
 #![no_std]
 #![no_main]
 #![deny(unsafe_code)]
 
 mod accelerometer;
+mod black_box;
 mod card;
 mod clock;
 mod commands;
@@ -87,6 +88,7 @@ mod app {
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::accelerometer::{self as board_accelerometer, BoardRecorder};
+    use crate::black_box::{self, Records};
     use crate::card::{self, BoardCard, BoardMailbox};
     use crate::clock::Mono;
     use crate::commands;
@@ -105,7 +107,7 @@ mod app {
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
     const WAITS_PRIORITY: u8 = 9;
 
-    /// The planner looks at the step queue this often, ms: at 100,000 events a second a fifth of the queue.
+    /// The planner looks at the step queue this often, ms: at 100,000 events a second an eighth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
 
     #[cfg(drivers)]
@@ -145,6 +147,7 @@ mod app {
         machine: &'static mut BoardMachine,
         heat: Heat,
         writers: Writers,
+        records: Records,
         mailbox: BoardMailbox,
     }
 
@@ -183,6 +186,7 @@ mod app {
         let (clock, rcc) = clock::start(device.RCC, &device.FLASH);
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
         Mono::start(core.SYST, clock.core.raw());
+        let records = Records::start(reset_cause, &rcc);
         let motion_clock = MotionClock::start(device.TIM5, &rcc);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
         let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
@@ -200,7 +204,7 @@ mod app {
         let actions = Actions { act, note_line: || SIGNALS.note_host() };
         let HostLines { port, input, to_send, usb, mut writers, to_read } =
             HostLines::start(cx.local.rings, cx.local.usb_memory, ports, &rcc, &clock, actions);
-        Start { clock: &clock, reset_cause, brown_out, no_usb: usb.as_ref().err() }.tell(&mut writers);
+        Start { clock: &clock, reset_cause, brown_out, no_usb: usb.as_ref().err() }.tell(&mut writers, &records);
 
         let converters = (device.ADC1, device.ADC3, device.ADC_COMMON, device.DMA2);
         let heat = Heat::new(&PROFILE, converters, &clock);
@@ -241,6 +245,7 @@ mod app {
                 machine,
                 heat,
                 writers,
+                records,
                 mailbox: BoardMailbox::new(),
             },
             Local {
@@ -396,6 +401,7 @@ mod app {
                 LIFE.show(Task::Planner);
                 let more = machine.work(silence);
                 FANS.store(&machine.fan_demand());
+                black_box::note_position(machine);
                 more
             }) {}
             // It looks in either case, woken or after the interval.
@@ -404,29 +410,31 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writers, drivers, recorder, mailbox], local = [
+    #[task(priority = 2, shared = [machine, heat, writers, drivers, recorder, records, mailbox], local = [
         reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
     async fn printer(cx: printer::Context) {
-        let printer::SharedResources { machine, heat, writers, drivers, recorder, mailbox, .. } = cx.shared;
+        let printer::SharedResources { machine, heat, writers, drivers, recorder, records, mailbox, .. } = cx.shared;
         let printer::LocalResources { reader, measured, job, .. } = cx.local;
         let mailbox = HAS_CARD.load(Ordering::Relaxed).then_some(mailbox);
-        let shared = commands::Shared { machine, heat, writers, drivers, recorder, mailbox };
+        let shared = commands::Shared { machine, heat, writers, drivers, recorder, records, mailbox };
         let own = commands::Own { reader, measured, job };
         commands::execute(shared, own, &SIGNALS).await;
     }
 
     #[cfg(drivers)]
     /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps say halts the machine.
-    #[task(priority = 1, shared = [machine, writers, drivers, driver_line], local = [drivers_clock])]
+    #[task(priority = 1, shared = [machine, writers, drivers, driver_line, records], local = [drivers_clock])]
     async fn drivers(cx: drivers::Context) {
-        let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, .. } = cx.shared;
+        let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, mut records, .. } =
+            cx.shared;
         let replies = BoardReplies::new(writers);
         let mut line = board_drivers::Line(&mut driver_line);
         loop {
             let now = cx.local.drivers_clock.now_ticks();
             if let Some(event) = drivers.lock(|bank| bank.poll(&mut line, now)) {
                 let motors_on = machine.lock(|machine| machine.enabled_motors());
+                records.lock(|records| records.driver(&event));
                 if ferrostep_printer::tell_driver_event(&event, motors_on, &replies) && !SIGNALS.is_halted() {
                     act(Emergency::Stop);
                 }
@@ -456,10 +464,11 @@ mod app {
 
     /// Reports that no host has asked for: temperatures (M155), a halt, lost bytes, overload, rest, how hosts pack their bytes
     /// (MeatPack); and times (M798), to the log.
-    #[task(priority = 1, shared = [machine, heat, writers], local = [halted])]
+    #[task(priority = 1, shared = [machine, heat, writers, records], local = [halted])]
     async fn reports(cx: reports::Context) {
-        let reports::SharedResources { machine, heat, writers, .. } = cx.shared;
-        let mut reports = Reports::new(machine, BoardHeating(RefCell::new(heat)), BoardReplies::new(writers), &SIGNALS);
+        let reports::SharedResources { machine, heat, writers, records, .. } = cx.shared;
+        let heating = BoardHeating(RefCell::new(heat));
+        let mut reports = Reports::new(machine, heating, BoardReplies::new(writers), records, &SIGNALS);
         loop {
             LIFE.show(Task::Reports);
             if let Ok(()) = Mono::timeout_after(REPORTS_INTERVAL_MS.millis(), cx.local.halted.wait()).await {

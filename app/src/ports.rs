@@ -85,7 +85,7 @@ pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
 /// The queue to these motors.
 pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) -> BoardMotorQueue {
     let pin_map = PIN_MAP.with_inverted(PROFILE.driver.inverted);
-    let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw()));
+    let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw())).keeping_past();
     // On the bare internal oscillator the plan must not depend on time, as for the host's line.
     let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
     MotorQueue::new(pins, feeder, planning_clock)
@@ -233,6 +233,16 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
     #[cfg(accelerometer)]
     pub fn to(&self) -> To {
         self.to.get()
+    }
+
+    /// Whether a line of a record finds room without a wait.
+    pub fn have_room(&self) -> bool {
+        self.writers.borrow_mut().lock(|writers| writers.have_room(self.to.get()))
+    }
+
+    /// Sends a line.
+    pub fn text(&self, text: &str) {
+        self.line(format_args!("{text}"));
     }
 
     /// Replies to every host from now on.

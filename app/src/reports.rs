@@ -6,6 +6,7 @@ use ferrostep_printer::{FilamentWatch, HeaterTimeout, Heating, Replies, Signals,
 use ferrostep_stm32f4_board::board::is_triggered;
 use rtic::Mutex;
 
+use crate::black_box::Records;
 use crate::heat::{self, Heat};
 use crate::host_line::{self, Writers};
 use crate::ports::{BoardHeating, BoardMachine, BoardReplies, Overload};
@@ -13,11 +14,15 @@ use crate::profile::PROFILE;
 use crate::timing;
 use crate::wiring::FILAMENT;
 
+/// How often the black box records temperatures, s.
+const RECORD_INTERVAL_S: u32 = 1;
+
 /// Looks at the machine at intervals and reports to all hosts.
-pub struct Reports<'a, M, H, W> {
+pub struct Reports<'a, M, H, W, R> {
     machine: M,
     heating: BoardHeating<H>,
     replies: BoardReplies<W>,
+    records: R,
     signals: &'a Signals,
     heater_timeout: HeaterTimeout,
     filament: FilamentWatch,
@@ -25,24 +30,33 @@ pub struct Reports<'a, M, H, W> {
     stalled_fan: Option<FanOutput>,
     /// As it was last reported.
     overload: Overload,
-    /// When temperatures, the card's progress and times were last reported, ms.
+    /// When temperatures, the card's progress, the black box's temperatures and times were last reported, ms.
     temperatures_ms: u32,
     card_ms: u32,
+    record_ms: u32,
     log_ms: u32,
 }
 
-impl<'a, M, H, W> Reports<'a, M, H, W>
+impl<'a, M, H, W, R> Reports<'a, M, H, W, R>
 where
     M: Mutex<T = &'static mut BoardMachine>,
     H: Mutex<T = Heat>,
     W: Mutex<T = Writers>,
+    R: Mutex<T = Records>,
 {
     /// Nothing has been reported yet.
-    pub fn new(machine: M, heating: BoardHeating<H>, replies: BoardReplies<W>, signals: &'a Signals) -> Self {
+    pub fn new(
+        machine: M,
+        heating: BoardHeating<H>,
+        replies: BoardReplies<W>,
+        records: R,
+        signals: &'a Signals,
+    ) -> Self {
         Self {
             machine,
             heating,
             replies,
+            records,
             signals,
             heater_timeout: HeaterTimeout::new(),
             filament: FilamentWatch::new(),
@@ -50,6 +64,7 @@ where
             overload: Overload::default(),
             temperatures_ms: 0,
             card_ms: 0,
+            record_ms: 0,
             log_ms: 0,
         }
     }
@@ -63,7 +78,9 @@ where
                 machine.switch_motors_off();
             }
         });
-        self.replies.halted(self.heating.fault());
+        let fault = self.heating.fault();
+        self.records.lock(|records| records.halted(fault));
+        self.replies.halted(fault);
     }
 
     /// Reports what is due at this time: lost bytes, how hosts pack their bytes (MeatPack), rest, the card's progress (M27 S),
@@ -83,6 +100,10 @@ where
         }
         if heat::EQUIPMENT.heaters && is_due(&mut self.temperatures_ms, self.signals.report_interval_s(), now_ms) {
             self.replies.send(Reply::Temperatures(temperatures(&self.heating)));
+        }
+        if heat::EQUIPMENT.heaters && is_due(&mut self.record_ms, RECORD_INTERVAL_S, now_ms) {
+            let heating = &self.heating;
+            self.records.lock(|records| records.temperatures(heating));
         }
         if now_ms.wrapping_sub(self.log_ms) >= timing::LOG_INTERVAL_MS {
             self.log_ms = now_ms;

@@ -85,6 +85,9 @@ pub enum Command {
     },
     /// Sends a file to a printer: G-code line by line, a prepared job as it is, which the board executes while it arrives.
     Send(SendArguments),
+    /// Fetches a printer's black box (M791), or reads a saved one: the last commands, temperatures, driver events and halts before a stop
+    /// or a reset, and the last steps, played again.
+    Blackbox(BlackBoxArguments),
     /// Lists the serial ports of this computer, with the numbers and names of what is on USB.
     Ports,
     /// Serves a virtual printer that hosts such as OctoPrint connect to. With --board it is the image of a board, as it would be
@@ -243,6 +246,29 @@ pub struct SendArguments {
     /// Packs the lines of G-code into two thirds of their bytes, if the printer says that it knows MeatPack.
     #[arg(long)]
     pub meatpack: bool,
+}
+
+/// Arguments of `blackbox`.
+#[derive(clap::Args)]
+pub struct BlackBoxArguments {
+    /// The printer's serial port, tcp:HOST:PORT, or a file: a saved black box, or a terminal's log with the answer to M791.
+    #[arg(value_name = "PORT|FILE")]
+    pub source: String,
+    /// Saves the black box, to be read again by this command.
+    #[arg(short, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Speed of the port; without effect over USB.
+    #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
+    pub baud: u32,
+    /// The machine, if the profile that the printer names is not built in: the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH")]
+    pub profile: Option<String>,
+    /// Prints one JSON object.
+    #[arg(long)]
+    pub json: bool,
+    /// Writes the steps as a trace, which `simulate` reads; ticks count from the first of them.
+    #[arg(long, value_name = "OUT")]
+    pub trace: Option<PathBuf>,
 }
 
 /// Arguments of `serve`.

@@ -1,5 +1,6 @@
 //! The desk: the whole machine in virtual time, and the parts of the `ferrostep` command.
 
+pub mod black_box;
 #[cfg(unix)]
 pub mod calibrate;
 pub mod card_image;

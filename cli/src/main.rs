@@ -1,6 +1,7 @@
 //! The `ferrostep` command.
 
 mod arguments;
+mod black_boxing;
 mod calibrating;
 mod comparing;
 mod importing;
@@ -73,6 +74,7 @@ fn main() -> ExitCode {
         }
         Command::Send(arguments) => sending::run(&arguments),
         Command::Ports => sending::list(),
+        Command::Blackbox(arguments) => black_boxing::run(&arguments),
         #[cfg(unix)]
         Command::Serve(arguments) => match &arguments.board {
             Some(board) => serving_image::run(board, &arguments),

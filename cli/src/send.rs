@@ -1,6 +1,7 @@
 //! Sends a prepared job, or G-code, to a board.
 
 mod begin_packing;
+mod black_box;
 mod cool_down;
 mod error;
 mod lines;
@@ -13,6 +14,7 @@ mod scripted;
 mod watch;
 
 pub use begin_packing::begin_packing;
+pub use black_box::{FetchError, fetch_black_box};
 pub use cool_down::{CooledDown, cool_down};
 pub use error::SendError;
 pub use lines::{Frame, Outcome, Stop, send_lines};

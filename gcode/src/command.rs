@@ -491,6 +491,11 @@ pub enum Command<'a> {
         /// T: how long the host may be silent, s.
         silence_s: u16,
     },
+    /// M791: the black box is sent to the host that asks, or with R is emptied.
+    BlackBox {
+        /// R.
+        clear: bool,
+    },
     /// M795: S chooses whether moves without E extrude by their length (1) or not (0); H, W and D, in the current unit,
     /// are what they extrude by. None of them: a query.
     AdaptiveExtrusion {

@@ -29,6 +29,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::ReportEndStops
         | Command::ReportMotion
         | Command::Timing { .. }
+        | Command::BlackBox { .. }
         | Command::Display(_)
         | Command::Progress { .. }
         | Command::Layer { .. }

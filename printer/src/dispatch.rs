@@ -247,6 +247,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.adaptive_extrusion(on, [layer_height, line_width, filament_diameter])?;
             }
             Command::Timing { on, clear } => self.timing(on, clear),
+            Command::BlackBox { clear } => self.send_black_box(clear)?,
             Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,

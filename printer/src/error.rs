@@ -157,7 +157,7 @@ pub enum CommandError {
         /// Why.
         error: SettingsError,
     },
-    /// This board does not have what the command needs: `heaters`, `thermometers`, `end stops`, `fan`.
+    /// This board does not have what the command needs: `heaters`, `thermometers`, `end stops`, `fan`, `black box`.
     NotEquipped(&'static str),
     /// The accelerometer gives no samples.
     Accelerometer(AccelerometerFault),
@@ -214,6 +214,8 @@ pub enum CommandError {
     Plan(PlanFault),
     /// Jobs come over a board's own ports only.
     NoJobs,
+    /// M791 within a print.
+    BlackBoxInPrint,
 }
 
 impl CommandError {
@@ -460,6 +462,7 @@ impl fmt::Display for CommandError {
                 write!(out, "{name}: outside the soft limits: a prepared job must stay within the travel")
             }
             Self::Plan(fault) => write_plan_fault(out, fault),
+            Self::BlackBoxInPrint => out.write_str("M791: the black box is read at rest: end the print first"),
             Self::NoJobs => write!(out, "M790 works on a board's serial or USB port only"),
         }
     }

@@ -14,6 +14,7 @@ mod answer;
 mod arc;
 mod axis_names;
 mod bed;
+mod black_box;
 mod card;
 mod command_kind;
 mod dispatch;
@@ -62,6 +63,7 @@ mod z_offset;
 
 pub use accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent, RecordFault, Recorder};
 pub use axis_names::AXIS_NAMES;
+pub use black_box::BlackBox;
 pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};

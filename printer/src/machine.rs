@@ -301,6 +301,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.ledger.motor_steps()
     }
 
+    /// Slots of the step queue filled so far, modulo 2^32.
+    pub fn slots_queued(&self) -> u32 {
+        self.feeder.queue.queued()
+    }
+
     /// Limits of the moves to come.
     pub fn limits(&self) -> Limits {
         *self.planner.limits()

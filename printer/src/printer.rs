@@ -8,6 +8,7 @@ use ferrostep_gcode::{BedArea, Command, Remarks, Reply};
 use ferrostep_hal_shim::Clock;
 
 use crate::accelerometer::Accelerometer;
+use crate::black_box::BlackBox;
 use crate::card::Card;
 use crate::command_kind::{WhileHalted, while_halted};
 use crate::error::{CommandError, Failure};
@@ -108,6 +109,7 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) is_in_macro: bool,
     pub(crate) accelerometer: Option<&'a dyn Accelerometer>,
     pub(crate) power_loss: PowerLoss,
+    pub(crate) black_box: Option<&'a dyn BlackBox>,
     /// M555: which part of the bed is measured next.
     pub(crate) bed_area: Option<BedArea>,
 }
@@ -150,6 +152,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             is_in_macro: false,
             accelerometer: None,
             power_loss: PowerLoss::new(),
+            black_box: None,
             bed_area: None,
         }
     }
@@ -242,6 +245,9 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
             self.interpreter.modal.forget_home(ALL_MOTORS);
+        }
+        if let Some(black_box) = self.black_box {
+            black_box.command(line, text);
         }
         self.log_line(text).await;
         let outcome = self.answer(line, text).await;

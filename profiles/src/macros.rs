@@ -276,6 +276,7 @@ fn refused(command: &Command<'_>) -> Option<&'static str> {
         Command::ReportTemperatures => Some("no M105: a host asks for temperatures by itself"),
         Command::SetLineNumber(_) => Some("no M110: the lines of a macro have no numbers"),
         Command::ReceiveJob { .. } => Some("no M790: a job comes from a host"),
+        Command::BlackBox { .. } => Some("no M791: a host asks for the black box"),
         Command::Card(CardCommand::ReportTime) => None,
         Command::Card(_) => Some("no command for the card: its print would go on within the macro"),
         Command::PrintClock(PrintClockCommand::Clear) => Some("no M78 S78: prints would be forgotten each time"),

@@ -7,9 +7,10 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The crates that the firmware is made of.
-const PACKAGES: [&str; 14] = [
+const PACKAGES: [&str; 15] = [
     "ferrostep-adxl345",
     "ferrostep-binary-gcode",
+    "ferrostep-black-box",
     "ferrostep-card",
     "ferrostep-gcode",
     "ferrostep-hal-shim",

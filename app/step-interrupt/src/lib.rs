@@ -20,7 +20,9 @@ use ferrostep_stm32f4_board::step_timer::StepTimer;
 /// words more, and half as many still last for several of the planner's intervals.
 pub const STEP_QUEUE_SLOTS: usize = if MOTOR_PORTS == 1 { 2048 } else { 1024 };
 
-/// The step queue and the state of the step interrupt.
+/// The step queue and the state of the step interrupt. No reset and no start of the program fills this memory, so that the black box
+/// reads the last steps of the program before: [`StepPlayer::restart`] comes before all else.
+#[unsafe(link_section = ".uninit.steps")]
 pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepPlayer::new();
 
 /// The step interrupt of this board.

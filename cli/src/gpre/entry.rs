@@ -118,6 +118,7 @@ impl Passed {
                     | Command::SetLineNumber(_)
                     | Command::Card(_)
                     | Command::ReceiveJob { .. }
+                    | Command::BlackBox { .. }
                     | Command::Timing { .. }
                     | Command::Display(_)
                     | Command::Progress { .. }

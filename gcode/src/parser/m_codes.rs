@@ -216,6 +216,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let silence_s = words.whole_up_to(b'T', MAX_SILENCE_S)?.unwrap_or(DEFAULT_SILENCE_S);
             Ok(Command::ReceiveJob { size, silence_s })
         }
+        791 => Ok(Command::BlackBox { clear: code.words(remarks)?.has(b'R') }),
         795 => {
             let mut words = code.words(remarks)?;
             Ok(Command::AdaptiveExtrusion {

@@ -232,6 +232,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             (572, given([('S', slow), ('L', fast), ('T', speed), ('W', smooth_time)]))
         }
         Command::ReportMotion => (797, vec![]),
+        Command::BlackBox { clear } => (791, if clear { vec![('R', None)] } else { vec![] }),
         Command::Timing { on, clear } => {
             (798, [given([('S', switch(on))]), if clear { vec![('R', None)] } else { vec![] }].concat())
         }
@@ -487,6 +488,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_gains(),
         of(any::<bool>()).prop_map(Command::FilamentSensor),
         any_autotune(),
+        any::<bool>().prop_map(|clear| Command::BlackBox { clear }),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(number, power)| Command::Fan { number, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),

@@ -277,6 +277,8 @@ fn host_commands() {
         ("M796", Command::MotionChoice { interpolation: None, acceleration: None }),
         ("M796 A3 I4", Command::MotionChoice { interpolation: Some(4), acceleration: Some(3) }),
         ("M797", Command::ReportMotion),
+        ("M791", Command::BlackBox { clear: false }),
+        ("M791 R", Command::BlackBox { clear: true }),
         ("M798", Command::Timing { on: None, clear: false }),
         ("M798 S1", Command::Timing { on: Some(true), clear: false }),
         ("M798 R S0", Command::Timing { on: Some(false), clear: true }),

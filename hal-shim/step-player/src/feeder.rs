@@ -19,6 +19,9 @@ pub const MAX_SLOTS_AN_ENTRY: usize = 3;
 /// which show after a stop what was not played.
 const SPARE_SLOTS: usize = 3;
 
+/// The share of the ring that keeps the past, 1 / this ([`StepFeeder::keeping_past`]).
+const PAST_SHARE: usize = 4;
+
 /// The drivers' limits for the signals, in ticks of the timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signals {
@@ -59,6 +62,8 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     words: StepWords<PORTS>,
     /// Stairs with intervals above this, and no others, are usual: [`Usual`].
     usual_above_ticks: u32,
+    /// Slots of the ring that no entry takes.
+    spare: usize,
     /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the size of the ring.
     filled: u32,
     newest: Newest<PORTS>,
@@ -84,9 +89,10 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             signals,
             words,
             usual_above_ticks: 0,
+            spare: SPARE_SLOTS,
             filled: player.next_number(),
             newest: Newest {
-                numbering: Numbering::new(M::EVENTS_A_STEP),
+                numbering: Numbering::from(M::EVENTS_A_STEP, player.number_before(player.next_number())),
                 // What is low is to be set.
                 turning: [0xffff; PORTS],
                 held: [0; PORTS],
@@ -95,7 +101,16 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             turning: None,
         };
         feeder.turn(None);
+        player.note_directions(0);
         feeder
+    }
+
+    /// A quarter of the ring keeps what was played last, for [`StepPlayer::past`]. Without this a planner that is far ahead fills the
+    /// whole ring with what is to come.
+    #[must_use]
+    pub fn keeping_past(mut self) -> Self {
+        self.spare = SPARE_SLOTS + N / PAST_SHARE;
+        self
     }
 
     /// The flags shared with the interrupt.
@@ -133,7 +148,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Slots that entries may take.
     #[inline]
     fn free(&self) -> usize {
-        (N - SPARE_SLOTS).saturating_sub(self.unplayed() as usize)
+        (N - self.spare).saturating_sub(self.unplayed() as usize)
     }
 
     /// Minimum number of entries that fit.
@@ -261,6 +276,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     pub fn start(&mut self) -> bool {
         let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
         if idle {
+            self.player.motion_begins();
             self.player.link().start();
         }
         idle
@@ -304,6 +320,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
         dropped.requested = self.player.forget(self.filled);
         self.directions = self.turning.unwrap_or(self.directions);
+        self.player.note_directions(self.directions);
         self.turn(None);
         self.newest.held = [0; PORTS];
         dropped
@@ -421,6 +438,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             *word &= changed | PinMap::<PORTS>::turned(changed);
         }
         self.directions = directions;
+        self.player.note_directions(directions);
         if M::EVENTS_A_STEP == 2 {
             // The signals change with the end of the pulse before.
             for (word, direction) in self.newest.held.iter_mut().zip(words) {

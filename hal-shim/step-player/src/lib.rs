@@ -16,8 +16,10 @@ mod held_event;
 #[cfg(test)]
 mod interrupted_access;
 mod link;
+mod past;
 mod pins;
 mod player;
+mod replay;
 mod shared_word;
 mod slot;
 mod virtual_timer;
@@ -25,10 +27,12 @@ mod virtual_timer;
 pub use dropped::DroppedSteps;
 pub use feeder::{FeedError, MAX_SLOTS_AN_ENTRY, Signals, StepFeeder};
 pub use link::StepLink;
+pub use past::{Past, PastSlot, PositionMark};
 pub use pins::{MotorPins, Pin, PinMap};
 pub use player::{
     BothEdges, IDLE_TICKS, MIN_GAP_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer,
 };
+pub use replay::{MAX_REPLAYED_SLOTS, Replayed, replay};
 pub use slot::MAX_EVENTS;
 pub use virtual_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
 

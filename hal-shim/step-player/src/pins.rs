@@ -107,6 +107,18 @@ impl<const PORTS: usize> PinMap<PORTS> {
     pub fn turning(&self, words: [u32; PORTS]) -> u8 {
         motors_of(&self.direction, words)
     }
+
+    /// The motors that these words let run backwards.
+    pub fn backwards(&self, words: [u32; PORTS]) -> u8 {
+        let raised = motors_of(&self.direction, words.map(|word| word & 0xffff));
+        (raised ^ self.inverted) & self.turning(words)
+    }
+
+    /// Whether these words change pins of motors only.
+    pub fn are_motors(&self, words: [u32; PORTS]) -> bool {
+        let pins = self.step.iter().zip(&self.direction).map(|(step, direction)| step[15] | direction[15]);
+        pins.zip(words).all(|(pins, word)| (word | word >> RESET_SHIFT) as u16 & !pins == 0)
+    }
 }
 
 /// The motors with a pin in the words, up or down.
@@ -138,5 +150,11 @@ mod tests {
         assert_eq!(inverted.directions(0), [0b0101 << 4 | 0b1010 << 20]);
         assert_eq!(inverted.raised(0b1001), usual.raised(0b1001));
         assert_eq!(inverted.turning(inverted.direction_pins(0b0110)), 0b0110);
+        for pins in [usual, inverted] {
+            for backwards in 0..16 {
+                assert_eq!(pins.backwards(pins.directions(backwards)), backwards);
+            }
+            assert!(pins.are_motors([0x00ff_00ff]) && !pins.are_motors([1 << 8]) && !pins.are_motors([1 << 24]));
+        }
     }
 }

@@ -3,6 +3,8 @@
 use core::marker::PhantomData;
 
 use super::StepLink;
+use super::past::{Marks, Past, PastSlot, PositionMark};
+use super::pins::PinMap;
 use super::shared_word::{WordI32, WordU32};
 use super::slot::{Head, MAX_EVENTS, Slot};
 
@@ -99,6 +101,8 @@ pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
     reloads: [WordU32; 2],
     link: StepLink,
     slots: [Slot<PORTS>; N],
+    /// What is needed to read the ring after a stop or a reset. The interrupt does not touch it.
+    marks: Marks,
     stepping: PhantomData<M>,
 }
 
@@ -137,6 +141,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
             reloads: [const { WordU32::new(0) }; 2],
             link: StepLink::new(),
             slots: [const { Slot::empty() }; N],
+            marks: Marks::new(),
             stepping: PhantomData,
         }
     }
@@ -293,9 +298,34 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.reloads[1].store(reload);
     }
 
+    /// For the producer: the motors' directions from the newest event on; bit i = motor i runs backwards.
+    pub(super) fn note_directions(&self, directions: u8) {
+        self.marks.note_directions(directions);
+    }
+
+    /// For the producer, at standstill, with slots to play: a motion begins, after which what a stop or a reset has left is
+    /// overwritten.
+    pub(super) fn motion_begins(&self) {
+        self.marks.motion_begins(self.next.load());
+    }
+
     /// For the producer, while the interrupt is masked: drops all slots up to the one that it fills next. Whether more
     /// than a sensor has asked for the stop.
     pub(super) fn forget(&self, filled: u32) -> bool {
+        self.keep(filled);
+        self.clear_unplayed(filled);
+        self.link.stopped()
+    }
+
+    /// Notes for [`Self::past`] what has been played, once: after a stop without a motion since, that is what was noted then.
+    fn keep(&self, filled: u32) {
+        if !self.marks.are_kept() {
+            self.marks.keep(self.next.load(), self.left(), filled);
+        }
+    }
+
+    /// Takes the slots that have not been played out of the ring. Their contents stay.
+    fn clear_unplayed(&self, filled: u32) {
         let mut number = self.next.load();
         while number != filled {
             let slot = self.slot(number);
@@ -304,6 +334,103 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         }
         self.next.store(filled);
         self.left.store(Head::EMPTY.0);
-        self.link.stopped()
+    }
+}
+
+/// The past: what a ring still holds that outlived a stop, or a reset in memory that the start leaves alone.
+impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
+    /// To be called once, before the interrupt runs and before there is a feeder, on a player in memory that the start of the
+    /// program does not fill: nothing is left to play. The slots stay to be read, if `is_trusted` (the supply has lasted) and the
+    /// ring was one before; otherwise it is emptied.
+    pub fn restart(&self, is_trusted: bool) {
+        if is_trusted && self.marks.are_valid() {
+            self.finish_begun();
+            let filled = self.first_empty();
+            self.keep(filled);
+            self.clear_unplayed(filled);
+        } else {
+            self.empty();
+        }
+        let _ = self.link.stopped();
+    }
+
+    /// Empties the ring. Nothing may be in it that is still to be played.
+    pub fn empty(&self) {
+        for slot in &self.slots {
+            slot.clear(Head::EMPTY);
+        }
+        self.next.store(0);
+        self.left.store(Head::EMPTY.0);
+        self.marks.reset();
+    }
+
+    /// A reset may come in the midst of [`Self::begin`]: after the head of the slot was taken, and before the slot was cleared, or
+    /// before it was counted.
+    fn finish_begun(&self) {
+        let (head, left) = (self.next_slot().head(), self.left());
+        if left == Head::EMPTY || head.number() != left.number() {
+            return;
+        }
+        if head.is_filled() {
+            self.left.store(Head::EMPTY.0);
+        } else {
+            self.next.store(self.next.load().wrapping_add(1));
+        }
+    }
+
+    /// Number of the first slot from the next one on that is empty.
+    fn first_empty(&self) -> u32 {
+        let next = self.next.load();
+        let filled = (0..N as u32).take_while(|number| self.slot(next.wrapping_add(*number)).head().is_filled());
+        next.wrapping_add(filled.count() as u32)
+    }
+
+    /// Lets the past begin here, at standstill.
+    pub fn forget_past(&self) {
+        self.marks.forget(self.next.load());
+    }
+
+    /// How many motions have begun, modulo 2^32.
+    pub fn motions(&self) -> u32 {
+        self.marks.motions()
+    }
+
+    /// Notes where the motors will stand at the end of the queue, of which this many slots were filled; not while a stop or a reset has
+    /// left something to be read.
+    pub fn note_position(&self, filled: u32, motor_steps: [i32; 4], now_ms: u32) {
+        self.marks.note_position(PositionMark { filled, next: self.next.load(), now_ms, motor_steps });
+    }
+
+    /// What the ring holds: since the last stop or reset, or as that has left it. At standstill only.
+    pub fn past(&self) -> Past {
+        self.marks.past(self.next.load(), N)
+    }
+
+    /// A slot of [`Self::past`], by its number. `None` if it holds anything but steps of these motors: memory that has not outlived
+    /// the reset.
+    pub fn past_slot(&self, number: u32, pins: &PinMap<PORTS>) -> Option<PastSlot> {
+        let slot = self.slot(number);
+        let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
+        let then: [u32; PORTS] = core::array::from_fn(|port| slot.then(port));
+        let events = slot.head().number().wrapping_sub(self.slot(number.wrapping_sub(1)).head().number()) & MAX_EVENTS;
+        let is_sound = pins.are_motors(first) && pins.are_motors(then) && events > 0 && slot.reload() > 0;
+        is_sound.then(|| PastSlot {
+            first: pins.stepping(first),
+            then: pins.stepping(then),
+            turned: pins.turning(first),
+            backwards: pins.backwards(first),
+            reload: slot.reload(),
+            events,
+        })
+    }
+
+    /// Length of a pulse, ticks, as the feeder has set it.
+    pub fn pulse_ticks(&self) -> u32 {
+        self.reloads[1].load().wrapping_add(1)
+    }
+
+    /// The number of events up to the end of the slot before the one that is filled next, modulo 2^15.
+    pub(super) fn number_before(&self, filled: u32) -> u16 {
+        self.slot(filled.wrapping_sub(1)).head().number()
     }
 }

@@ -76,6 +76,11 @@ impl Numbering {
         Self((events_a_step << 16).wrapping_neg() >> 15)
     }
 
+    /// As [`Self::new`], after this many events, modulo 2^15.
+    pub const fn from(events_a_step: u32, number: u16) -> Self {
+        Self(Self::new(events_a_step).0.wrapping_add((number as u32) << Self::SHIFT))
+    }
+
     /// Counts this many further events.
     #[inline(always)]
     pub fn advance(&mut self, events: u32) {

@@ -9,6 +9,7 @@
 #![deny(clippy::undocumented_unsafe_blocks)]
 
 pub mod accelerometer;
+pub mod black_box;
 pub mod board;
 pub mod card;
 pub mod clock;

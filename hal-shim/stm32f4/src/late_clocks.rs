@@ -33,6 +33,7 @@ fn no_adapter_loses_what_it_stores() {
     assert_eq!(lost_by(converter), 0, "converter");
     let sensor = SensorPin { port: 4, number: 2, triggers_low: false };
     assert_eq!(lost_by(|registers| _ = SensorLines::start([Some(sensor); 3], registers)), 0, "sensors");
+    assert_eq!(lost_by(crate::backup_memory::start), 0, "backup memory");
     let shared = |registers: &mut _| _ = HalfDuplexLine::start(registers, (3, 5), 42_000_000, 115_200);
     assert_eq!(lost_by(shared), 0, "USART2");
     let own = |registers: &mut _| _ = PinLines::start(registers, [(2, 1); 4], 84_000_000, 19_200);

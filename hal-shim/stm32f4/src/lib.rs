@@ -5,6 +5,7 @@
 //! (`hal-shim/stm32f4-board/src/volatile.rs`), so that this crate needs no unsafe code.
 #![cfg_attr(not(test), no_std)]
 
+pub mod backup_memory;
 pub mod brown_out;
 pub mod clock_setup;
 pub mod clock_tree;

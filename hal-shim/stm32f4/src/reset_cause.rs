@@ -58,9 +58,10 @@ impl ResetCause {
     }
 }
 
-impl fmt::Display for ResetCause {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        out.write_str(match self {
+impl ResetCause {
+    /// Its text.
+    pub const fn name(self) -> &'static str {
+        match self {
             Self::PowerOn => "power-on",
             Self::BrownOut => "brown-out",
             Self::Pin => "pin",
@@ -69,7 +70,13 @@ impl fmt::Display for ResetCause {
             Self::WindowWatchdog => "window watchdog",
             Self::LowPower => "low power",
             Self::Unknown => "unknown",
-        })
+        }
+    }
+}
+
+impl fmt::Display for ResetCause {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(self.name())
     }
 }
 

@@ -8,6 +8,7 @@
 mod accelerometer;
 mod bad_input;
 mod bench;
+mod black_box;
 mod board_pins;
 #[path = "../../../tests/tests/firmware/boards.rs"]
 mod boards;

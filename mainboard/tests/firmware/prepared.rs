@@ -16,7 +16,7 @@ use crate::host::{Host, Port};
 use crate::job::Job;
 use crate::same_steps::{LINES, assert_printed_far_ahead};
 
-const PATIENCE: Patience = Patience { give_up: Duration::from_secs(60), board_s: 3600, ..Patience::DEFAULT };
+pub const PATIENCE: Patience = Patience { give_up: Duration::from_secs(60), board_s: 3600, ..Patience::DEFAULT };
 
 fn profile() -> Profile {
     ferrostep_profiles::load("cartesian").unwrap()
@@ -32,7 +32,7 @@ fn prepared(job: &Job) -> Vec<u8> {
 }
 
 /// The board's line, on which one frame in a hundred has a damaged bit and one is lost.
-struct Line<'a> {
+pub struct Line<'a> {
     host: &'a mut Host<bench::Line>,
     /// This computer's clock when the board was switched on.
     start: Instant,
@@ -43,7 +43,7 @@ struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    fn new(host: &'a mut Host<bench::Line>, seed: Option<u64>) -> Self {
+    pub fn new(host: &'a mut Host<bench::Line>, seed: Option<u64>) -> Self {
         Self { host, start: Instant::now(), dice: seed, frames: 0, changed: 0, lost: 0 }
     }
 

@@ -7,7 +7,7 @@ use crate::foreign_code::STAND_STILL;
 
 /// Replaces the idle task: masks interrupts of RTIC's priority 4 and below, the planner and all lower tasks, for ever.
 /// `movs r0, #0xc0; msr basepri, r0; b .`
-const NO_PLANNER: [u16; 4] = [0x20c0, 0xf380, 0x8811, STAND_STILL];
+pub const NO_PLANNER: [u16; 4] = [0x20c0, 0xf380, 0x8811, STAND_STILL];
 
 /// Masks all interrupts: `cpsid i; b .`
 const NO_INTERRUPTS: [u16; 2] = [0xb672, STAND_STILL];

@@ -119,7 +119,9 @@ impl<P: Ports> Printer<'_, P> {
                 | CardCommand::Abort
                 | CardCommand::KeepPlace(_),
             ) => {}
-            Command::Card(_) | Command::ReceiveJob { .. } => return Err(Failure::Command(CommandError::CardInUse)),
+            Command::Card(_) | Command::ReceiveJob { .. } | Command::BlackBox { .. } => {
+                return Err(Failure::Command(CommandError::CardInUse));
+            }
             _ => {}
         }
         self.source = Source::Card;

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod accelerometer;
+mod black_box;
 mod browser;
 mod card;
 mod conversation;

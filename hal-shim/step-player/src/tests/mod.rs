@@ -5,6 +5,7 @@ mod flags;
 pub mod interleave;
 mod missed;
 mod model;
+mod past;
 mod play;
 mod rate;
 mod stop;

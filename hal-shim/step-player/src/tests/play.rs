@@ -23,7 +23,7 @@ fn plain(entries: &[StepEntry]) -> (StepLedger, Vec<(u64, u8, u8)>) {
     (plain, expected.0)
 }
 
-fn any_entry() -> impl Strategy<Value = StepEntry> {
+pub fn any_entry() -> impl Strategy<Value = StepEntry> {
     prop_oneof![
         6 => any_stair(200..100_000),
         2 => any_stair(200..220),
@@ -34,7 +34,7 @@ fn any_entry() -> impl Strategy<Value = StepEntry> {
 }
 
 /// What the step pins of all ports did: tick, motors that stepped, their directions.
-fn seen<M: Stepping, const PORTS: usize>(ports: &[Edges; PORTS]) -> Vec<(u64, u8, u8)> {
+pub fn seen<M: Stepping, const PORTS: usize>(ports: &[Edges; PORTS]) -> Vec<(u64, u8, u8)> {
     let mut times: Vec<u64> = ports.iter().flat_map(Edges::levels).map(|(now, _)| now).collect();
     times.sort_unstable();
     times.dedup();

@@ -1,0 +1,184 @@
+//! A record: what has happened, in bytes.
+//!
+//! | byte | |
+//! |---|---|
+//! | 0 | number of bytes of the contents |
+//! | 1 | kind |
+//! | 2 to 5 | time since the start, ms, little-endian |
+//! | 6 .. | contents |
+//! | last | check: all bytes before it and this one have the exclusive or 0xa5 |
+
+/// Longest text of a command that is kept, bytes; the rest is cut.
+pub const MAX_COMMAND_BYTES: usize = 48;
+
+/// Longest other text, bytes; the rest is cut.
+pub const MAX_TEXT_BYTES: usize = 120;
+
+/// Bytes of a record besides its contents.
+pub(crate) const OVERHEAD: usize = 7;
+
+/// Longest record, bytes.
+pub(crate) const MAX_BYTES: usize = OVERHEAD + MAX_TEXT_BYTES;
+
+/// The exclusive or of all bytes of a record.
+const CHECK: u8 = 0xa5;
+
+const COMMAND: u8 = 1;
+const TEMPERATURES: u8 = 2;
+const DRIVER: u8 = 3;
+const HALT: u8 = 4;
+const RESET: u8 = 5;
+const LAST_WORDS: u8 = 6;
+
+/// A heater at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HeaterSample {
+    /// Tenths of a degree Celsius.
+    pub decicelsius: i16,
+    /// Target, tenths of a degree Celsius; 0 = off.
+    pub target_decicelsius: i16,
+    /// Power, 0 to 255.
+    pub power: u8,
+}
+
+impl HeaterSample {
+    /// Of degrees and a share of full power; beyond the range of the types it is the nearest that they have.
+    pub fn new(celsius: f32, target_celsius: f32, power: f32) -> Self {
+        // Casts of floats stop at the ends of the range.
+        let tenths = |celsius: f32| (celsius * 10.0) as i16;
+        Self { decicelsius: tenths(celsius), target_decicelsius: tenths(target_celsius), power: (power * 255.0) as u8 }
+    }
+}
+
+/// What has happened. Texts are ASCII as a rule, and are cut where they are too long.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Record<'a> {
+    /// A command began.
+    Command {
+        /// Its line in the file or of its host, counted from 1.
+        line: u32,
+        /// Without comment and line number.
+        text: &'a [u8],
+    },
+    /// Nozzle and bed.
+    Temperatures([HeaterSample; 2]),
+    /// A motor's driver has reported something.
+    Driver(&'a [u8]),
+    /// The machine was halted, for this reason.
+    Halt(&'a [u8]),
+    /// The chip started again, after this cause. Its time is that of the program before, as far as it is known.
+    Reset(&'a [u8]),
+    /// The last words of the program that a panic or a fault has ended.
+    LastWords(&'a [u8]),
+}
+
+/// The bytes of a record but the last.
+pub(crate) struct Parts<'a> {
+    /// All before the text, in the first `length` of these.
+    head: [u8; 16],
+    length: usize,
+    text: &'a [u8],
+}
+
+impl Parts<'_> {
+    /// How many bytes the record has.
+    pub fn bytes(&self) -> usize {
+        self.length + self.text.len() + 1
+    }
+
+    /// Hands them over.
+    pub fn put(&self, mut put: impl FnMut(u8)) {
+        let mut check = CHECK;
+        for byte in self.head.iter().take(self.length).chain(self.text) {
+            check ^= byte;
+            put(*byte);
+        }
+        put(check);
+    }
+}
+
+impl Record<'_> {
+    /// Its bytes.
+    pub(crate) fn parts(&self, now_ms: u32) -> Parts<'_> {
+        let mut head = [0; 16];
+        let (kind, fixed, most, text) = match *self {
+            Self::Command { line, text } => {
+                head[6..10].copy_from_slice(&line.to_le_bytes());
+                (COMMAND, 4, MAX_COMMAND_BYTES, text)
+            }
+            Self::Temperatures(heaters) => {
+                for (place, heater) in head[6..].as_chunks_mut::<5>().0.iter_mut().zip(heaters) {
+                    let [a, b] = heater.decicelsius.to_le_bytes();
+                    let [c, d] = heater.target_decicelsius.to_le_bytes();
+                    *place = [a, b, c, d, heater.power];
+                }
+                (TEMPERATURES, 10, 0, &[][..])
+            }
+            Self::Driver(text) => (DRIVER, 0, MAX_TEXT_BYTES, text),
+            Self::Halt(text) => (HALT, 0, MAX_TEXT_BYTES, text),
+            Self::Reset(text) => (RESET, 0, MAX_TEXT_BYTES, text),
+            Self::LastWords(text) => (LAST_WORDS, 0, MAX_TEXT_BYTES, text),
+        };
+        let text = text.get(..most).unwrap_or(text);
+        let [a, b, c, d] = now_ms.to_le_bytes();
+        head[..6].copy_from_slice(&[(fixed + text.len()) as u8, kind, a, b, c, d]);
+        Parts { head, length: 6 + fixed, text }
+    }
+}
+
+/// A record with its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamped<'a> {
+    /// Time since the start of the program that wrote it, ms.
+    pub now_ms: u32,
+    /// What has happened.
+    pub record: Record<'a>,
+}
+
+/// Reads records one after the other. `None` in the place of a record: it is damaged, or of a kind that this program does not know.
+#[derive(Clone, Debug)]
+pub struct RecordReader<'a>(pub &'a [u8]);
+
+impl<'a> Iterator for RecordReader<'a> {
+    type Item = Option<Stamped<'a>>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let length = usize::from(*self.0.first()?) + OVERHEAD;
+        let Some((record, rest)) = self.0.split_at_checked(length) else {
+            self.0 = &[];
+            return Some(None);
+        };
+        self.0 = rest;
+        Some(decode(record))
+    }
+}
+
+fn decode(record: &[u8]) -> Option<Stamped<'_>> {
+    if record.iter().fold(CHECK, |check, byte| check ^ byte) != 0 {
+        return None;
+    }
+    let [_, kind, a, b, c, d, contents @ .., _] = record else { return None };
+    let record = match *kind {
+        COMMAND => {
+            let (line, text) = contents.split_first_chunk()?;
+            Record::Command { line: u32::from_le_bytes(*line), text }
+        }
+        TEMPERATURES => {
+            let contents: &[u8; 10] = contents.try_into().ok()?;
+            let [a, b, c, d, power, rest @ ..] = *contents;
+            let [e, f, g, h, bed_power] = rest;
+            let heater = |celsius, target, power| HeaterSample {
+                decicelsius: i16::from_le_bytes(celsius),
+                target_decicelsius: i16::from_le_bytes(target),
+                power,
+            };
+            Record::Temperatures([heater([a, b], [c, d], power), heater([e, f], [g, h], bed_power)])
+        }
+        DRIVER => Record::Driver(contents),
+        HALT => Record::Halt(contents),
+        RESET => Record::Reset(contents),
+        LAST_WORDS => Record::LastWords(contents),
+        _ => return None,
+    };
+    Some(Stamped { now_ms: u32::from_le_bytes([*a, *b, *c, *d]), record })
+}

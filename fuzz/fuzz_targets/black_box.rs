@@ -1,0 +1,21 @@
+//! Any bytes are a black box that can be told, or an error; and so are any lines.
+#![no_main]
+
+use ferrostep::black_box::{BlackBoxReport, from_text};
+use ferrostep_black_box::Contents;
+use libfuzzer_sys::fuzz_target;
+
+/// More would only take time.
+const MAX_EVENTS: u64 = 20_000;
+
+fuzz_target!(|bytes: &[u8]| {
+    let _ = from_text(&String::from_utf8_lossy(bytes));
+    // With the checksum that it should have.
+    let sealed = [bytes, &crc32fast::hash(bytes).to_le_bytes()].concat();
+    let Ok(contents) = Contents::read(&sealed) else { return };
+    let slots = contents.slots.clone();
+    assert_eq!(slots.clone().count(), contents.past.filled as usize);
+    if slots.map(|slot| u64::from(slot.events)).sum::<u64>() <= MAX_EVENTS {
+        assert!(!BlackBoxReport::new(&contents, None).to_string().is_empty());
+    }
+});
