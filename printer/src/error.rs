@@ -6,7 +6,7 @@ use ferrostep_gcode::{ParseError, Real, ShortText};
 use ferrostep_hal_shim::AccelerometerFault;
 use ferrostep_planner::look_ahead::PlanFault;
 use ferrostep_planner::surface::MeshError;
-use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, ShaperError, Speed};
+use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, ShaperError};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
 use crate::accelerometer::FaultText;
@@ -15,6 +15,7 @@ use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
 use crate::mesh_refusal::MeshRefusal;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
+use crate::plan_fault_text::PlanFaultText;
 use crate::shaper_refusal::{self, ShaperRefusal};
 use crate::tower::TowerRefusal;
 
@@ -461,43 +462,10 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "{name}: outside the soft limits: a prepared job must stay within the travel")
             }
-            Self::Plan(fault) => write_plan_fault(out, fault),
+            Self::Plan(fault) => fmt::Display::fmt(&PlanFaultText(fault), out),
             Self::BlackBoxInPrint => out.write_str("M791: the black box is read at rest: end the print first"),
             Self::NoJobs => write!(out, "M790 works on a board's serial or USB port only"),
         }
-    }
-}
-
-/// Writes a plan's fault with its figures, and how to mend it.
-fn write_plan_fault(out: &mut fmt::Formatter<'_>, fault: &PlanFault) -> fmt::Result {
-    let mm_per_s = |speed: Speed| Real::fixed(speed.mm_per_s(), 1);
-    match *fault {
-        PlanFault::TooFast { planned, maximum } => write!(
-            out,
-            "the planned speed is too high: {} mm/s, where corner and feeds allow {} mm/s; prepare the job again for this machine",
-            mm_per_s(planned),
-            mm_per_s(maximum)
-        ),
-        PlanFault::TooSlow { planned, minimum } => write!(
-            out,
-            "the planned speed is too low: {} mm/s, where the move before slows down to {} mm/s at best; prepare the job again \
-             for this machine",
-            mm_per_s(planned),
-            mm_per_s(minimum)
-        ),
-        PlanFault::BeyondLimits => out.write_str(
-            "the job asks for more speed or acceleration than an axis of this machine allows: prepare it again with this \
-             machine's profile",
-        ),
-        PlanFault::NotContinued => out.write_str(
-            "the job takes this move and the one before for one, but direction, speed or acceleration change between them: \
-             prepare the job again for this machine",
-        ),
-        PlanFault::NotTrapezoid(acceleration) => write!(
-            out,
-            "prepared jobs accelerate by trapezoids, the machine is set to {}: send M796 A0, then start the job again",
-            acceleration.name()
-        ),
     }
 }
 

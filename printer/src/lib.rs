@@ -41,6 +41,7 @@ mod motors;
 mod moves;
 mod pause;
 mod paused;
+mod plan_fault_text;
 mod power_loss;
 mod prepared;
 mod pressure_advance;
