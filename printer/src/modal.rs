@@ -170,6 +170,19 @@ impl Modal {
         self.lift_10nm = print.lift_10nm;
     }
 
+    /// Takes over what commands have set of the machine in a print that an interruption has ended; the rest is [`Self::go_on_as`]'s.
+    pub fn set_machine_as(&mut self, print: &Self) {
+        self.feed_percent = print.feed_percent;
+        self.flow_percent = print.flow_percent;
+        self.kept_feed_percent = print.kept_feed_percent;
+        self.home_offset_10nm = print.home_offset_10nm;
+        self.soft_limits = print.soft_limits;
+        self.min_extrusion_celsius = print.min_extrusion_celsius;
+        self.cold_extrusion_allowed = print.cold_extrusion_allowed;
+        self.retraction = print.retraction;
+        self.z.shift_10nm = print.z.shift_10nm;
+    }
+
     /// The motors of the axes in the mask may have been turned: these axes are no longer homed.
     pub fn forget_home(&mut self, axes: u8) {
         for (axis, (homed, lost)) in self.homed.iter_mut().zip(&mut self.lost).enumerate() {

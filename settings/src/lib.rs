@@ -9,5 +9,5 @@ mod record;
 mod store;
 
 pub use memory_flash::{Cut, MemoryFlash, PowerIsOff};
-pub use record::{Entry, MAX_BYTES, MAX_VALUES, Record, RecordError, RecordWriter, id_of};
+pub use record::{Entry, MAX_BYTES, MAX_VALUES, Record, RecordError, RecordWriter, hash_of, id_of};
 pub use store::{SLOT_BYTES, Slot, Store, StoreError};

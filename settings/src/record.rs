@@ -23,14 +23,20 @@ pub const MAX_VALUES: usize = 80;
 /// Length of the longest record, bytes.
 pub const MAX_BYTES: usize = HEADER_BYTES + MAX_VALUES * VALUE_BYTES;
 
-/// A name as records write it: FNV-1a of 32 bits, its halves combined. A test of the settings' table sees that no two are the same.
-pub const fn id_of(name: &str) -> u16 {
+/// FNV-1a of a name, 32 bits.
+pub const fn hash_of(name: &str) -> u32 {
     let bytes = name.as_bytes();
     let (mut hash, mut at) = (0x811c_9dc5_u32, 0);
     while at < bytes.len() {
         hash = (hash ^ bytes[at] as u32).wrapping_mul(0x0100_0193);
         at += 1;
     }
+    hash
+}
+
+/// A name as records write it: the halves of [`hash_of`] combined. A test of the settings' table sees that no two are the same.
+pub const fn id_of(name: &str) -> u16 {
+    let hash = hash_of(name);
     (hash >> 16 ^ hash & 0xffff) as u16
 }
 

@@ -6,8 +6,9 @@
 
 use ferrostep_card::Request;
 use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_settings::hash_of;
 
-use super::place::{Place, profile_number, set_stands};
+use super::place::{Place, set_stands};
 use crate::card::Job;
 use crate::paused::Paused;
 use crate::ports::{Heating, Motion, Ports, Replies};
@@ -152,7 +153,7 @@ impl<P: Ports> Printer<'_, P> {
             stands_10nm,
             offset,
             lines,
-            profile: profile_number(self.profile.name),
+            profile: hash_of(self.profile.name),
             paused,
             fans: self.power_loss.fans,
             limits: self.motion.limits(),

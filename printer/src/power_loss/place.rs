@@ -24,7 +24,7 @@ pub(super) struct Place {
     pub offset: u32,
     /// Lines before it.
     pub lines: u32,
-    /// Which machine it is.
+    /// Which machine it is: [`ferrostep_settings::hash_of`] its profile's name.
     pub profile: u32,
     /// The state between its lines.
     pub paused: Paused,
@@ -36,11 +36,6 @@ pub(super) struct Place {
     pub advance: PressureAdvance,
     /// Steps of the extruder in a millimetre of filament, in units of 1e-5.
     pub extruder_steps: i64,
-}
-
-/// FNV-1a of a profile's name.
-pub(super) fn profile_number(name: &str) -> u32 {
-    name.bytes().fold(0x811C_9DC5, |number, byte| (number ^ u32::from(byte)).wrapping_mul(0x0100_0193))
 }
 
 /// The height of the motors in a place's bytes becomes another.
@@ -57,7 +52,7 @@ impl Place {
         self.pass(&mut Codec { out: Some(out), bytes: &[], is_short: false });
     }
 
-    /// Reads a place over this one; `false` if it is no such place.
+    /// Reads a place over this one; `false` if these bytes are of another version or length.
     #[must_use]
     pub fn read(&mut self, bytes: &[u8]) -> bool {
         let Some((&VERSION, bytes)) = bytes.split_first() else { return false };

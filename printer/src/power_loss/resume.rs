@@ -6,8 +6,9 @@ use ferrostep_card::{CardFailure, OpenedFile, Request};
 use ferrostep_gcode::{AxisFlags, AxisWords, CardCommand, Command, Decimal, InterruptedPrint, Real, Reply, WaitTarget};
 use ferrostep_hal_shim::FanOutput;
 use ferrostep_planner::{MotionChoice, StepsPerMm};
+use ferrostep_settings::hash_of;
 
-use super::place::{Place, profile_number};
+use super::place::Place;
 use crate::card::{Job, Selected};
 use crate::error::{CommandError, Failure};
 use crate::fans::{FanRule, FanSettings};
@@ -175,7 +176,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(port) = self.card.port() {
             port.with(&mut |mailbox| is_read = place.read(mailbox.kept()));
         }
-        if is_read && place.profile == profile_number(self.profile.name) { Ok(place) } else { Err(NoWay::Foreign) }
+        if is_read && place.profile == hash_of(self.profile.name) { Ok(place) } else { Err(NoWay::Foreign) }
     }
 
     /// Checks the place that was read from the card.
@@ -261,16 +262,8 @@ impl<P: Ports> Printer<'_, P> {
         if advance.check().is_err() || self.motion.set_motion_choice(&choice).is_err() {
             self.replies.send(Reply::Text("echo:power loss: M900 cannot be restored"));
         }
-        let (modal, kept) = (&mut self.interpreter.modal, &print.modal);
-        (modal.feed_percent, modal.flow_percent) = (kept.feed_percent, kept.flow_percent);
-        modal.kept_feed_percent = kept.kept_feed_percent;
-        modal.home_offset_10nm = kept.home_offset_10nm;
-        modal.soft_limits = kept.soft_limits;
-        modal.min_extrusion_celsius = kept.min_extrusion_celsius;
-        modal.cold_extrusion_allowed = kept.cold_extrusion_allowed;
-        modal.retraction = kept.retraction;
-        modal.z.shift_10nm = kept.z.shift_10nm;
-        if kept.follows_bed {
+        self.interpreter.modal.set_machine_as(&print.modal);
+        if print.modal.follows_bed {
             self.replies.send(Reply::Text("echo:power loss: the measured bed is lost: Z follows it no more"));
         }
         if let Some(paused) = &mut self.paused {

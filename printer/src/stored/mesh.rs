@@ -21,15 +21,16 @@ pub(super) const MESH: u16 = id_of("bed_mesh");
 /// The entries before the heights.
 const HEAD: u8 = 3;
 
-/// Heights in an entry.
-const HEIGHTS: u8 = 4;
-
 /// Greatest height of a point, um.
 const MAX_HEIGHT_UM: i16 = (MAX_HEIGHT_10NM / 100) as i16;
 
-/// The points of a grid, in their order.
-fn points_of([columns, rows]: [u8; 2]) -> impl Iterator<Item = [u8; 2]> {
-    (0..rows).flat_map(move |row| (0..columns).map(move |column| [column, row]))
+/// The entries of the heights of a grid: each one's index and its four points, of which the last may be beyond the grid.
+fn entries_of([columns, rows]: [u8; 2]) -> impl Iterator<Item = (u8, [[u8; 2]; 4])> {
+    let (columns, rows) = (u16::from(columns).max(1), u16::from(rows));
+    let place = move |number: u16| [(number % columns) as u8, (number / columns) as u8];
+    (HEAD..)
+        .zip((0..columns * rows).step_by(4))
+        .map(move |(index, first)| (index, [0, 1, 2, 3].map(|at| place(first + at))))
 }
 
 fn two([low, high]: [i32; 2]) -> [u8; 8] {
@@ -46,22 +47,15 @@ fn add_mesh(mesh: &Mesh, fade_10nm: i32, record: &mut RecordWriter) -> bool {
     let mut add = |index: u8, bytes: [u8; 8]| record.add(Entry { id: MESH, index, value: f64::from_le_bytes(bytes) });
     let grid = mesh.grid();
     let points = i32::from(u16::from_le_bytes(grid.points));
-    let mut is_whole =
-        add(0, two(grid.from_10nm)) && add(1, two(grid.spacing_10nm)) && add(2, two([points, fade_10nm]));
-    let (mut bytes, mut filled, mut index) = ([0; 8], 0_u8, HEAD);
-    let count = u16::from(grid.points[0]) * u16::from(grid.points[1]);
-    for (point, left) in points_of(grid.points).zip((0..count).rev()) {
-        let height = mesh.height_um(point).unwrap_or_default().to_le_bytes();
-        if let Some(place) = bytes.as_chunks_mut::<2>().0.get_mut(usize::from(filled)) {
-            *place = height;
-        }
-        filled += 1;
-        if filled == HEIGHTS || left == 0 {
-            is_whole = is_whole && add(index, bytes);
-            (bytes, filled, index) = ([0; 8], 0, index.wrapping_add(1));
-        }
-    }
+    let is_whole = add(0, two(grid.from_10nm)) && add(1, two(grid.spacing_10nm)) && add(2, two([points, fade_10nm]));
     is_whole
+        && entries_of(grid.points).all(|(index, points)| {
+            let mut bytes = [0; 8];
+            for (height, point) in bytes.as_chunks_mut::<2>().0.iter_mut().zip(points) {
+                *height = mesh.height_um(point).unwrap_or_default().to_le_bytes();
+            }
+            add(index, bytes)
+        })
 }
 
 /// The points of a mesh, if this entry has their numbers.
@@ -70,8 +64,8 @@ pub(super) fn points(entry: Entry) -> Option<[u8; 2]> {
     (entry.index == 2).then_some([columns, rows])
 }
 
-/// Puts a stored mesh in a place that has no points. Returns up to which height Z follows it, units of 10 nm; `None`: it is not whole, or
-/// not one that could have been measured.
+/// Puts a stored mesh in a place without points. Returns up to which height Z follows it, units of 10 nm; `None`: the mesh is not whole, or
+/// higher than a bed can be.
 fn read_mesh(record: Record<'_>, mesh: &mut Mesh) -> Option<i32> {
     let bytes_of = |index: u8| {
         let mut entries = record.entries();
@@ -86,17 +80,15 @@ fn read_mesh(record: Record<'_>, mesh: &mut Mesh) -> Option<i32> {
         return None;
     }
     mesh.begin(&grid);
-    let mut heights = [0; 8];
-    for (number, point) in (0_u16..).zip(points_of(grid.points)) {
-        let at = number % u16::from(HEIGHTS);
-        if at == 0 {
-            heights = bytes_of(HEAD.wrapping_add((number / u16::from(HEIGHTS)) as u8))?;
+    for (index, points) in entries_of(grid.points) {
+        let bytes = bytes_of(index)?;
+        for (height, point) in bytes.as_chunks::<2>().0.iter().zip(points) {
+            let height_um = i16::from_le_bytes(*height);
+            let is_of_grid = mesh.set_height_um(point, height_um);
+            if is_of_grid && !(-MAX_HEIGHT_UM..=MAX_HEIGHT_UM).contains(&height_um) {
+                return None;
+            }
         }
-        let height_um = i16::from_le_bytes(*heights.as_chunks::<2>().0.get(usize::from(at))?);
-        if !(-MAX_HEIGHT_UM..=MAX_HEIGHT_UM).contains(&height_um) {
-            return None;
-        }
-        mesh.set_height_um(point, height_um);
     }
     Some(fade_10nm)
 }
@@ -113,7 +105,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(add).unwrap_or(true)
     }
 
-    /// Reads the stored mesh, which Z does not follow before M420 S1. One that is not whole is named, and there is none then.
+    /// Reads the stored mesh, which Z does not follow before M420 S1. A mesh that is not whole is refused with a message.
     #[inline(never)]
     pub(super) fn load_mesh(&mut self, memory: &dyn SettingsMemory, stored: &Stored) {
         if !self.has_bed() {
@@ -152,6 +144,11 @@ impl<P: Ports> Printer<'_, P> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// The points of a grid, in their order.
+    fn points_of([columns, rows]: [u8; 2]) -> impl Iterator<Item = [u8; 2]> {
+        (0..rows).flat_map(move |row| (0..columns).map(move |column| [column, row]))
+    }
 
     fn mesh_of(grid: MeshGrid, heights_um: &[i16]) -> Mesh {
         let mut mesh = Mesh::NONE;

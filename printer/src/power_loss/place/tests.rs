@@ -1,4 +1,5 @@
 use ferrostep_card::KEPT_BYTES;
+use ferrostep_settings::hash_of;
 
 use super::*;
 use crate::machine::tests::profile;
@@ -25,7 +26,7 @@ fn place() -> Place {
         stands_10nm: -12,
         offset: u32::MAX,
         lines: 77,
-        profile: profile_number("cartesian"),
+        profile: hash_of("cartesian"),
         paused: Paused {
             modal,
             place_10nm: [-1, 2, 3_000_000],
@@ -111,6 +112,6 @@ fn other_bytes_are_no_place() {
 
 #[test]
 fn machines_have_different_numbers() {
-    let numbers = ["cartesian", "corexy", "prusa-mini", ""].map(profile_number);
+    let numbers = ["cartesian", "corexy", "prusa-mini", ""].map(hash_of);
     assert!((0..4).all(|one| (0..one).all(|other| numbers[one] != numbers[other])));
 }
