@@ -18,6 +18,12 @@ pub trait Choice: Copy + PartialEq + fmt::Debug + 'static {}
 
 impl<T: Copy + PartialEq + fmt::Debug + 'static> Choice for T {}
 
+/// A list of N numbers.
+fn array<const N: usize>(value: &DeValue<'_>) -> Option<[f64; N]> {
+    let numbers: Option<Vec<f64>> = value.as_array()?.iter().map(|one| number(one.get_ref())).collect();
+    numbers?.try_into().ok()
+}
+
 impl<'r> Section<'r> {
     /// A number.
     pub fn number(&self, key: &'static str, range: Range) -> Field<'r, f64> {
@@ -89,10 +95,8 @@ impl<'r> Section<'r> {
         self.declare(key);
         let words = format!("a lower and an upper end within {range}, such as [0, 180]");
         let value = self.value(key).and_then(|value| {
-            let ends = value.get_ref().as_array().map(|array| array.iter().map(|end| number(end.get_ref())));
-            let ends = ends.and_then(Iterator::collect::<Option<Vec<f64>>>);
-            let Some([lower, upper]) = ends.as_deref() else { return self.wrong_type(&self.path(key), value, &words) };
-            let ends = [*lower, *upper];
+            let Some(ends) = array(value.get_ref()) else { return self.wrong_type(&self.path(key), value, &words) };
+            let [lower, upper] = ends;
             if !ends.iter().all(|end| range.contains(*end)) || lower >= upper {
                 return self.out_of_range(&self.path(key), value, &words);
             }
@@ -103,7 +107,7 @@ impl<'r> Section<'r> {
         Field::new(self, key, [range.low, range.high], value, show).described(words, book, range.unit)
     }
 
-    /// As many numbers, rising or falling as they like; `example` is such a list.
+    /// A list of N numbers in any order; `example` is one.
     pub fn several<const N: usize>(
         &self,
         key: &'static str,
@@ -113,11 +117,7 @@ impl<'r> Section<'r> {
         self.declare(key);
         let words = format!("{N} numbers within {range}, such as {example}");
         let value = self.value(key).and_then(|value| {
-            let numbers = value.get_ref().as_array().map(|array| array.iter().map(|it| number(it.get_ref())));
-            let numbers = numbers.and_then(Iterator::collect::<Option<Vec<f64>>>);
-            let Some(numbers) = numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()) else {
-                return self.wrong_type(&self.path(key), value, &words);
-            };
+            let Some(numbers) = array(value.get_ref()) else { return self.wrong_type(&self.path(key), value, &words) };
             if !numbers.iter().all(|number| range.contains(*number)) {
                 return self.out_of_range(&self.path(key), value, &words);
             }

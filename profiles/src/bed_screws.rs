@@ -4,6 +4,7 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_printer::{BedScrew, BedScrews};
 
 use crate::axes::units_10nm;
+use crate::names::check_name;
 
 const PITCH: Range = range(0.1, 10.0, "mm");
 const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
@@ -37,11 +38,7 @@ pub(crate) fn bed_screws(keys: &Section<'_>, reach_mm: &[[f64; 2]; 2], is_measur
                 section.refuse(axis, format!("{least} to {most} mm: the probe does not reach it"));
             }
         }
-        let is_name = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_';
-        if name.len() > MAX_NAME || !name.bytes().all(is_name) {
-            let path = format!("bed_screws.places.{name}");
-            keys.refuse(&path, format!("a name of letters, digits and _, at most {MAX_NAME}"));
-        }
+        check_name(keys, &format!("bed_screws.places.{name}"), name, MAX_NAME);
         if let Some(screw) = screws.get_mut(index) {
             *screw = Some(BedScrew { name, place_10nm: place_mm.map(units_10nm) });
         }

@@ -4,6 +4,8 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::{FanRule, FanSettings, FanTable};
 
+use crate::names::check_name;
+
 const NUMBER: Range = range(0.0, 255.0, "");
 const POWER: Range = range(0.0, 1.0, "of full power");
 const KICK_START: Range = range(0.0, 10.0, "s");
@@ -38,10 +40,7 @@ pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
     let mut names: [Option<&str>; FanOutput::COUNT] = [None; FanOutput::COUNT];
     for (name, section) in &sections {
         let (output, settings) = fan(name, section);
-        let is_name = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_';
-        if name.len() > MAX_NAME || !name.bytes().all(is_name) {
-            keys.refuse(&format!("fans.{name}"), format!("a name of letters, digits and _, at most {MAX_NAME}"));
-        }
+        check_name(keys, &format!("fans.{name}"), name, MAX_NAME);
         let (Some(output), index) = (output, output.map_or(0, FanOutput::index)) else { continue };
         if let Some(other) = names[index].replace(name) {
             let expected = format!("another output: {} is the fan {other}'s", output.name());

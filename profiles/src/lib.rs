@@ -17,6 +17,7 @@ mod machine;
 mod macros;
 mod mesh;
 mod motion;
+mod names;
 mod pause;
 pub mod response;
 
