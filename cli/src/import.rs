@@ -10,6 +10,7 @@ mod klipper;
 mod klipper_map;
 mod marlin;
 mod marlin_map;
+mod sensor;
 
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,9 @@
 //! Klipper's settings of the extruder, and of heaters with their sensors.
 
-use toml::{Table, Value};
+use toml::Value;
 
 use super::{FULL_POWER, Reading};
+use crate::import::sensor::{beta_table, points};
 
 impl Reading<'_> {
     pub(super) fn extruder(&mut self) {
@@ -81,18 +82,6 @@ impl Reading<'_> {
         }
         Some(value)
     }
-}
-
-/// Three points of a data sheet, from the coldest on.
-fn points(mut points: [(f64, f64); 3]) -> Value {
-    points.sort_by(|(colder, _), (hotter, _)| colder.total_cmp(hotter));
-    let list = |each: fn(&(f64, f64)) -> f64| points.iter().map(|point| Value::Float(each(point))).collect::<Vec<_>>();
-    let (celsius, ohm) = (list(|(celsius, _)| *celsius), list(|(_, ohm)| *ohm));
-    Value::Table(Table::from_iter([("celsius".to_owned(), celsius.into()), ("ohm".to_owned(), ohm.into())]))
-}
-
-fn beta_table(r25_ohm: f64, beta_k: f64) -> Value {
-    Value::Table(Table::from_iter([("r25_ohm".to_owned(), r25_ohm.into()), ("beta_k".to_owned(), beta_k.into())]))
 }
 
 /// A sensor by Klipper's name.
