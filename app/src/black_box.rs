@@ -26,7 +26,7 @@ use crate::profile::PROFILE;
 /// How often a line looks for room, ms.
 const LOOK_MS: u32 = 2;
 
-/// A host that has read nothing for so many looks, 2 s, gets no more.
+/// After this many looks, 2 s, a host that reads nothing gets no more.
 const MAX_LOOKS: u32 = 1000;
 
 /// The records, shared by the tasks that make some. One at a time does.
@@ -99,7 +99,7 @@ pub struct BoardBlackBox<B> {
 }
 
 impl<B: Mutex<T = Records>> BoardBlackBox<B> {
-    /// Nobody has asked for it.
+    /// Not asked for yet.
     pub const fn new(records: B) -> Self {
         Self { records: RefCell::new(records), is_wanted: Cell::new(false) }
     }

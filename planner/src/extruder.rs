@@ -44,7 +44,7 @@ impl Extruder {
         Self { steps_per_mm, at: ExtruderPosition { whole_256ths: 0, remainder: 0 } }
     }
 
-    /// From where it stands on, a millimetre of filament is so many steps. What was less than 1/256 step is forgotten.
+    /// Sets the steps in a millimetre of filament from here on. A remainder of less than 1/256 step is forgotten.
     pub(crate) fn set_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) {
         let at = ExtruderPosition { whole_256ths: self.position_256ths(), remainder: 0 };
         *self = Self { steps_per_mm, at };

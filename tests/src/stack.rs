@@ -19,7 +19,7 @@ pub const EXCEPTION_BYTES: u32 = 4 * (8 + 18 + 1);
 /// The longest chain: a reply, the refusal in it, the error in that, a driver's report, its error, a number.
 const NESTED_TEXTS: u32 = 6;
 
-/// Of so many types of ours with the largest frames it is kept in mind whether their text is being made.
+/// The search remembers of this many types of ours, those with the largest frames, whether their text is being made.
 const TEXTS_IN_MIND: usize = 10;
 
 /// The purpose of a call through a pointer.

@@ -160,7 +160,7 @@ impl<M: MotionMethods> BlockRules<M> {
         }
     }
 
-    /// A millimetre of filament is so many steps of the extruder.
+    /// Sets the steps of the extruder in a millimetre of filament.
     pub fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) {
         let [.., extruder] = &mut self.geometry.steps_per_mm;
         *extruder = steps_per_mm;

@@ -10,7 +10,7 @@ use crate::printer::Printer;
 use crate::profile::{BedScrews, MeshSettings};
 use crate::z_offset::mm;
 
-/// Parts of a turn that are told, as those of an hour.
+/// Parts of a turn in reports, as minutes of an hour.
 const MINUTES: i64 = 60;
 
 /// A turn, as a clock's hand goes in this time.
