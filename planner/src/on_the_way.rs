@@ -128,9 +128,9 @@ impl FilamentLaw {
         self.filament_mm / peak + peak / self.acceleration_mm_per_s2
     }
 
-    /// Its acceleration along a way: a ramp has no more stages than a step by [`LARGEST_JUMP`] for each.
+    /// Its acceleration along a way: no step of a ramp is shorter than a stage may be.
     fn ramp_mm_per_s2(&self) -> f32 {
-        smaller(self.acceleration_mm_per_s2, STEP * LARGEST_JUMP / LEAST_STAGE_S * self.feed_mm_per_s)
+        smaller(self.acceleration_mm_per_s2, STEP / LEAST_STAGE_S * stage_jump_mm_per_s(self.feed_mm_per_s))
     }
 
     /// How long a stage lasts while the filament's speed rises or falls by steps, s.
