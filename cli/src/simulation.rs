@@ -273,7 +273,10 @@ impl Simulation {
         };
         let path = match &self.path {
             None => PathSource::of_steps(self.filament_mm2),
-            Some((job, speeds)) => PathSource::of_job(job, speeds, self.filament_mm2),
+            Some((job, speeds)) => {
+                let path = PathSource::of_job(job, speeds, self.filament_mm2);
+                if self.profile.motion.filament_on_the_way { path.filament_on_the_way() } else { path }
+            }
         };
         let measures = Measures::with_snapshots();
         let (steps, stopped) = match self.steps {

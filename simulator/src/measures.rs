@@ -214,6 +214,9 @@ impl Measures {
                 error_um = Some(distance_um);
             }
         }
+        if !is_printing {
+            self.bead.ooze(sample.out_mm3);
+        }
         self.bead.add(place_mm, sample.out_mm3 - wanted_mm3, self.path.length_mm());
         if let Some(snapshots) = &mut self.snapshots {
             snapshots.push(sample, error_um);

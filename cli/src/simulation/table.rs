@@ -107,7 +107,7 @@ pub struct Simulated {
 /// A line of the text: what it is, its unit, its value.
 type Row = (&'static str, &'static str, fn(&Report) -> String);
 
-const ROWS: [Row; 19] = [
+const ROWS: [Row; 20] = [
     ("time", "s", |report| format!("{:.2}", report.time_s)),
     ("printing", "s", |report| format!("{:.2}", report.printing_time_s)),
     ("contour error, rms", "um", |report| format!("{:.1}", report.contour_error_um.rms)),
@@ -124,6 +124,7 @@ const ROWS: [Row; 19] = [
     ("misplaced at an end", "mm^3", |report| format!("{:.4}", report.bead.end_volume_mm3)),
     ("ends", "", |report| report.bead.ends.to_string()),
     ("misplaced elsewhere, in all", "mm^3", |report| format!("{:.2}", report.bead.elsewhere_volume_mm3)),
+    ("oozed beside the lines, in all", "mm^3", |report| format!("{:.2}", report.bead.oozed_volume_mm3)),
     ("true acceleration, 99 %", "mm/s^2", |report| format!("{:.0}", report.true_acceleration_mm_per_s2.p99)),
     ("true acceleration, max", "mm/s^2", |report| format!("{:.0}", report.true_acceleration_mm_per_s2.max)),
     ("extruder, max speed", "mm/s", |report| format!("{:.1}", report.extruder.max_speed_mm_per_s)),

@@ -35,6 +35,8 @@ pub struct BeadReport {
     pub ends: u64,
     /// In between, in all, mm^3.
     pub elsewhere_volume_mm3: f64,
+    /// What came out while no line was printed, on travels and at stops for filament, in all, mm^3; also counted above.
+    pub oozed_volume_mm3: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,6 +100,11 @@ impl Bead {
             self.bins.push_back(0.0);
         }
         self.bins[index] += difference_mm3.abs();
+    }
+
+    /// So much came out while no line was printed.
+    pub(super) fn ooze(&mut self, out_mm3: f64) {
+        self.report.oozed_volume_mm3 += out_mm3;
     }
 
     fn settle(&mut self, until_mm: f64) {

@@ -3,7 +3,7 @@
 use crate::measures::Measures;
 use crate::path::PathSegment;
 use crate::plan::{MoveShape, MoveSpeeds, phases};
-use ferrostep_oracle::reference::{Job, Move, UNITS_PER_MM};
+use ferrostep_oracle::reference::{Job, Move, MoveKind, UNITS_PER_MM};
 use std::fmt;
 
 /// Steps that are kept at most until a part of the path is drawn from them, which at worst takes the square of their number.
@@ -92,6 +92,18 @@ impl PathSource {
         let moves: Vec<(Move, f64)> =
             job.moves.iter().zip(speeds).map(|(one, speeds)| (*one, duration_s(one, speeds))).collect();
         Self { from: From::Job { moves: moves.into_iter(), may_end_early: false }, filament_mm2, end_s: 0.0 }
+    }
+
+    /// G10 and G11 take no time of their own: they ride on travels.
+    pub fn filament_on_the_way(mut self) -> Self {
+        if let From::Job { moves, .. } = &mut self.from {
+            for (one, duration_s) in moves.as_mut_slice() {
+                if one.kind == MoveKind::FirmwareRetraction {
+                    *duration_s = 0.0;
+                }
+            }
+        }
+        self
     }
 
     /// The path that the motors themselves draw: a trace without its G-code is measured against that.

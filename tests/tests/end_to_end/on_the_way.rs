@@ -126,6 +126,37 @@ fn a_print_makes_the_same_steps() {
     }
 }
 
+/// On the simulated nozzle no more comes out beside the lines than at stops, and the lines are printed as well.
+#[test]
+fn no_more_oozes() {
+    let directory = directory();
+    let mut firmware = Vec::new();
+    let packed = fs::read(repository().join("examples/firmware-retraction.gcode.gz")).unwrap();
+    GzDecoder::new(packed.as_slice()).read_to_end(&mut firmware).unwrap();
+    let layers: Vec<&[u8]> = firmware.split(|byte| *byte == b'\n').take(2500).collect();
+    let layers = file(&directory, "firmware-retraction.gcode", layers.join(&b'\n'));
+    let cube = repository().join("examples/cube.gcode");
+    let jobs = [("cube.gcode", cube), ("firmware-retraction.gcode.gz, 2500 lines", layers)];
+    let mut table = "| file | advance, s | at stops, mm³ | on the way, mm³ |\n|---|---|---|---|\n".to_owned();
+    for ((name, job), advance) in jobs.iter().flat_map(|job| [None, Some(0.04)].map(|advance| (job, advance))) {
+        let advance_keys = advance.map(|seconds| format!("\n[pressure_advance]\nseconds = {seconds}\n"));
+        let text = profile("cartesian") + &advance_keys.unwrap_or_default();
+        let [stops, on_the_way] = profiles(&directory, "cartesian", &text).map(|profile| {
+            let words = ["simulate", job.to_str().unwrap(), "--profile", profile.to_str().unwrap()];
+            ferrostep(words.into_iter().chain(["--input-shaper", "mzv", "--json"])).json()
+        });
+        let [before, after] = [&stops, &on_the_way].map(|result| result["oozed_volume_mm3"].as_f64().unwrap());
+        assert!(after <= 1.002 * before, "{name}, advance {advance:?}: {after} mm^3 instead of {before} mm^3");
+        let [before_s, after_s] = [&stops, &on_the_way].map(|result| result["printing_time_s"].as_f64().unwrap());
+        assert!((after_s / before_s - 1.0).abs() < 0.002, "{name}: {after_s} s are printed, {before_s} s at stops");
+        let [before_um, after_um] =
+            [&stops, &on_the_way].map(|result| result["contour_error_um"]["p99"].as_f64().unwrap());
+        assert!(after_um < 1.05 * before_um, "{name}: {after_um} um instead of {before_um} um");
+        table += &format!("| {name} | {} | {before:.2} | {after:.2} |\n", advance.unwrap_or(0.0));
+    }
+    book::keep(&repository().join("docs/src/filament-on-the-way.md"), "ooze", table.trim_end()).unwrap();
+}
+
 #[test]
 fn a_prepared_job_stops_and_says_so() {
     let directory = directory();
