@@ -10,7 +10,7 @@ use ferrostep_planner::surface::Bed;
 use crate::error::CommandError;
 use crate::paused::{PauseReason, PauseWords};
 use crate::ports::{Motion, Ports, Replies, temperatures};
-use crate::power_loss::RESUME;
+use crate::power_loss::{FORGET, RESUME};
 use crate::printer::{Answer, Printer};
 
 /// A command that may wait, so that none can be named without being executed.
@@ -224,7 +224,12 @@ impl<P: Ports> Printer<'_, P> {
             Command::PromptAnswer(0) if self.power_loss.is_offered() && !self.is_paused() => {
                 return waiting(Waiting::Card(&RESUME));
             }
-            Command::PromptAnswer(button) => self.signals.answer_prompt(button),
+            Command::PromptAnswer(1) if self.power_loss.is_offered() && !self.is_paused() => {
+                return waiting(Waiting::Card(&FORGET));
+            }
+            // Else it was acted on as its bytes arrived; pressed once, a button counts once.
+            Command::PromptAnswer(button) if !self.emergency_parser => self.signals.answer_prompt(button),
+            Command::PromptAnswer(_) => {}
             Command::ResumePrint if self.is_paused() => return waiting(Waiting::ResumePrint),
             Command::ResumePrint => return Err(CommandError::NotPaused),
             // A host begins a job with it.

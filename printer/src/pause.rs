@@ -8,8 +8,8 @@ use ferrostep_gcode::{AxisWords, Decimal, Real, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Move, filament_100pm};
 
-use crate::error::CommandError;
-use crate::paused::{PauseReason, PauseWords, Paused};
+use crate::error::{CommandError, Failure};
+use crate::paused::{PauseAnswer, PauseReason, PauseWords, Paused};
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Printer, Source};
 use crate::profile::PauseSettings;
@@ -26,12 +26,11 @@ impl<P: Ports> Printer<'_, P> {
         self.paused.is_some()
     }
 
-    /// Whether a paused print is to go on: by M108, by the answer to its prompt, or because its time is over.
-    pub(crate) fn is_answered(&self) -> bool {
-        let is_over = |paused: &Paused| paused.until_ms.is_some_and(|until_ms| self.clock.now_ms() >= until_ms);
-        self.paused
-            .as_ref()
-            .is_some_and(|paused| is_over(paused) || self.signals.take_end_wait() || self.signals.take_prompt_answer())
+    /// What a person wants of a paused print: that it goes on, by M108, a button or because its time is over, or more filament.
+    pub(crate) fn take_answer(&self) -> Option<PauseAnswer> {
+        let paused = self.paused.as_ref()?;
+        let is_over = paused.until_ms.is_some_and(|until_ms| self.clock.now_ms() >= until_ms);
+        if is_over { Some(PauseAnswer::Continue) } else { self.signals.take_answer() }
     }
 
     /// Pauses after the moves taken so far: draws the filament back, goes aside as far as the axes are homed, and tells the host.
@@ -63,6 +62,7 @@ impl<P: Ports> Printer<'_, P> {
             targets_celsius: Heater::ALL.map(|heater| self.heating.status(heater).target_celsius),
             drawn_100pm: 0,
             load_100pm,
+            pushes_more: reason == PauseReason::FilamentChange && self.profile.pause.more_10nm > 0,
             until_ms: words.longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest)),
         };
         if reason != PauseReason::Stop {
@@ -79,11 +79,28 @@ impl<P: Ports> Printer<'_, P> {
         self.paused = Some(paused);
         self.pause_print_clock();
         // An answer from before is not meant for this pause.
-        self.signals.take_end_wait();
-        self.signals.take_prompt_answer();
+        self.signals.take_answer();
         if !self.is_returning() {
             self.tell_paused(reason);
         }
+        Ok(())
+    }
+
+    /// The second button of a filament change: pushes the new filament in, and more each time. The motor lets it go again, and the
+    /// person is asked again. Other pauses have no such button.
+    ///
+    /// # Errors
+    /// The nozzle is too cold, or motion was stopped.
+    pub(crate) async fn push_more(&mut self) -> Result<(), CommandError> {
+        let Some(Paused { pushes_more: true, load_100pm, .. }) = self.paused else { return Ok(()) };
+        self.check_extrusion_temperature()?;
+        if let Some(paused) = &mut self.paused {
+            paused.load_100pm = 0;
+        }
+        let more_100pm = filament_100pm(self.profile.pause.more_10nm, 100);
+        self.move_filament(load_100pm.saturating_add(more_100pm), self.profile.pause.filament_10nm_per_s).await?;
+        self.motion.set_motors_enabled(1 << 3, false);
+        self.show_prompt(PauseReason::FilamentChange);
         Ok(())
     }
 
@@ -142,7 +159,7 @@ impl<P: Ports> Printer<'_, P> {
             Source::File => {}
             Source::Host { .. } | Source::Card => {
                 self.signals.set_paused_for_user(true);
-                let waited = self.waits().for_person(words.longest_ms).await;
+                let waited = self.answer_pause().await;
                 self.signals.set_paused_for_user(false);
                 if let Err(error) = waited {
                     self.cancel();
@@ -151,6 +168,21 @@ impl<P: Ports> Printer<'_, P> {
             }
         }
         self.resume().await
+    }
+
+    /// Waits until a person wants the print to go on.
+    async fn answer_pause(&mut self) -> Result<(), CommandError> {
+        loop {
+            let until_ms = self.paused.as_ref().and_then(|paused| paused.until_ms);
+            match self.waits().for_person(until_ms).await? {
+                PauseAnswer::Continue => return Ok(()),
+                PauseAnswer::PushMore => {
+                    if let Err(error) = self.push_more().await {
+                        self.replies.refuse(self.line, &Failure::Command(error));
+                    }
+                }
+            }
+        }
     }
 
     fn tell_host(&self, text: &str) {
@@ -167,10 +199,20 @@ impl<P: Ports> Printer<'_, P> {
                 .say(format_args!("echo:line {line}: {text} (without a pause: a file has no one to ask)"));
         }
         self.tell_host("//action:paused");
-        self.replies.say(format_args!(
-            "//action:prompt_end\n//action:prompt_begin {text}\n//action:prompt_button Continue\n//action:prompt_show"
-        ));
+        self.show_prompt(reason);
         self.replies.say(format_args!("echo:{text}. M108 goes on"));
+    }
+
+    /// Asks the person, by a host that shows prompts.
+    fn show_prompt(&self, reason: PauseReason) {
+        let text = reason.text();
+        self.replies
+            .say(format_args!("//action:prompt_end\n//action:prompt_begin {text}\n//action:prompt_button Continue"));
+        if self.paused.as_ref().is_some_and(|paused| paused.pushes_more) {
+            let more_mm = Real::short(self.profile.pause.more_10nm as f64 / MM as f64, 2);
+            self.replies.say(format_args!("//action:prompt_button Push {more_mm} mm"));
+        }
+        self.tell_host("//action:prompt_show");
     }
 
     /// Where the nozzle goes: X and Y by the line's words or the profile, and the height by which it rises (Z).

@@ -41,6 +41,15 @@ pub(crate) struct PauseWords {
     pub(crate) longest_ms: Option<u64>,
 }
 
+/// What a person answers to a pause.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PauseAnswer {
+    /// *Continue*, M108, or the pause's time is over.
+    Continue,
+    /// The second button: more filament, where the pause has it.
+    PushMore,
+}
+
 /// A print that is paused: where and with what it goes on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paused {
@@ -55,6 +64,8 @@ pub(crate) struct Paused {
     pub(crate) drawn_100pm: i64,
     /// New filament to push in before the nozzle goes back, units of 0.1 nm.
     pub(crate) load_100pm: i64,
+    /// M600: the second button of its prompt pushes more filament.
+    pub(crate) pushes_more: bool,
     /// When it goes on by itself, ms; `None`: never.
     pub(crate) until_ms: Option<u64>,
 }

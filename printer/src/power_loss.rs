@@ -13,8 +13,9 @@ use ferrostep_hal_shim::FanOutput;
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
-/// The prompt's button goes on with the interrupted print.
+/// The prompt's buttons go on with the interrupted print, or give it up.
 pub(crate) static RESUME: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Resume);
+pub(crate) static FORGET: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Discard);
 
 /// What is known of an interrupted print, and of the place that is kept of the present one.
 #[derive(Clone, Copy, Debug)]

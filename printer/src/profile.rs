@@ -216,7 +216,9 @@ pub struct PauseSettings {
     pub unload_10nm: i64,
     /// M600: filament that is pushed in before the nozzle goes back, units of 10 nm; 0: a person pushes.
     pub load_10nm: i64,
-    /// Speed of both, units of 10 nm a second.
+    /// M600: filament that the second button of its prompt pushes, units of 10 nm; 0: there is no such button.
+    pub more_10nm: i64,
+    /// Speed of all three, units of 10 nm a second.
     pub filament_10nm_per_s: i64,
 }
 

@@ -2,6 +2,7 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
+use crate::paused::PauseAnswer;
 use crate::profile::DEFAULT_HEATER_TIMEOUT_S;
 
 /// Flags between the command side and the interrupts and tasks that act on bytes as they arrive, or on time.
@@ -11,7 +12,8 @@ pub struct Signals {
     halted: AtomicBool,
     waiting_for_heat: AtomicBool,
     paused_for_user: AtomicBool,
-    prompt_answered: AtomicBool,
+    /// The number of the button that was pressed, or [`NO_BUTTON`].
+    prompt_answer: AtomicU8,
     report_interval_s: AtomicU8,
     keep_alive_s: AtomicU8,
     is_at_work: AtomicBool,
@@ -27,6 +29,9 @@ pub struct Signals {
     card_size: AtomicU32,
 }
 
+/// No button has been pressed: M876 S255 has no button either.
+const NO_BUTTON: u8 = u8::MAX;
+
 /// Seconds at rest after which motors are switched off, unless M84 S says otherwise: Marlin's.
 pub const IDLE_TIMEOUT_S: u32 = 120;
 
@@ -38,7 +43,7 @@ impl Signals {
             halted: AtomicBool::new(false),
             waiting_for_heat: AtomicBool::new(false),
             paused_for_user: AtomicBool::new(false),
-            prompt_answered: AtomicBool::new(false),
+            prompt_answer: AtomicU8::new(NO_BUTTON),
             report_interval_s: AtomicU8::new(0),
             keep_alive_s: AtomicU8::new(2),
             is_at_work: AtomicBool::new(false),
@@ -64,15 +69,20 @@ impl Signals {
         self.end_wait.swap(false, Ordering::AcqRel)
     }
 
-    /// M876 S: the number of the button that was pressed; prompts have one, *Continue*.
+    /// M876 S: the number of the button that was pressed; 0 is *Continue*.
     pub fn answer_prompt(&self, button: u8) {
-        if button == 0 {
-            self.prompt_answered.store(true, Ordering::Release);
-        }
+        self.prompt_answer.store(button, Ordering::Release);
     }
 
-    pub(crate) fn take_prompt_answer(&self) -> bool {
-        self.prompt_answered.swap(false, Ordering::AcqRel)
+    /// Takes what a person has answered since, by M108 or a button; buttons that no prompt has are no answer.
+    pub(crate) fn take_answer(&self) -> Option<PauseAnswer> {
+        let (button, ends) = (self.prompt_answer.swap(NO_BUTTON, Ordering::AcqRel), self.take_end_wait());
+        match button {
+            _ if ends => Some(PauseAnswer::Continue),
+            0 => Some(PauseAnswer::Continue),
+            1 => Some(PauseAnswer::PushMore),
+            _ => None,
+        }
     }
 
     /// Whether the command at hand waits for a person (M0, M600 and the like).

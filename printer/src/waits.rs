@@ -5,6 +5,7 @@ use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
 use crate::heat::{HeaterStatus, RelayProgress};
+use crate::paused::PauseAnswer;
 use crate::ports::Heating;
 use crate::profile::HeaterSettings;
 use crate::signals::Signals;
@@ -64,19 +65,19 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
-    /// Waits for a person: M108 or the answer to a prompt (M876 S0), or until this time is over.
-    pub async fn for_person(&mut self, longest_ms: Option<u64>) -> Result<(), CommandError> {
-        let end = longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest));
+    /// Waits for a person: M108 or a button of the prompt (M876 S), or until this time, ms.
+    pub async fn for_person(&mut self, until_ms: Option<u64>) -> Result<PauseAnswer, CommandError> {
         // An answer from before is not meant for this wait.
-        self.signals.take_end_wait();
-        self.signals.take_prompt_answer();
+        self.signals.take_answer();
         loop {
             if self.signals.is_halted() {
                 return Err(CommandError::Halted);
             }
-            let is_over = end.is_some_and(|end| self.clock.now_ms() >= end);
-            if self.signals.take_end_wait() || self.signals.take_prompt_answer() || is_over {
-                return Ok(());
+            if let Some(answer) = self.signals.take_answer() {
+                return Ok(answer);
+            }
+            if until_ms.is_some_and(|until_ms| self.clock.now_ms() >= until_ms) {
+                return Ok(PauseAnswer::Continue);
             }
             self.clock.delay_ms(LOOK_MS as u32).await;
         }

@@ -12,6 +12,9 @@ const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 const FROM_END_MM: f64 = 10.0;
 const RISE_MM: f64 = 20.0;
 
+/// Four to five times what a hot end holds.
+const MORE_MM: f64 = 50.0;
+
 /// A speed at which filament is still pushed into a nozzle that melts 12 mm^3/s of 1.75 mm.
 const FILAMENT_MM_PER_S: f64 = 5.0;
 
@@ -40,7 +43,13 @@ pub(crate) fn pause(keys: &Section<'_>, travel: &Travel) -> PauseSettings {
             0.0,
             "filament that M600 pushes in before the nozzle goes back (L); 0 = a person pushes it",
         ),
-        filament_10nm_per_s: units("filament_mm_per_s", FEED, FILAMENT_MM_PER_S, "speed of both"),
+        more_10nm: units(
+            "more_mm",
+            filament,
+            MORE_MM,
+            "filament that the second button of M600's prompt pushes, as often as it is pressed; 0 = no such button",
+        ),
+        filament_10nm_per_s: units("filament_mm_per_s", FEED, FILAMENT_MM_PER_S, "speed of all three"),
     }
 }
 

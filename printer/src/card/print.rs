@@ -8,6 +8,7 @@ use ferrostep_gcode::{Command, Line, LineError, Reply};
 use super::state::Job;
 use crate::error::Failure;
 use crate::host::Host;
+use crate::paused::PauseAnswer;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
@@ -123,7 +124,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             hosts.tell_all();
             self.keep_while_paused();
-            self.go_on_if_answered().await;
+            self.follow_answer().await;
             if self.card.aborted {
                 return Err(End::Aborted);
             }
@@ -143,11 +144,14 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// A person decides when a paused print goes on.
-    async fn go_on_if_answered(&mut self) {
-        if self.is_answered()
-            && let Err(error) = self.start_print(None).await
-        {
+    /// A person decides when a paused print goes on, and what is pushed before.
+    async fn follow_answer(&mut self) {
+        let done = match self.take_answer() {
+            None => return,
+            Some(PauseAnswer::Continue) => self.start_print(None).await,
+            Some(PauseAnswer::PushMore) => self.push_more().await,
+        };
+        if let Err(error) = done {
             self.replies.refuse(self.line, &Failure::Command(error));
         }
     }

@@ -88,6 +88,7 @@ pub(crate) fn profile() -> Profile {
             rise_10nm: 2_000_000,
             unload_10nm: 0,
             load_10nm: 0,
+            more_10nm: 5_000_000,
             filament_10nm_per_s: 500_000,
         },
         retraction: FirmwareRetraction {

@@ -82,6 +82,7 @@ impl<P: Ports> Printer<'_, P> {
             targets_celsius: Heater::ALL.map(|heater| self.heating.status(heater).target_celsius),
             drawn_100pm: 0,
             load_100pm: 0,
+            pushes_more: false,
             until_ms: None,
         };
         let [.., z_10nm] = place_10nm;

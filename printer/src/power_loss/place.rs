@@ -68,7 +68,8 @@ impl Place {
             let _ = out.push(VERSION);
         }
         let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance, extruder_steps } = self;
-        let Paused { modal, place_10nm, targets_celsius, drawn_100pm, load_100pm, until_ms: _ } = paused;
+        let Paused { modal, place_10nm, targets_celsius, drawn_100pm, load_100pm, pushes_more: _, until_ms: _ } =
+            paused;
         codec.int(stands_10nm);
         codec.int(extruder_steps);
         [offset, lines, profile].into_iter().for_each(|number| *number = codec.word(*number));

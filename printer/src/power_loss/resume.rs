@@ -133,8 +133,8 @@ impl<P: Ports> Printer<'_, P> {
         ));
         self.replies.send(Reply::Text(
             "echo:power loss: M1000 goes on with it, M1000 C forgets it\n//action:prompt_end\n\
-             //action:prompt_begin A print was interrupted. M1000 C forgets it, Continue heats, homes X and Y and goes on\n\
-             //action:prompt_button Continue\n//action:prompt_show",
+             //action:prompt_begin A print was interrupted. Continue heats, homes X and Y and goes on; Forget gives it up\n\
+             //action:prompt_button Continue\n//action:prompt_button Forget\n//action:prompt_show",
         ));
     }
 
@@ -165,6 +165,7 @@ impl<P: Ports> Printer<'_, P> {
                 targets_celsius: [0.0; 2],
                 drawn_100pm: 0,
                 load_100pm: 0,
+                pushes_more: false,
                 until_ms: None,
             },
             fans: [0; FanOutput::COUNT],

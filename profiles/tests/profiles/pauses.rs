@@ -13,6 +13,7 @@ const DEFAULT: PauseSettings = PauseSettings {
     rise_10nm: 2_000_000,
     unload_10nm: 0,
     load_10nm: 0,
+    more_10nm: 5_000_000,
     filament_10nm_per_s: 500_000,
 };
 
@@ -23,13 +24,14 @@ fn absent_keys_have_their_defaults() {
 
 #[test]
 fn values_are_taken_and_bind_no_prepared_job() {
-    let keys = "place_mm = { x = 150, y = 0 }\nrise_mm = 5\nunload_mm = 400\nload_mm = 420\nfilament_mm_per_s = 20";
+    let keys = "place_mm = { x = 150, y = 0 }\nrise_mm = 5\nunload_mm = 400\nload_mm = 420\nmore_mm = 35\nfilament_mm_per_s = 20";
     let profile = parse(&with(keys), "test.toml").unwrap();
     let expected = PauseSettings {
         place_10nm: [15_000_000, 0],
         rise_10nm: 500_000,
         unload_10nm: 40_000_000,
         load_10nm: 42_000_000,
+        more_10nm: 3_500_000,
         filament_10nm_per_s: 2_000_000,
     };
     assert_eq!(profile.pause, expected);

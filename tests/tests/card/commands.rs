@@ -421,6 +421,31 @@ fn a_file_that_pauses_waits_for_a_person() {
     }
 }
 
+/// The second button of a filament change pushes filament, and the person is asked again.
+#[test]
+fn more_filament_is_pushed_while_a_file_waits() {
+    let setup = setup();
+    let mut printer = setup.printer();
+    setup.put("P.GCO", b"G28\nM302 P1\nG1 X20 Y30 Z5 F6000\nM600\nM114\n");
+    let (mut turn, mut paused_at) = (0, None);
+    let said = setup.converse(&mut printer, &["M21", "M23 P.GCO", "M24"], &mut |_, _| {
+        turn += 1;
+        if setup.has_said("//action:paused") {
+            paused_at.get_or_insert(turn);
+        }
+        match paused_at {
+            Some(at) if turn == at + 3 || turn == at + 6 => vec!["M876 S1".to_owned()],
+            Some(at) if turn == at + 9 => vec!["M114".to_owned(), "M876 S0".to_owned()],
+            _ => Vec::new(),
+        }
+    });
+    let asked = said.iter().filter(|line| *line == "//action:prompt_button Push 50 mm").count();
+    assert_eq!(asked, 3, "{said:?}");
+    assert!(said.contains(&"Done printing file".to_owned()), "{said:?}");
+    let places: Vec<&String> = said.iter().filter(|line| line.starts_with("X:")).collect();
+    assert!(places[places.len() - 1].ends_with("Count X:1600 Y:2400 Z:2000"), "{places:?}");
+}
+
 /// M524 ends a print that is paused: the nozzle stays where it is.
 #[test]
 fn a_paused_print_can_be_ended() {

@@ -236,9 +236,10 @@ fn the_printer_says_what_it_knows_and_forgets_it_when_asked() {
         ),
         "echo:power loss: M1000 goes on with it, M1000 C forgets it".to_owned(),
         "//action:prompt_end".to_owned(),
-        "//action:prompt_begin A print was interrupted. M1000 C forgets it, Continue heats, homes X and Y and goes on"
+        "//action:prompt_begin A print was interrupted. Continue heats, homes X and Y and goes on; Forget gives it up"
             .to_owned(),
         "//action:prompt_button Continue".to_owned(),
+        "//action:prompt_button Forget".to_owned(),
         "//action:prompt_show".to_owned(),
         "ok".to_owned(),
     ];
@@ -263,6 +264,17 @@ fn the_button_of_the_prompt_goes_on() {
     setup.converse(&mut printer, &["M21"], &mut nothing);
     let said = setup.converse(&mut printer, &["M876 S0"], &mut nothing);
     assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
+    assert_eq!(setup.converse(&mut printer, &["M1000 S"], &mut nothing), [NOTHING, "ok"]);
+}
+
+#[test]
+fn the_other_button_gives_it_up() {
+    let (card, _) = interrupted();
+    let setup = Setup::new(profile("cartesian"), card);
+    let mut printer = setup.printer();
+    setup.converse(&mut printer, &["M21"], &mut nothing);
+    let said = setup.converse(&mut printer, &["M876 S1"], &mut nothing);
+    assert_eq!(said, ["echo:power loss: the interrupted print is forgotten", "//action:prompt_end", "ok"]);
     assert_eq!(setup.converse(&mut printer, &["M1000 S"], &mut nothing), [NOTHING, "ok"]);
 }
 

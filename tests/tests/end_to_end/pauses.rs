@@ -231,6 +231,7 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
         rise_10nm: 400_000,
         unload_10nm: 3_000_000,
         load_10nm: 2_800_000,
+        more_10nm: 1_500_000,
         filament_10nm_per_s: 1_000_000,
     };
     let profile = Profile { pause: place, ..profile("cartesian") };
@@ -260,6 +261,60 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
         assert!((lacks_mm - (unload_mm - load_mm)).abs() < 0.02, "{line}: {lacks_mm} mm");
         assert_eq!(print.conversation.position_mm(), before.0, "{line}");
     }
+}
+
+/// The second button of M600's prompt pushes the new filament in, and more each time it is pressed; what is pushed is not pushed again
+/// when the print goes on, and E does not see it. M601's prompt has no such button.
+#[test]
+fn more_filament_is_pushed_by_a_button() {
+    let mut profile = profile("cartesian");
+    (profile.pause.load_10nm, profile.pause.more_10nm) = (2_800_000, 1_500_000);
+    for (line, presses, pushed_mm) in [("M600", 0, 28.0), ("M600", 1, 43.0), ("M600", 3, 73.0), ("M601", 2, 0.0)] {
+        let machine = machine(&profile);
+        let mut print = Print::begun(&machine);
+        let before = (print.conversation.position_mm(), machine.desk().motor_steps());
+        let (from_s, mut pressed) = (now_s(&machine), 0);
+        print.number += 1;
+        let text = format!("{}\n", numbered(print.number, line));
+        let replies = print.conversation.say_while(text.as_bytes(), |machine| {
+            if now_s(machine) >= from_s + 30.0 * f64::from(pressed + 1) {
+                machine.signals().answer_prompt(u8::from(pressed < presses));
+                pressed += 1;
+            }
+        });
+        let is_change = line == "M600";
+        let button = count(&replies, "//action:prompt_button Push 15 mm");
+        assert_eq!(button, if is_change { presses as usize + 1 } else { 0 }, "{line}: {replies:?}");
+        assert_eq!(count(&replies, "//action:resumed"), 1, "{replies:?}");
+        print.conversation.finish();
+        let [x, y, z, e] = machine.desk().motor_steps();
+        assert_eq!([x, y, z], before.1[..3], "{line}");
+        let more_mm = (e - before.1[3]) as f64 / 95.0;
+        assert!((more_mm - pushed_mm).abs() < 0.02, "{line}: {more_mm} mm");
+        assert_eq!(print.conversation.position_mm(), before.0, "{line}");
+    }
+}
+
+/// Too cold to push: the person reads why, and is still asked.
+#[test]
+fn a_cold_nozzle_pushes_no_more() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    print.say("M109 R40");
+    let before = machine.desk().motor_steps();
+    let pressed = std::cell::Cell::new(0);
+    let from_s = now_s(&machine);
+    print.number += 1;
+    let text = format!("{}\n", numbered(print.number, "M600"));
+    let replies = print.conversation.say_while(text.as_bytes(), |machine| {
+        if now_s(machine) >= from_s + 30.0 * f64::from(pressed.get() + 1) {
+            machine.signals().answer_prompt(u8::from(pressed.get() == 0));
+            pressed.set(pressed.get() + 1);
+        }
+    });
+    assert!(replies.iter().any(|reply| reply.contains("cold extrusion prevented")), "{replies:?}");
+    assert_eq!(pressed.get(), 2);
+    assert_eq!(machine.desk().motor_steps(), before);
 }
 
 /// A cold nozzle refuses to extrude: the line says so and the host's print waits.

@@ -33,6 +33,7 @@ fn place() -> Place {
             targets_celsius: [215.5, 60.0],
             drawn_100pm: 8_000_000,
             load_100pm: 20_000_000_000,
+            pushes_more: false,
             until_ms: None,
         },
         fans: [255, 0, 1, 2, 3, 4],
@@ -55,6 +56,7 @@ fn other() -> Place {
         targets_celsius: [0.0; 2],
         drawn_100pm: 0,
         load_100pm: 0,
+        pushes_more: false,
         until_ms: None,
     };
     Place {
