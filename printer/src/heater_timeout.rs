@@ -28,6 +28,7 @@ pub enum HeaterRest {
 }
 
 impl fmt::Display for HeaterRest {
+    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Warning { rested_s, left_s } => write!(
