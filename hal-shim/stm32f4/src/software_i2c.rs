@@ -115,13 +115,20 @@ impl<R: Registers, P: BusPace> SoftwareI2c<R, P> {
         self.pace.half_period();
     }
 
-    /// Sees that both lines are high. A part that was reading when this chip was reset still sends its byte: clocks end it.
+    /// Sees that both lines are high. A part that was reading when this chip was reset still sends its byte: it gets clocks until SDA is
+    /// high, and then, before the clock falls and its next bit may be low, a start, which ends its transfer.
     fn free(&mut self) -> bool {
         self.is_stuck = false;
         self.raise_clock(true);
-        if !self.is_high(self.pins.sda) {
+        let mut clocks = 0;
+        while clocks < FREEING_CLOCKS && !self.is_high(self.pins.sda) {
             self.pull_clock();
-            let _freed = (0..FREEING_CLOCKS).any(|_| self.bit(true));
+            self.raise_clock(true);
+            clocks += 1;
+        }
+        if clocks > 0 {
+            self.set(self.pins.sda, false);
+            self.pace.half_period();
             self.stop();
         }
         !self.is_stuck && self.is_high(self.pins.sda)

@@ -236,7 +236,26 @@ fn a_missing_acknowledge_ends_the_transfer_with_a_stop() {
     assert!(written);
 }
 
-/// A part that this chip's reset has interrupted needs up to nine clocks.
+/// A part that this chip's reset has interrupted within any bit of any byte is free again, and hears the next address.
+#[test]
+fn an_interrupted_read_is_ended() {
+    for byte in 0..=255 {
+        for bits in 0..8 {
+            let interrupt = |wires: &mut Wires| {
+                wires.sends = Some(byte);
+                wires.bits = vec![false; bits];
+                wires.part_sda = byte >> (7 - bits) & 1 == 1;
+                // The clock, which was low, has risen with the reset.
+                wires.bits.push(wires.part_sda);
+            };
+            let (written, said) = after(interrupt, |bus| bus.write(0x50, &[5]));
+            assert_eq!(written, Ok(()), "{byte:#x}, {bits}: {said:?}");
+            assert_eq!(said[said.len() - 4..], [Start, Byte(0xa0, true), Byte(5, true), Stop], "{byte:#x}, {bits}");
+        }
+    }
+}
+
+/// A line that is held for up to nine clocks.
 #[test]
 fn nine_clocks_free_the_bus() {
     for clocks in 1..=9 {
