@@ -29,7 +29,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     // So is what keeps settings.
     println!("cargo:rustc-check-cfg=cfg(settings_memory)");
-    if board.settings_bytes() > 0 {
+    println!("cargo:rustc-check-cfg=cfg(eeprom)");
+    if board.eeprom.is_some() {
+        println!("cargo:rustc-cfg=eeprom");
+    }
+    if board.eeprom.is_some() || board.settings_bytes() > 0 {
         println!("cargo:rustc-cfg=settings_memory");
     }
     if board.card.is_some() {

@@ -91,6 +91,8 @@ pub struct Board {
     pub card: Option<CardSlot>,
     /// The plug for an accelerometer.
     pub accelerometer: Option<Accelerometer>,
+    /// The EEPROM that settings are kept in.
+    pub eeprom: Option<Eeprom>,
     /// What a user of the board should know: one sentence each.
     pub notes: Vec<String>,
 }
@@ -129,6 +131,31 @@ pub struct Accelerometer {
     pub mosi: Pin,
     /// Low while the chip is asked.
     pub cs: Pin,
+}
+
+/// An EEPROM's type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EepromChip {
+    /// 24C32 of any maker: 4 KiB in pages of 32 bytes, two bytes of address.
+    C24c32,
+}
+
+impl EepromChip {
+    /// All types by the words that a board's file has for them.
+    pub const ALL: [(&'static str, Self); 1] = [("24c32", Self::C24c32)];
+}
+
+/// An EEPROM on two wires (I2C).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Eeprom {
+    /// Its type.
+    pub chip: EepromChip,
+    /// The clock.
+    pub scl: Pin,
+    /// Data, both ways.
+    pub sda: Pin,
+    /// Its address on the bus, 7 bits.
+    pub address: u8,
 }
 
 /// A motor's pins.
@@ -241,9 +268,9 @@ impl Board {
     }
 
     /// Flash at its end that the image leaves to settings (M500), bytes: the last two sectors of a chip of 1 MiB. Smaller ones have no
-    /// two sectors to spare.
+    /// two sectors to spare, and a board with an EEPROM needs none.
     pub fn settings_bytes(&self) -> u32 {
-        if self.flash_kib >= 1024 { 2 * SECTOR_BYTES } else { 0 }
+        if self.flash_kib >= 1024 && self.eeprom.is_none() { 2 * SECTOR_BYTES } else { 0 }
     }
 
     /// Flash that the image may take, bytes.

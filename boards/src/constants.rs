@@ -6,9 +6,9 @@ use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::Profile;
 use ferrostep_stm32f4::registers::Registers;
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
-use ferrostep_stm32f4::{OutputPin, SpiPins, TimerChannel};
+use ferrostep_stm32f4::{I2cPins, OutputPin, SpiPins, TimerChannel};
 
-use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
+use crate::board::{Board, CCM_ADDRESS, DriverUart, Eeprom, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
 use crate::fit;
 use crate::pin::Pin;
@@ -31,6 +31,10 @@ pub fn rust(board: &Board) -> String {
     let accelerometer = board.accelerometer.map(|plug| {
         let [sck, miso, mosi, cs] = [plug.sck, plug.miso, plug.mosi, plug.cs].map(|pin| (pin.port, pin.number));
         SpiPins { sck, miso, mosi, cs }
+    });
+    let eeprom = board.eeprom.map(|Eeprom { scl, sda, address, .. }| {
+        let [scl, sda] = [scl, sda].map(|pin| (pin.port, pin.number));
+        (I2cPins { scl, sda }, address)
     });
     let family = board.chip.family;
     // The core is as fast with either oscillator: each constant below holds for both.
@@ -65,6 +69,8 @@ pub fn rust(board: &Board) -> String {
          pub const CARD_DETECT: Option<(u8, u8)> = {card_detect:?};\n\
          /// Pins of the bus to an accelerometer.\n\
          pub const ACCELEROMETER: Option<SpiPins> = {accelerometer:?};\n\
+         /// Pins of the bus to an EEPROM, a 24C32, and its address.\n\
+         pub const EEPROM: Option<(I2cPins, u8)> = {eeprom:?};\n\
          /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
          /// Its chip's registers.\npub const FAMILY: ChipFamily = ChipFamily::{family:?};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\

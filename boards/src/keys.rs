@@ -4,8 +4,8 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_hal_shim::FanOutput;
 
 use crate::board::{
-    Accelerometer, AccelerometerChip, BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Fan, Heater,
-    Motor, SECTORS, Thermistor,
+    Accelerometer, AccelerometerChip, BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Eeprom,
+    EepromChip, Fan, Heater, Motor, SECTORS, Thermistor,
 };
 use crate::chip::Chip;
 use crate::clock::{CRYSTALS_MHZ, Clock, INTERNAL_HZ};
@@ -22,6 +22,8 @@ const RAM: Range = range(96.0, 128.0, "KiB");
 const CCM: Range = range(0.0, 64.0, "KiB");
 const BOOT_OFFSET: Range = range(0.0, 524_288.0, "bytes");
 const UART_ADDRESS: Range = range(0.0, 3.0, "");
+/// 1010 and the levels of its pins A2, A1 and A0 (data sheet of the AT24C32E, device addressing).
+const EEPROM_ADDRESS: Range = range(80.0, 87.0, "(0x50 to 0x57)");
 const SENSE_RESISTOR: Range = range(0.01, 1.0, "ohm");
 const PULL_UP: Range = range(100.0, 100_000.0, "ohm");
 
@@ -97,6 +99,13 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
              are the machine's",
         )
         .map(|table| accelerometer(&table, &mut pins));
+    let eeprom = keys
+        .optional_section(
+            "eeprom",
+            "settings are kept in the flash of a chip of 1 MiB, or not at all",
+            "the board's memory for [settings](settings.md#the-memory), on two wires (I2C), which the firmware moves itself: any pins",
+        )
+        .map(|table| eeprom(&table, &mut pins));
     let board = Board {
         name: board_name,
         title,
@@ -122,6 +131,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         usb,
         card,
         accelerometer,
+        eeprom,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);
@@ -152,6 +162,17 @@ fn accelerometer(table: &Section<'_>, pins: &mut Pins<'_>) -> Accelerometer {
         miso: pins.take(table, "miso", Use::Any, "input; the chip's data (SDO)"),
         mosi: pins.take(table, "mosi", Use::Any, "output; data for the chip (SDA)"),
         cs: pins.take(table, "cs", Use::Any, "output; low while the chip is asked"),
+    }
+}
+
+/// The EEPROM.
+fn eeprom(table: &Section<'_>, pins: &mut Pins<'_>) -> Eeprom {
+    Eeprom {
+        chip: table.word("chip", EepromChip::ALL).required("its type: 4 KiB in pages of 32 bytes"),
+        scl: pins.take(table, "scl", Use::Any, "output, open drain; the clock"),
+        sda: pins.take(table, "sda", Use::Any, "output and input, open drain; data"),
+        address: table.whole("address", EEPROM_ADDRESS).required("on the bus; its pins A0 to A2 are the lowest bits")
+            as u8,
     }
 }
 

@@ -20,8 +20,8 @@ mod start;
 mod store;
 
 pub use board::{
-    Accelerometer, AccelerometerChip, BBF_HEADER_BYTES, BBF_SUFFIX, Board, CCM_ADDRESS, Driver, DriverUart,
-    FLASH_ADDRESS, Fan, Heater, Motor, RAM_ADDRESS, Thermistor,
+    Accelerometer, AccelerometerChip, BBF_HEADER_BYTES, BBF_SUFFIX, Board, CCM_ADDRESS, Driver, DriverUart, Eeprom,
+    EepromChip, FLASH_ADDRESS, Fan, Heater, Motor, RAM_ADDRESS, Thermistor,
 };
 pub use chip::Chip;
 pub use ferrostep_checked_toml::{FileError as BoardError, Problem};

@@ -4,7 +4,7 @@ use ferrostep_stm32f4::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPE
 use ferrostep_stm32f4::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
 use ferrostep_stm32f4::usb_controller;
 
-use crate::board::{Accelerometer, Board};
+use crate::board::{Accelerometer, Board, Eeprom};
 use crate::pin::Pin;
 use crate::start::as_after_reset;
 use crate::store::Store;
@@ -134,6 +134,23 @@ fn accelerometer(board: &Board) -> Vec<Store> {
     .concat()
 }
 
+fn eeprom_pins(board: &Board) -> Vec<Pin> {
+    board.eeprom.iter().flat_map(|Eeprom { scl, sda, .. }| [*scl, *sda]).collect()
+}
+
+/// The bus at rest: both lines released before they are outputs, which pull low alone. The chip's pull-ups help the board's.
+fn eeprom(board: &Board) -> Vec<Store> {
+    let pins = eeprom_pins(board);
+    [
+        levels(&pins, &[]),
+        fields(&pins, OTYPER, 1, 1),
+        fields(&pins, PUPDR, 2, PULL_UP),
+        fields(&pins, OSPEEDR, 2, LOW_SPEED),
+        fields(&pins, MODER, 2, OUTPUT),
+    ]
+    .concat()
+}
+
 /// Outputs that drive both levels, without pulls: a boot loader may have had them otherwise.
 fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
@@ -149,7 +166,7 @@ fn heaters_off(board: &Board) -> Vec<Store> {
 pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
     let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board)).chain(card_pins(board));
-    let others = others.chain(accelerometer_pins(board));
+    let others = others.chain(accelerometer_pins(board)).chain(eeprom_pins(board));
     let ports = outputs.into_iter().chain(others).fold(0, |ports, pin| ports | 1 << pin.port);
     // Twice: the second time reads the first back (`Registers::switch_clocks_on` says why).
     let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }; 2];
@@ -213,6 +230,7 @@ pub fn pins(board: &Board) -> Vec<Store> {
         fields(&board.serial, MODER, 2, ALTERNATE),
         card(board),
         accelerometer(board),
+        eeprom(board),
     ]
     .concat()
 }
@@ -358,6 +376,30 @@ mod tests {
         assert_eq!((field(miso, MODER), field(miso, PUPDR)), (0, PULL_UP));
     }
 
+    /// Neither line is ever driven high, and none is an output before it is released.
+    #[test]
+    fn an_eeproms_lines_are_open_drain_and_released() {
+        let board = crate::load("btt-octopus-1.1").unwrap();
+        let Eeprom { scl, sda, .. } = board.eeprom.unwrap();
+        let stores = pins(&board);
+        let registers = after(&[first(&board), stores.clone()].concat());
+        for pin in [scl, sda] {
+            let field = |offset, width: u8| {
+                let register = registers.get(&of_port(pin.port, offset)).copied().unwrap_or(0);
+                register >> (width * pin.number) & ((1 << width) - 1)
+            };
+            assert_eq!((field(MODER, 2), field(OTYPER, 1), field(PUPDR, 2)), (OUTPUT, 1, PULL_UP), "{pin}");
+            let place = |offset, bits: u32| {
+                stores.iter().position(|store| store.address == of_port(pin.port, offset) && store.set & bits == bits)
+            };
+            let [released, open, output] =
+                [drives(&stores, pin, true), place(OTYPER, pin.bit()), place(MODER, OUTPUT << (2 * pin.number))];
+            assert!(released < output && open < output && released.is_some() && open.is_some(), "{pin}");
+            assert_eq!(drives(&stores, pin, false), None, "{pin}");
+            assert_eq!(registers[&RCC_AHB1ENR] >> pin.port & 1, 1, "{pin}");
+        }
+    }
+
     #[test]
     fn only_pins_of_the_board_are_touched() {
         for board in boards() {
@@ -370,6 +412,7 @@ mod tests {
                     .chain(thermistor_pins(&board))
                     .chain(card_pins(&board))
                     .chain(accelerometer_pins(&board))
+                    .chain(eeprom_pins(&board))
                     .collect();
             for Store { address, clear, .. } in [first(&board), pins(&board), all_off(&board)].concat() {
                 let Some(offset) = address.checked_sub(gpio::GPIO).filter(|offset| *offset < 7 * gpio::GPIO_STRIDE)

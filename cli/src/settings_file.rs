@@ -6,7 +6,7 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use ferrostep_printer::SettingsMemory;
-use ferrostep_settings::{MemoryFlash, Slot, Store, StoreError};
+use ferrostep_settings::{MemoryFlash, NOT_WORKING, Slot, Store, StoreError};
 
 /// Bytes of a sector, and how many there are.
 const SECTOR_BYTES: usize = 4096;
@@ -60,7 +60,7 @@ impl SettingsMemory for SettingsFile {
 
     fn save(&self, record: &[u8]) -> Result<(), StoreError> {
         self.store.borrow_mut().save(record)?;
-        self.write().map_err(|_| StoreError::Flash)
+        self.write().map_err(|_| StoreError::Memory(NOT_WORKING))
     }
 
     fn stalls(&self) -> bool {

@@ -249,6 +249,7 @@ impl Machine {
         if powered != self.powered {
             self.powered = powered;
             self.chip.set_power(VirtualNanos(now_ns), powered);
+            self.plant.power_logic(now_ns, powered);
             if !powered {
                 // Pins without supply float: the gates' pull-down resistors switch off.
                 self.plant.release_gates(now_ns);

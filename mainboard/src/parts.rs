@@ -12,11 +12,13 @@
 //! | [`heat`] | heaters with their mass, thermistors |
 //! | [`fan`] | rotor and tacho |
 //! | [`adxl345`] | accelerometer: registers, memory, its end of an SPI bus |
+//! | [`at24c32`] | EEPROM: pages, write cycles, its end of an I2C bus |
 //! | [`frame`] | the spring between motors and nozzle |
 //! | [`supply`] | rails: sag, cut, return |
 //! | [`random`] | the seeded generator of all noise |
 
 pub mod adxl345;
+pub mod at24c32;
 pub mod fan;
 pub mod frame;
 pub mod heat;

@@ -5,6 +5,7 @@
 
 mod accelerometer;
 mod build;
+mod eeprom;
 
 use std::collections::BTreeMap;
 
@@ -21,6 +22,8 @@ use crate::pins::Pin;
 use crate::wiring::{Adc, TimerChannel};
 use accelerometer::BusWire;
 pub use accelerometer::WiredAccelerometer;
+use eeprom::EepromWire;
+pub use eeprom::WiredEeprom;
 
 /// The part connected to an output pin of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,6 +42,8 @@ enum Role {
     Fan(usize),
     /// A wire to the accelerometer.
     Accelerometer(BusWire),
+    /// A wire to the EEPROM.
+    Eeprom(EepromWire),
 }
 
 /// The pin of a heater or fan, and the timer channel that may drive it.
@@ -104,6 +109,7 @@ enum Source {
     Tacho(usize),
     Wire(usize),
     Accelerometer,
+    Eeprom,
     /// Held at a constant level.
     Held(bool),
 }
@@ -134,6 +140,8 @@ pub struct Plant {
     pub thermistors: Vec<WiredThermistor>,
     /// The accelerometer, on a board with a plug for one.
     pub accelerometer: Option<WiredAccelerometer>,
+    /// The EEPROM, on a board that has one.
+    pub eeprom: Option<WiredEeprom>,
     /// The supply of motors and heaters.
     pub motor_rail: Rail,
     /// The chip's supply.
@@ -141,8 +149,8 @@ pub struct Plant {
     ambient_celsius: f64,
     slow_ns: u64,
     lines_changed: bool,
-    /// A part has answered an output at once: the chip may look before time goes on.
-    has_answered: bool,
+    /// A part that has answered an output at once: the chip may look before time goes on.
+    answered: Option<Source>,
 }
 
 impl Plant {
@@ -189,8 +197,13 @@ impl Plant {
             Role::Heater(heater) => self.power_heater(now_ns, heater, if level == Some(true) { 1.0 } else { 0.0 }),
             Role::Fan(fan) => self.power_fan(now_ns, fan, if level == Some(true) { 1.0 } else { 0.0 }),
             Role::Accelerometer(wire) => {
-                if let Some(accelerometer) = &mut self.accelerometer {
-                    self.has_answered |= accelerometer.set_wire(now_ns, wire, level);
+                if self.accelerometer.as_mut().is_some_and(|part| part.set_wire(now_ns, wire, level)) {
+                    self.answered = Some(Source::Accelerometer);
+                }
+            }
+            Role::Eeprom(wire) => {
+                if self.eeprom.as_mut().is_some_and(|part| part.set_wire(now_ns, wire, level)) {
+                    self.answered = Some(Source::Eeprom);
                 }
             }
         }
@@ -378,15 +391,7 @@ impl Plant {
         }
         let mut changes = Vec::new();
         for (index, (pin, source)) in self.inputs.iter().enumerate() {
-            let level = match *source {
-                Source::EndStop(stop) => self.motion.end_stop(stop).map(|stop| stop.level()),
-                Source::Probe => self.motion.probe().map(|probe| probe.level()),
-                Source::Diag(motor) => self.drivers.get(motor).and_then(Tmc2209::diag),
-                Source::Tacho(fan) => self.fans.get(fan).map(|fan| fan.fan.tacho()),
-                Source::Wire(wire) => self.wires.get(wire).map(Wire::level),
-                Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
-                Source::Held(level) => Some(level),
-            };
+            let level = self.level(*source);
             if self.driven[index] != Some(level) {
                 self.driven[index] = Some(level);
                 changes.push((*pin, level));
@@ -395,16 +400,35 @@ impl Plant {
         changes
     }
 
+    /// The level that a part drives; `None` for a floating pin.
+    fn level(&self, source: Source) -> Option<bool> {
+        match source {
+            Source::EndStop(stop) => self.motion.end_stop(stop).map(|stop| stop.level()),
+            Source::Probe => self.motion.probe().map(|probe| probe.level()),
+            Source::Diag(motor) => self.drivers.get(motor).and_then(Tmc2209::diag),
+            Source::Tacho(fan) => self.fans.get(fan).map(|fan| fan.fan.tacho()),
+            Source::Wire(wire) => self.wires.get(wire).map(Wire::level),
+            Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
+            Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
+            Source::Held(level) => Some(level),
+        }
+    }
+
     /// Takes the level of an input that changed with the output just followed.
     pub fn take_answer(&mut self) -> Option<(Pin, Option<bool>)> {
-        if !std::mem::take(&mut self.has_answered) {
-            return None;
-        }
-        let part = self.accelerometer.as_ref()?;
-        let (pin, level) = (part.miso, part.chip.output());
-        let place = self.inputs.iter().position(|(input, _)| *input == pin)?;
+        let source = self.answered.take()?;
+        let place = self.inputs.iter().position(|(_, of)| *of == source)?;
+        let level = self.level(source);
         self.driven[place] = Some(level);
-        Some((pin, level))
+        Some((self.inputs[place].0, level))
+    }
+
+    /// Switches what the chip's supply feeds besides the chip.
+    pub fn power_logic(&mut self, now_ns: u64, powered: bool) {
+        if let Some(eeprom) = &mut self.eeprom {
+            eeprom.chip.set_power(now_ns, powered);
+            self.lines_changed = true;
+        }
     }
 
     /// Drives all inputs again: after a reset of the chip's ports, or after a part was broken or mended.

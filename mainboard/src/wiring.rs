@@ -18,7 +18,7 @@ mod image;
 mod printer;
 mod refusal;
 
-pub use board::{Accelerometer, Board, Driver, DriverLine, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
+pub use board::{Accelerometer, Board, Driver, DriverLine, Eeprom, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
 pub use chip::Chip;
 pub use functions::{Adc, TimerChannel};
 pub use image::{Image, check_image};

@@ -13,6 +13,7 @@ use ferrostep_gcode::{Reply, SettingsCommand};
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
+use ferrostep_tmc2209::DriverSettings;
 
 use crate::axis_names::AXIS_NAMES;
 use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
@@ -51,28 +52,16 @@ impl fmt::Display for Stored {
 /// The name of [`Statistics`] in a memory, whose settings have the names of a profile's keys.
 const STATISTICS: u16 = id_of("statistics");
 
-/// Adds the numbers that are not 0. `false`: the record is full.
-fn add_statistics(statistics: &mut Statistics, record: &mut RecordWriter) -> bool {
-    let mut numbers = (0_u8..).zip(statistics.numbers_mut()).filter(|(_, number)| **number > 0);
-    numbers.all(|(index, number)| record.add(Entry { id: STATISTICS, index, value: f64::from(*number) }))
-}
-
-/// Copies the stored settings. `false`: there is a record that cannot be read, or it does not fit.
-#[inline(never)]
-fn copy_settings(memory: &dyn SettingsMemory, profile: &str, to: &mut RecordWriter) -> bool {
-    let mut slot = [0; SLOT_BYTES];
-    match memory.load(&mut slot) {
-        Ok(None) => true,
-        Ok(Some(bytes)) => Record::read(bytes, profile)
-            .is_ok_and(|record| record.entries().filter(|entry| entry.id != STATISTICS).all(|entry| to.add(entry))),
-        Err(_) => false,
-    }
-}
-
 /// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
 fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
-    let mut settings = GROUPS.iter().flat_map(|group| group.settings.iter().map(move |setting| (group, setting)));
-    settings.find(|(_, setting)| id_of(setting.name) == entry.id)
+    for group in &GROUPS {
+        for setting in group.settings {
+            if id_of(setting.name) == entry.id {
+                return Some((group, setting));
+            }
+        }
+    }
+    None
 }
 
 /// What a memory makes of the commands that need one. An image whose board has none does not contain their code.
@@ -87,6 +76,10 @@ pub(crate) trait KeepsSettings<P: Ports> {
 impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
     fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice> {
         match command {
+            Some(SettingsCommand::Store) if printer.may_not_stall(self) => printer.replies.say(format_args!(
+                "echo:M500: nothing is stored while heaters are on, for this chip stands still while it writes: send M104 S0, \
+                 M140 S0 and then M500"
+            )),
             Some(SettingsCommand::Store) => printer.store_settings(self),
             Some(SettingsCommand::Validate) => {
                 let stored = printer.read_settings(self, "M504")?;
@@ -98,7 +91,9 @@ impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
     }
 
     fn keep_statistics(&self, printer: &mut Printer<'_, P>) {
-        printer.store_statistics(self);
+        if !printer.may_not_stall(self) {
+            printer.store_statistics(self);
+        }
     }
 }
 
@@ -190,9 +185,13 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
+    /// The settings of the drivers that can be set.
+    fn live_drivers(&self) -> [Option<DriverSettings>; 4] {
+        [0, 1, 2, 3].map(|motor| Some(self.drivers?.report(motor)?.settings))
+    }
+
     /// The settings in force.
     fn live_values(&self) -> Values {
-        let drivers = [0, 1, 2, 3].map(|motor| Some(self.drivers?.report(motor)?.settings));
         let MotionChoice { shapers, pressure_advance, .. } = self.motion.motion_choice();
         let modal = &self.interpreter.modal;
         Values {
@@ -204,13 +203,13 @@ impl<'a, P: Ports> Printer<'a, P> {
             filament_10nm: self.filament_10nm,
             shapers,
             advance: advance_numbers(&pressure_advance),
-            drivers,
+            drivers: self.live_drivers(),
             gains: self.equipment.heaters.then(|| Heater::ALL.map(|heater| self.heating.gains(heater))),
         }
     }
 
     fn profile_values(&self) -> Values {
-        Values::of_profile(self.profile, &self.live_values().drivers, self.equipment.heaters)
+        Values::of_profile(self.profile, &self.live_drivers(), self.equipment.heaters)
     }
 
     /// M503.
@@ -242,30 +241,27 @@ impl<'a, P: Ports> Printer<'a, P> {
     // Not inlined, as those below: each needs much of the stack, and they never nest.
     #[inline(never)]
     fn store_settings(&mut self, memory: &dyn SettingsMemory) {
-        if self.may_not_stall(memory) {
-            return self.replies.say(format_args!(
-                "echo:M500: nothing is stored while heaters are on, for this chip stands still while it writes: send M104 S0, \
-                 M140 S0 and then M500"
-            ));
-        }
         let (mut live, mut of_profile) = (self.live_values(), self.profile_values());
         let mut record = RecordWriter::new(self.profile.name);
         let (mut count, mut is_whole) = (0_usize, true);
-        for (setting, index) in all_values() {
-            let (Some(live), Some(of_profile)) =
-                ((setting.place)(&mut live, index), (setting.place)(&mut of_profile, index))
-            else {
-                continue;
-            };
-            let value = live.get();
-            let is_same = value == of_profile.get() || value.is_nan() && of_profile.get().is_nan();
-            if !is_same {
-                is_whole &= record.add(Entry { id: id_of(setting.name), index: index as u8, value });
-                count = count.saturating_add(1);
+        for group in &GROUPS {
+            for setting in group.settings {
+                for index in 0..group.values_of(setting) {
+                    let (Some(live), Some(of_profile)) =
+                        ((setting.place)(&mut live, index), (setting.place)(&mut of_profile, index))
+                    else {
+                        continue;
+                    };
+                    let (value, of_profile) = (live.get(), of_profile.get());
+                    if value != of_profile && !(value.is_nan() && of_profile.is_nan()) {
+                        is_whole &= record.add(Entry { id: id_of(setting.name), index: index as u8, value });
+                        count = count.saturating_add(1);
+                    }
+                }
             }
         }
         self.see_heat();
-        is_whole &= add_statistics(&mut self.print_clock.statistics, &mut record);
+        is_whole &= self.add_statistics(&mut record);
         is_whole &= self.add_mesh(&mut record);
         let bytes = record.bytes();
         let saved = memory.save(bytes);
@@ -282,23 +278,44 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
+    /// Adds the statistics' numbers that are not 0. `false`: the record is full.
+    #[inline(never)]
+    fn add_statistics(&mut self, record: &mut RecordWriter) -> bool {
+        for (index, number) in (0..).zip(self.print_clock.statistics.numbers_mut()) {
+            if *number > 0 && !record.add(Entry { id: STATISTICS, index, value: f64::from(*number) }) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Copies the stored settings. `false`: there is a record that cannot be read, or it does not fit.
+    #[inline(never)]
+    fn copy_settings(&self, memory: &dyn SettingsMemory, to: &mut RecordWriter) -> bool {
+        let mut slot = [0; SLOT_BYTES];
+        match memory.load(&mut slot) {
+            Ok(None) => true,
+            Ok(Some(bytes)) => Record::read(bytes, self.profile.name)
+                .is_ok_and(|record| record.entries().filter(|entry| entry.id != STATISTICS).all(|entry| to.add(entry))),
+            Err(_) => false,
+        }
+    }
+
     /// Whether heaters are on, and the processor would stand still while the memory is written.
-    fn may_not_stall(&self, memory: &dyn SettingsMemory) -> bool {
+    // By the memory's own type: of one that never stalls nothing of this is compiled.
+    fn may_not_stall(&self, memory: &impl SettingsMemory) -> bool {
         memory.stalls() && Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0)
     }
 
     /// Writes the stored record anew, with other statistics. One that cannot be read stays as it is until M500.
     #[inline(never)]
     fn store_statistics(&mut self, memory: &dyn SettingsMemory) {
-        if self.may_not_stall(memory) {
-            return;
-        }
         let mut record = RecordWriter::new(self.profile.name);
-        if !copy_settings(memory, self.profile.name, &mut record) {
+        if !self.copy_settings(memory, &mut record) {
             return;
         }
         self.see_heat();
-        if add_statistics(&mut self.print_clock.statistics, &mut record) {
+        if self.add_statistics(&mut record) {
             self.print_clock.is_unsaved = false;
             if let Err(error) = memory.save(record.bytes()) {
                 self.replies.say(format_args!("echo:M78: the statistics are not stored: {error}"));
@@ -441,8 +458,10 @@ impl<'a, P: Ports> Printer<'a, P> {
     #[inline(always)]
     fn put_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
         self.put_drivers_in_force(values);
-        for (heater, gains) in Heater::ALL.into_iter().zip(values.gains.into_iter().flatten()) {
-            self.heating.set_gains(heater, gains);
+        if let Some(gains) = &values.gains {
+            for (heater, gains) in Heater::ALL.iter().zip(gains) {
+                self.heating.set_gains(*heater, *gains);
+            }
         }
         self.put_motion_in_force(values)
     }
@@ -483,6 +502,7 @@ pub fn stored_keys() -> impl Iterator<Item = (&'static str, &'static str)> {
 }
 
 /// Each value of each setting.
+#[cfg(test)]
 fn all_values() -> impl Iterator<Item = (&'static Setting, usize)> {
     GROUPS.iter().flat_map(|group| {
         group.settings.iter().flat_map(|setting| (0..group.values_of(setting)).map(move |index| (setting, index)))

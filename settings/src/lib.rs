@@ -10,4 +10,4 @@ mod store;
 
 pub use memory_flash::{Cut, MemoryFlash, PowerIsOff};
 pub use record::{Entry, MAX_BYTES, MAX_VALUES, Record, RecordError, RecordWriter, hash_of, id_of};
-pub use store::{SLOT_BYTES, Slot, Store, StoreError};
+pub use store::{NOT_WORKING, SLOT_BYTES, Slot, Store, StoreError};

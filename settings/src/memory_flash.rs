@@ -4,6 +4,8 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
 
+use crate::store::NOT_WORKING;
+
 /// Bytes of a word, as an STM32F4 writes it.
 const WORD_BYTES: usize = 4;
 
@@ -24,6 +26,12 @@ pub struct PowerIsOff;
 impl NorFlashError for PowerIsOff {
     fn kind(&self) -> NorFlashErrorKind {
         NorFlashErrorKind::Other
+    }
+}
+
+impl From<PowerIsOff> for &'static str {
+    fn from(_: PowerIsOff) -> Self {
+        NOT_WORKING
     }
 }
 

@@ -31,11 +31,14 @@ const CHUNK_BYTES: usize = 64;
 
 const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
+/// The words of a memory that says no more.
+pub const NOT_WORKING: &str = "the memory for settings does not work";
+
 /// Why settings are not stored, or not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
-    /// The flash has refused to read, write or erase, or does not contain what was written.
-    Flash,
+    /// The memory has refused to read, write or erase, or does not contain what was written: what does not work, in its own words.
+    Memory(&'static str),
     /// The record does not fit.
     TooLong,
     /// The sectors are not two whole ones or more.
@@ -45,7 +48,7 @@ pub enum StoreError {
 impl fmt::Display for StoreError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
-            Self::Flash => "the memory for settings does not work",
+            Self::Memory(fault) => fault,
             Self::TooLong => "there are more settings than the memory holds",
             Self::Sectors => "the memory for settings has too few sectors",
         })
@@ -64,13 +67,13 @@ struct Newest {
     number: u32,
 }
 
-/// Records in a flash of two sectors or more.
+/// Records in a flash of two sectors or more, whose errors are words for a person.
 #[derive(Debug)]
 pub struct Store<F> {
     flash: F,
 }
 
-impl<F: NorFlash> Store<F> {
+impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
     /// The records in a flash, which has all of it; nothing is read or written yet.
     ///
     /// # Errors
@@ -91,7 +94,7 @@ impl<F: NorFlash> Store<F> {
     /// The flash does not work.
     pub fn load<'s>(&mut self, slot: &'s mut Slot) -> Result<Option<&'s [u8]>, StoreError> {
         let Some(newest) = self.newest(slot)? else { return Ok(None) };
-        self.read(newest.address, slot)?;
+        self.read_record(newest.address, slot)?;
         Ok(record_in(slot).map(|(_, record)| record))
     }
 
@@ -111,9 +114,9 @@ impl<F: NorFlash> Store<F> {
             None => self.erase(0)?,
         };
         let words = slot.get(..length.next_multiple_of(F::WRITE_SIZE)).ok_or(StoreError::TooLong)?;
-        self.flash.write(address, words).map_err(|_| StoreError::Flash)?;
+        self.flash.write(address, words).map_err(fault)?;
         // What was written, and nothing else, is read back.
-        if self.contains(address, words)? { Ok(()) } else { Err(StoreError::Flash) }
+        if self.contains(address, words)? { Ok(()) } else { Err(StoreError::Memory(NOT_WORKING)) }
     }
 
     /// The flash.
@@ -137,7 +140,7 @@ impl<F: NorFlash> Store<F> {
             if number == 0 || number == u32::MAX || newest.is_some_and(|newest| newest.number >= number) {
                 continue;
             }
-            self.read(address, slot)?;
+            self.read_record(address, slot)?;
             if record_in(slot).is_some() {
                 newest = Some(Newest { address, number });
             }
@@ -151,6 +154,10 @@ impl<F: NorFlash> Store<F> {
     }
 
     fn empty_slot_after(&mut self, address: u32) -> Result<Option<u32>, StoreError> {
+        // A memory of small sectors needs none of this.
+        if F::ERASE_SIZE == SLOT_BYTES {
+            return Ok(None);
+        }
         let end = Self::sector(address).saturating_add(F::ERASE_SIZE as u32);
         for slot in (address..end).step_by(SLOT_BYTES).skip(1) {
             if self.contains(slot, &[0xff; SLOT_BYTES])? {
@@ -169,12 +176,21 @@ impl<F: NorFlash> Store<F> {
     /// Erases a sector, although it may look empty: after an erasure that was cut short its cells may forget.
     fn erase(&mut self, sector: u32) -> Result<u32, StoreError> {
         let end = sector.saturating_add(F::ERASE_SIZE as u32);
-        self.flash.erase(sector, end).map_err(|_| StoreError::Flash)?;
+        self.flash.erase(sector, end).map_err(fault)?;
         Ok(sector)
     }
 
+    /// Reads a slot as far as its head says that there is a record: a memory on a slow bus would take long for all of it.
+    fn read_record(&mut self, address: u32, slot: &mut Slot) -> Result<(), StoreError> {
+        let (head, _) = slot.split_at_mut(HEAD_BYTES);
+        self.read(address, head)?;
+        let length = head.get(4..).and_then(<[u8]>::first_chunk).map_or(0, |bytes| u16::from_le_bytes(*bytes));
+        let end = (HEAD_BYTES + usize::from(length)).next_multiple_of(F::READ_SIZE).min(SLOT_BYTES);
+        self.read(address, slot.get_mut(..end).unwrap_or_default())
+    }
+
     fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<(), StoreError> {
-        self.flash.read(address, bytes).map_err(|_| StoreError::Flash)
+        self.flash.read(address, bytes).map_err(fault)
     }
 
     /// Whether the flash contains these bytes.
@@ -189,6 +205,10 @@ impl<F: NorFlash> Store<F> {
         }
         Ok(true)
     }
+}
+
+fn fault(error: impl Into<&'static str>) -> StoreError {
+    StoreError::Memory(error.into())
 }
 
 fn number_of(head: &[u8]) -> u32 {
@@ -213,9 +233,10 @@ fn fill(slot: &mut Slot, number: u32, record: &[u8]) -> Result<usize, StoreError
         .filter(|_| record.len() <= MAX_BYTES)
         .ok_or(StoreError::TooLong)?
         .copy_from_slice(record);
-    let (start, sum) = head.split_at_mut(HEAD_BYTES - 4);
-    let numbers = number.to_le_bytes().into_iter().chain(length.to_le_bytes()).chain((!length).to_le_bytes());
-    start.iter_mut().zip(numbers).for_each(|(byte, number)| *byte = number);
+    let (start, sum) = head.split_first_chunk_mut::<{ HEAD_BYTES - 4 }>().ok_or(StoreError::TooLong)?;
+    let [n0, n1, n2, n3] = number.to_le_bytes();
+    let [[l0, l1], [c0, c1]] = [length, !length].map(u16::to_le_bytes);
+    start.copy_from_slice(&[n0, n1, n2, n3, l0, l1, c0, c1]);
     sum.copy_from_slice(&checksum(start, record));
     Ok(HEAD_BYTES + record.len())
 }

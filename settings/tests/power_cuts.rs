@@ -1,7 +1,9 @@
 //! The power goes at every word and every erasure: the old record or the new one is read afterwards, never neither.
 #![allow(clippy::unwrap_used)]
 
-use ferrostep_settings::{Cut, Entry, MAX_BYTES, MemoryFlash, RecordWriter, SLOT_BYTES, Store, StoreError};
+use ferrostep_settings::{
+    Cut, Entry, MAX_BYTES, MemoryFlash, NOT_WORKING, RecordWriter, SLOT_BYTES, Store, StoreError,
+};
 
 const SECTOR: usize = 4 * SLOT_BYTES;
 const SECTORS: usize = 2;
@@ -27,7 +29,7 @@ fn record(number: u32) -> Vec<u8> {
 /// Saves `record` with the power going at `cut`; the flash afterwards.
 fn save_until(bytes: &[u8], cut: Cut, record: &[u8]) -> Vec<u8> {
     let mut store = store(Flash::new(bytes.to_vec()).with_cut(cut));
-    assert_eq!(store.save(record), Err(StoreError::Flash), "{cut:?}: the power went");
+    assert_eq!(store.save(record), Err(StoreError::Memory(NOT_WORKING)), "{cut:?}: the power went");
     store.into_flash().into_bytes()
 }
 

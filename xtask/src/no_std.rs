@@ -7,11 +7,12 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The crates that the firmware is made of.
-const PACKAGES: [&str; 15] = [
+const PACKAGES: [&str; 16] = [
     "ferrostep-adxl345",
     "ferrostep-binary-gcode",
     "ferrostep-black-box",
     "ferrostep-card",
+    "ferrostep-eeprom",
     "ferrostep-gcode",
     "ferrostep-hal-shim",
     "ferrostep-planner",

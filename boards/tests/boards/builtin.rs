@@ -1,6 +1,6 @@
 //! Every built-in board is right, and says what its maker says.
 
-use ferrostep_boards::{AccelerometerChip, Board, Driver, DriverUart, Pin, builtin_names, constants, load};
+use ferrostep_boards::{AccelerometerChip, Board, Driver, DriverUart, EepromChip, Pin, builtin_names, constants, load};
 
 fn board(name: &str) -> Board {
     load(name).unwrap_or_else(|error| panic!("{error}"))
@@ -136,6 +136,27 @@ fn the_constants_say_what_heats_and_what_watches_it() {
         assert!(text.contains(part), "{part} in {text}");
     }
     assert!(constants::rust(&board("bench")).contains("pub const THERMAL: Option<ThermalPins> = None;"));
+}
+
+/// Marlin's `pins_BTT_OCTOPUS_V1_common.h`: I2C_SCL_PIN and I2C_SDA_PIN, a 24C32, which answers at 0x50 with its address pins low.
+#[test]
+fn the_octopus_alone_has_an_eeprom() {
+    let eeprom = board("btt-octopus-1.1").eeprom.unwrap();
+    assert_eq!((eeprom.chip, eeprom.address), (EepromChip::C24c32, 0x50));
+    assert_eq!([eeprom.scl, eeprom.sda], ["PB8", "PB9"].map(pin));
+    let text = constants::rust(&board("btt-octopus-1.1"));
+    let value = "Some((I2cPins { scl: (1, 8), sda: (1, 9) }, 80))";
+    assert!(text.contains(&format!("pub const EEPROM: Option<(I2cPins, u8)> = {value};")), "{text}");
+    for name in ["bench", "prusa-buddy"] {
+        assert_eq!(board(name).eeprom, None);
+        assert!(constants::rust(&board(name)).contains("pub const EEPROM: Option<(I2cPins, u8)> = None;"));
+    }
+    // A board with one leaves no flash to settings.
+    let table = "[eeprom]\nchip = \"24c32\"\nscl = \"PB8\"\nsda = \"PB9\"\naddress = 0x51\n";
+    let text = format!("{}\n{table}", ferrostep_boards::builtin_text("bench").unwrap());
+    let with_eeprom = ferrostep_boards::parse(&text, "bench.toml").unwrap();
+    assert_eq!((board("bench").settings_bytes(), with_eeprom.settings_bytes()), (0x4_0000, 0));
+    assert_eq!(with_eeprom.image_room(), 0x10_0000);
 }
 
 /// Klipper's `spi3` (src/stm32/spi.c), and PA15 as an owner's settings have it.

@@ -172,6 +172,13 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 56] = [
     (OCTOPUS, "miso = \"PB4\"", "miso = \"PB7\"", "accelerometer.miso = \"PB7\"", "inputs.probe already"),
     (OCTOPUS, "cs = \"PA15\"", "cs = \"PB3\"", "accelerometer.cs = \"PB3\"", "accelerometer.sck already"),
     (OCTOPUS, "sck = \"PB3\"", "sck = \"SCK\"", "accelerometer.sck = \"SCK\"", "a pin's name"),
+    // The EEPROM.
+    (OCTOPUS, "chip = \"24c32\"", "chip = \"24c02\"", "eeprom.chip = \"24c02\"", "\"24c32\""),
+    (OCTOPUS, "scl = \"PB8\"", "scl = \"PB7\"", "eeprom.scl = \"PB7\"", "inputs.probe already"),
+    (OCTOPUS, "sda = \"PB9\"", "sda = \"PB8\"", "eeprom.sda = \"PB8\"", "eeprom.scl already"),
+    (OCTOPUS, "sda = \"PB9\"", "sda = 9", "eeprom.sda = 9", "a pin's name"),
+    (OCTOPUS, "address = 0x50", "address = 0x58", "eeprom.address = 88", "80 to 87"),
+    (OCTOPUS, "address = 0x50", "address = 80.5", "eeprom.address = 80.5", "whole"),
     (BUDDY, "dm = \"PA11\"", "dm = \"PB14\"", "usb.dm = \"PB14\"", "\"PA11\""),
 ];
 

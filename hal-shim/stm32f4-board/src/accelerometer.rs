@@ -1,6 +1,6 @@
 //! The bus to an accelerometer, by software.
 
-use ferrostep_stm32f4::{SoftwareSpi, SpiPace, SpiPins};
+use ferrostep_stm32f4::{BusPace, SoftwareSpi, SpiPins};
 
 use crate::board::CORE_HZ;
 use crate::volatile::Volatile;
@@ -15,7 +15,7 @@ pub struct Pace(());
 
 const HALF_PERIOD_CYCLES: u32 = (CORE_HZ / 1_000_000 * Pace::HALF_PERIOD_NS).div_ceil(1000);
 
-impl SpiPace for Pace {
+impl BusPace for Pace {
     const HALF_PERIOD_NS: u32 = 334;
 
     #[inline]

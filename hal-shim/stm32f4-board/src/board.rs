@@ -2,7 +2,7 @@
 
 use ferrostep_step_player::{MotorPins, Pin, PinMap, StepLink};
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
-use ferrostep_stm32f4::{ChipFamily, SpiPins, ThermalPins};
+use ferrostep_stm32f4::{ChipFamily, I2cPins, SpiPins, ThermalPins};
 
 use crate::handlers::complete_stores;
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};

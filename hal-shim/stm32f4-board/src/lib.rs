@@ -14,6 +14,7 @@ pub mod board;
 pub mod card;
 pub mod clock;
 pub mod driver_line;
+pub mod eeprom;
 pub mod fault;
 mod first_stores;
 pub mod handlers;

@@ -7,6 +7,7 @@
 
 pub mod backup_memory;
 pub mod brown_out;
+mod bus_pace;
 pub mod clock_setup;
 pub mod clock_tree;
 mod converter;
@@ -29,6 +30,7 @@ mod reset_cause;
 pub mod sdio;
 pub mod sector_flash;
 pub mod sensor_lines;
+mod software_i2c;
 mod software_pwm;
 pub mod software_serial;
 mod software_spi;
@@ -37,6 +39,7 @@ pub mod usb_controller;
 pub mod watchdog;
 
 pub use brown_out::{BrownOut, set_brown_out_level};
+pub use bus_pace::BusPace;
 pub use clock_setup::{ClockRegisters, ClockSettings};
 pub use converter::{CONVERSIONS, Converter, ConverterNumber};
 pub use family::ChipFamily;
@@ -45,6 +48,7 @@ pub use heaters::{BoardHeaters, FanPins, ThermalPins};
 pub use pin_lines::PinLines;
 pub use pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput, TimerChannel};
 pub use reset_cause::ResetCause;
+pub use software_i2c::{I2cFault, I2cPins, SoftwareI2c};
 pub use software_pwm::{SOFTWARE_PERIOD_TICKS, SoftwarePwm};
-pub use software_spi::{SoftwareSpi, SpiPace, SpiPins};
+pub use software_spi::{SoftwareSpi, SpiPins};
 pub use watchdog::{FASTEST_TIMEOUT_MS, SLOWEST_TIMEOUT_MS, UnderDebugger, Watchdog};

@@ -49,6 +49,12 @@ impl NorFlashError for FlashError {
     }
 }
 
+impl From<FlashError> for &'static str {
+    fn from(_: FlashError) -> Self {
+        "the memory for settings does not work"
+    }
+}
+
 impl From<NorFlashErrorKind> for FlashError {
     fn from(_: NorFlashErrorKind) -> Self {
         Self

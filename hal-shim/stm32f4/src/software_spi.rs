@@ -8,6 +8,7 @@ use core::convert::Infallible;
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 
+use crate::bus_pace::BusPace;
 use crate::gpio::{self, BSRR, IDR};
 use crate::registers::Registers;
 
@@ -24,14 +25,6 @@ pub struct SpiPins {
     pub cs: (u8, u8),
 }
 
-/// The pace of a bus. A type without fields costs a board nothing.
-pub trait SpiPace {
-    /// Shortest time that half of a clock's period lasts, ns.
-    const HALF_PERIOD_NS: u32;
-    /// Lets half of a period pass.
-    fn half_period(&mut self);
-}
-
 /// The bus. The caller has set its pins up: `miso` an input, the others outputs, `cs` and `sck` high.
 #[derive(Debug)]
 pub struct SoftwareSpi<R, P> {
@@ -40,7 +33,7 @@ pub struct SoftwareSpi<R, P> {
     pace: P,
 }
 
-impl<R: Registers, P: SpiPace> SoftwareSpi<R, P> {
+impl<R: Registers, P: BusPace> SoftwareSpi<R, P> {
     /// A bus.
     pub const fn new(registers: R, pins: SpiPins, pace: P) -> Self {
         Self { registers, pins, pace }
@@ -93,7 +86,7 @@ impl<R, P> ErrorType for SoftwareSpi<R, P> {
     type Error = Infallible;
 }
 
-impl<R: Registers, P: SpiPace> SpiDevice for SoftwareSpi<R, P> {
+impl<R: Registers, P: BusPace> SpiDevice for SoftwareSpi<R, P> {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
         self.set(self.pins.cs, false);
         self.pace.half_period();
@@ -177,7 +170,7 @@ mod tests {
     /// Counts halves of a period.
     struct Halves<'a>(&'a Cell<u32>);
 
-    impl SpiPace for Halves<'_> {
+    impl BusPace for Halves<'_> {
         const HALF_PERIOD_NS: u32 = 300;
 
         fn half_period(&mut self) {

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::parts::adxl345::Adxl345;
 use crate::parts::frame::Mode;
-use crate::pins::Pin;
 
 /// Standard gravity, mm/s^2.
 const GRAVITY_MM_PER_S2: f64 = 9806.65;
@@ -22,8 +21,6 @@ pub(super) enum BusWire {
 pub struct WiredAccelerometer {
     /// The chip: its x, y and z are the machine's.
     pub chip: Adxl345,
-    /// The pin at the chip's output.
-    pub(super) miso: Pin,
     /// The frame along X and Y; `None` for one that does not give way.
     frame: [Option<Mode>; 2],
     now_ns: u64,
@@ -31,8 +28,8 @@ pub struct WiredAccelerometer {
 
 impl WiredAccelerometer {
     /// At rest.
-    pub(super) fn new(chip: Adxl345, miso: Pin, frame: [Option<Mode>; 2]) -> Self {
-        Self { chip, miso, frame, now_ns: 0 }
+    pub(super) fn new(chip: Adxl345, frame: [Option<Mode>; 2]) -> Self {
+        Self { chip, frame, now_ns: 0 }
     }
 
     fn pass_to(&mut self, now_ns: u64) {

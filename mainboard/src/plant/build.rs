@@ -1,8 +1,10 @@
 //! Builds the parts on their pins from the board's file and the printer's profile.
 
 use super::accelerometer::{BusWire, WiredAccelerometer};
+use super::eeprom::{EepromWire, WiredEeprom};
 use super::{Plant, REFERENCE_MV, Role, Source, Switched, WiredFan, WiredHeater, WiredThermistor};
 use crate::parts::adxl345::{self, Adxl345};
+use crate::parts::at24c32::At24c32;
 use crate::parts::fan::{self, Fan};
 use crate::parts::frame::Mode;
 use crate::parts::heat::thermistor::{Curve, SensorFault, Thermistor, ThermistorConfig};
@@ -45,17 +47,19 @@ impl Plant {
             fans: Vec::new(),
             thermistors: Vec::new(),
             accelerometer: None,
+            eeprom: None,
             motor_rail: Rail::new(supply::Config::motors_24_v()),
             chip_rail: Rail::new(supply::Config::chip_3_3_v()),
             ambient_celsius: AMBIENT_CELSIUS,
             slow_ns: 0,
             lines_changed: true,
-            has_answered: false,
+            answered: None,
         };
         plant.connect_drivers(board, seed);
         plant.connect_switches(board, printer);
         plant.connect_heat(board, printer, seed)?;
         plant.connect_accelerometer(board, printer, seed);
+        plant.connect_eeprom(board, seed);
         for driver in &mut plant.drivers {
             driver.set_supply(0, true);
         }
@@ -129,11 +133,20 @@ impl Plant {
             printer.frame[axis].map(|mode| Mode::new(mode.frequency_hz, mode.damping, self.motion.position_mm(axis)))
         });
         let chip = Adxl345::new(adxl345::Config { seed: seed ^ 0xADE5, ..adxl345::Config::default() });
-        self.accelerometer = Some(WiredAccelerometer::new(chip, plug.miso, frame));
+        self.accelerometer = Some(WiredAccelerometer::new(chip, frame));
         for (pin, wire) in [(plug.cs, BusWire::Select), (plug.sck, BusWire::Clock), (plug.mosi, BusWire::Data)] {
             self.roles.insert(pin, Role::Accelerometer(wire));
         }
         self.inputs.push((plug.miso, Source::Accelerometer));
+    }
+
+    fn connect_eeprom(&mut self, board: &Board, seed: u64) {
+        let Some(eeprom) = &board.eeprom else { return };
+        self.eeprom = Some(WiredEeprom::new(At24c32::new(eeprom.address, seed ^ 0xEE24)));
+        for (pin, wire) in [(eeprom.scl, EepromWire::Clock), (eeprom.sda, EepromWire::Data)] {
+            self.roles.insert(pin, Role::Eeprom(wire));
+        }
+        self.inputs.push((eeprom.sda, Source::Eeprom));
     }
 
     fn connect_heat(&mut self, board: &Board, printer: &Printer, seed: u64) -> Result<(), String> {

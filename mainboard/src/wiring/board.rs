@@ -50,6 +50,19 @@ pub struct Board {
     pub usb: Option<Usb>,
     /// The plug for an ADXL345, if the board has one.
     pub accelerometer: Option<Accelerometer>,
+    /// The EEPROM, an AT24C32, if the board has one.
+    pub eeprom: Option<Eeprom>,
+}
+
+/// The wires to an EEPROM (I2C).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Eeprom {
+    /// The clock.
+    pub scl: Pin,
+    /// Data.
+    pub sda: Pin,
+    /// Its address, 7 bits.
+    pub address: u8,
 }
 
 /// The wires to an accelerometer (SPI).

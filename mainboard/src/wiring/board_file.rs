@@ -37,6 +37,7 @@ pub(super) struct RawBoard {
     pub serial: RawSerial,
     pub usb: Option<RawUsb>,
     pub accelerometer: Option<RawAccelerometer>,
+    pub eeprom: Option<RawEeprom>,
     /// The card's slot, which is not wired here: the chip's model has no SDIO, and its pins float, so that no card is seen.
     #[serde(default, rename = "card")]
     pub _card: Option<toml::Value>,
@@ -109,4 +110,13 @@ pub(super) struct RawAccelerometer {
     pub miso: String,
     pub mosi: String,
     pub cs: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawEeprom {
+    pub chip: String,
+    pub scl: String,
+    pub sda: String,
+    pub address: u8,
 }

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::board::{Accelerometer, Board, Driver, DriverLine, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
+use super::board::{
+    Accelerometer, Board, Driver, DriverLine, Eeprom, Fan, Heater, Input, Motor, Serial, Thermistor, Usb,
+};
 use super::board_file::{RawBoard, RawMotor};
 use super::chip::Chip;
 use super::functions::{Adc, CRYSTAL, TimerChannel, USART1_RX, USART1_TX, USB};
@@ -74,6 +76,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
     let serial = serial(&mut pins, &raw)?;
     let usb = usb(&mut pins, &raw)?;
     let accelerometer = accelerometer(&mut pins, &raw)?;
+    let eeprom = eeprom(&mut pins, &raw)?;
     if raw.virtual_sensors && !(heaters.is_empty() && thermistors.is_empty() && inputs.is_empty()) {
         return Err(Refusal::new(
             file,
@@ -103,6 +106,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         serial,
         usb,
         accelerometer,
+        eeprom,
     })
 }
 
@@ -310,6 +314,23 @@ fn accelerometer(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Option<Accelerom
         miso: pins.take("accelerometer.miso", &raw.miso)?,
         mosi: pins.take("accelerometer.mosi", &raw.mosi)?,
         cs: pins.take("accelerometer.cs", &raw.cs)?,
+    }))
+}
+
+fn eeprom(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Option<Eeprom>, Refusal> {
+    let Some(raw) = &raw.eeprom else { return Ok(None) };
+    if raw.chip != "24c32" {
+        let problem = format!("no model of a \"{}\"", raw.chip);
+        return Err(Refusal::new(pins.file, "eeprom.chip", problem, "write \"24c32\""));
+    }
+    if raw.address >> 3 != 0b1010 {
+        let problem = format!("{:#x} is no address of a 24C32", raw.address);
+        return Err(Refusal::new(pins.file, "eeprom.address", problem, "write one from 0x50 to 0x57"));
+    }
+    Ok(Some(Eeprom {
+        scl: pins.take("eeprom.scl", &raw.scl)?,
+        sda: pins.take("eeprom.sda", &raw.sda)?,
+        address: raw.address,
     }))
 }
 

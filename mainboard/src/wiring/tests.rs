@@ -259,6 +259,17 @@ fn an_image_truncated_anywhere_is_refused() {
 }
 
 #[test]
+fn an_eeprom() {
+    let eeprom = Board::parse("octopus.toml", OCTOPUS).unwrap().eeprom.unwrap();
+    assert_eq!((eeprom.scl, eeprom.sda, eeprom.address), (pin("PB8"), pin("PB9"), 0x50));
+    assert_eq!(Board::parse("bench.toml", BENCH).unwrap().eeprom, None);
+    let refusal = refused(OCTOPUS, "chip = \"24c32\"", "chip = \"24c256\"");
+    assert_eq!((refusal.key.as_str(), refusal.mend.as_str()), ("eeprom.chip", "write \"24c32\""));
+    assert_eq!(refused(OCTOPUS, "sda = \"PB9\"", "sda = \"PB8\"").key, "eeprom.sda");
+    assert_eq!(refused(OCTOPUS, "address = 0x50", "address = 0x48").key, "eeprom.address");
+}
+
+#[test]
 fn an_accelerometer_and_the_frame_that_it_feels() {
     let plug = Board::parse("octopus.toml", OCTOPUS).unwrap().accelerometer.unwrap();
     assert_eq!([plug.sck, plug.miso, plug.mosi, plug.cs], ["PB3", "PB4", "PB5", "PA15"].map(pin));

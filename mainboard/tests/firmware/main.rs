@@ -14,6 +14,7 @@ mod board_pins;
 mod boards;
 mod boot_loader;
 mod choices;
+mod eeprom;
 mod emergency;
 mod foreign_code;
 mod halted;

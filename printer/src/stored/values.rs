@@ -37,7 +37,9 @@ impl Values {
     pub fn of_profile(profile: &Profile, drivers: &[Option<DriverSettings>; 4], has_heaters: bool) -> Self {
         let mut of_profile = profile.drivers;
         for (driver, live) in of_profile.iter_mut().zip(drivers) {
-            *driver = (*driver).and(*live).and(*driver);
+            if live.is_none() {
+                *driver = None;
+            }
         }
         let has_probe = profile.homing[2].sensor == HomeSensor::Probe;
         Self {

@@ -1,7 +1,6 @@
 //! What becomes of a printer when something fails while it is at something: each fault at each time, as the book's table.
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::{Desk, MotionState};
 use ferrostep_checked_toml::book;
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_printer::{FilamentSensor, Profile};
@@ -23,14 +22,13 @@ enum Fault {
     /// A driver reports this.
     Driver(u32),
     DriverIsSilent,
-    QuickStop,
     EmergencyStop,
 }
 
 /// The motor whose driver fails: Y.
 const MOTOR: usize = 1;
 
-const FAULTS: [(&str, Fault); 15] = [
+const FAULTS: [(&str, Fault); 14] = [
     ("the nozzle's thermistor breaks", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorOpen)),
     ("the nozzle's thermistor is shorted", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorShorted)),
     ("the nozzle's thermistor falls out", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorFellOut)),
@@ -44,7 +42,6 @@ const FAULTS: [(&str, Fault); 15] = [
     ("the filament runs out", Fault::FilamentRunsOut),
     ("the hot end's fan stands", Fault::HotEndFanStands),
     ("the host is gone for 35 minutes", Fault::HostGoes),
-    ("M410", Fault::QuickStop),
     ("M112", Fault::EmergencyStop),
 ];
 
@@ -174,7 +171,6 @@ fn happen(machine: &Machine, fault: Fault, at_s: &mut f64) {
         Fault::HostGoes => {}
         Fault::Driver(flags) => with_chip(machine, |chip| chip.set_flags(flags)),
         Fault::DriverIsSilent => with_chip(machine, |chip| chip.set_silent(true)),
-        Fault::QuickStop => machine.desk().state().stop(),
         Fault::EmergencyStop => machine.halt(),
     }
 }
@@ -293,7 +289,6 @@ fn each_fault_at_each_time_is_in_the_book() {
                 Fault::Heater(Heater::Bed, _) => at.is_hot(),
                 Fault::Heater(..) => *at != At::Idle,
                 Fault::DriverIsSilent
-                | Fault::QuickStop
                 | Fault::FilamentRunsOut
                 | Fault::HotEndFanStands
                 | Fault::HostGoes => false,

@@ -1,0 +1,9 @@
+//! The pace of a bus that software moves.
+
+/// The pace of a bus. A type without fields costs a board nothing.
+pub trait BusPace {
+    /// Shortest time that half of a clock's period lasts, ns.
+    const HALF_PERIOD_NS: u32;
+    /// Lets half of a period pass.
+    fn half_period(&mut self);
+}
