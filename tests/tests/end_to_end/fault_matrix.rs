@@ -288,10 +288,7 @@ fn each_fault_at_each_time_is_in_the_book() {
                 Fault::Heater(_, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted) => true,
                 Fault::Heater(Heater::Bed, _) => at.is_hot(),
                 Fault::Heater(..) => *at != At::Idle,
-                Fault::DriverIsSilent
-                | Fault::FilamentRunsOut
-                | Fault::HotEndFanStands
-                | Fault::HostGoes => false,
+                Fault::DriverIsSilent | Fault::FilamentRunsOut | Fault::HotEndFanStands | Fault::HostGoes => false,
             };
             assert!(!must_halt || cell.starts_with("halts"), "{name}, {at:?}: {cell}");
         }
