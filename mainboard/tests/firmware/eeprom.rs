@@ -136,9 +136,12 @@ fn heat_goes_on_while_it_writes() {
     assert!((55.0..65.0).contains(&celsius), "{report}");
 }
 
+/// Breaks a chip, or mends it.
+type Break = fn(&mut At24c32, bool);
+
 #[test]
 fn each_fault_is_named_and_stops_nothing() {
-    let faults: [(fn(&mut At24c32, bool), &str); 2] = [
+    let faults: [(Break, &str); 2] = [
         (|chip, broken| chip.set_plugged(!broken), "the EEPROM does not answer"),
         (|chip, broken| chip.set_sda_stuck(broken), "a line of the EEPROM (SCL or SDA) stays low"),
     ];
