@@ -15,7 +15,7 @@ const BUDDY: &str = "prusa-buddy";
 const OCTOPUS: &str = "btt-octopus-1.1";
 
 /// (board, text, its replacement, key and value to blame, what was expected; `{TEXT}`: the line of a text)
-const REFUSALS: [(&str, &str, &str, &str, &str); 56] = [
+const REFUSALS: [(&str, &str, &str, &str, &str); 62] = [
     ("bench", "name = \"bench\"", "name = \"Bench\"", "name = \"Bench\"", "lower-case letters"),
     ("bench", "name = \"bench\"", "name = \"../bench\"", "name = \"../bench\"", "lower-case letters"),
     ("bench", "title = \"Olimex STM32-H405, bare\"", "title = \"\"", "title = \"\"", "printable ASCII"),
@@ -177,7 +177,7 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 56] = [
     (OCTOPUS, "scl = \"PB8\"", "scl = \"PB7\"", "eeprom.scl = \"PB7\"", "inputs.probe already"),
     (OCTOPUS, "sda = \"PB9\"", "sda = \"PB8\"", "eeprom.sda = \"PB8\"", "eeprom.scl already"),
     (OCTOPUS, "sda = \"PB9\"", "sda = 9", "eeprom.sda = 9", "a pin's name"),
-    (OCTOPUS, "address = 0x50", "address = 0x58", "eeprom.address = 88", "80 to 87"),
+    (OCTOPUS, "address = 0x50", "address = 0x58", "eeprom.address = 0x58", "80 to 87 (0x50 to 0x57)"),
     (OCTOPUS, "address = 0x50", "address = 80.5", "eeprom.address = 80.5", "whole"),
     (BUDDY, "dm = \"PA11\"", "dm = \"PB14\"", "usb.dm = \"PB14\"", "\"PA11\""),
 ];

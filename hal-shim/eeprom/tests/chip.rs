@@ -217,10 +217,13 @@ fn what_it_does_not_have_is_refused() {
     assert_eq!((chip.borrow().is_asked, chip.borrow().bytes.clone()), (0, vec![0xff; BYTES]));
 }
 
+/// Breaks a chip.
+type Break = fn(&mut Chip);
+
 /// Each fault has its words, and takes a bounded number of transfers.
 #[test]
 fn faults_are_named_and_bounded() {
-    let faults: [(fn(&mut Chip), &str); 5] = [
+    let faults: [(Break, &str); 5] = [
         (|chip| chip.address = 0x51, "the EEPROM does not answer"),
         (|chip| chip.is_stuck = true, "a line of the EEPROM (SCL or SDA) stays low"),
         (|chip| chip.refuses_data = true, "the EEPROM refuses to be written (write-protected?)"),

@@ -136,9 +136,12 @@ fn heat_goes_on_while_it_writes() {
     assert!((55.0..65.0).contains(&celsius), "{report}");
 }
 
+/// Breaks a chip, or mends it.
+type Break = fn(&mut At24c32, bool);
+
 #[test]
 fn each_fault_is_named_and_stops_nothing() {
-    let faults: [(fn(&mut At24c32, bool), &str); 2] = [
+    let faults: [(Break, &str); 2] = [
         (|chip, broken| chip.set_plugged(!broken), "the EEPROM does not answer"),
         (|chip, broken| chip.set_sda_stuck(broken), "a line of the EEPROM (SCL or SDA) stays low"),
     ];
@@ -199,8 +202,8 @@ fn a_power_cut_leaves_the_old_settings_or_the_new() {
         }
         bench.host.send("M203 X152").unwrap();
         bench.host.send_raw(b"M500\n").unwrap();
-        // The erasure of 32 pages and 11 pages of the record take some 500 ms, reading before and after 150 ms.
-        bench.wait_us(20_000 + 83_000 * round);
+        // The erasure of 32 pages and 11 pages of the record take some 450 ms, reading before and after 200 ms.
+        bench.wait_us(20_000 + 105_000 * round);
         let now_ns = bench.now_ns();
         let left = with_chip(&mut bench, move |chip| {
             chip.set_power(now_ns, false);
@@ -219,7 +222,7 @@ fn a_power_cut_leaves_the_old_settings_or_the_new() {
         assert_eq!(feed(&mut bench), "153.00");
     }
     eprintln!("{kept} with the old settings, {new} with the new ones");
-    assert!(kept >= 3 && new >= 2, "{kept}, {new}");
+    assert!(kept >= 3 && new >= 1, "{kept}, {new}");
 }
 
 /// Marlin's pin table: neither line is ever driven high.
