@@ -94,8 +94,7 @@ impl<P: Ports> Printer<'_, P> {
         let modal = &mut self.interpreter.modal;
         modal.follows_bed = follows;
         modal.mesh_rise_10nm = if follows { i64::from(rise_10nm.unwrap_or(0)).clamp(0, size_10nm) } else { 0 };
-        let [.., z_10nm] = self.motion.position_10nm();
-        modal.machine_10nm[Z] = modal.machine_z_10nm(z_10nm);
+        self.interpreter.follow(self.motion.position_10nm());
         outcome
     }
 
@@ -301,16 +300,19 @@ impl<P: Ports> Printer<'_, P> {
         Ok(nozzle_10nm)
     }
 
-    /// The place of the probe of G30 and M48.
+    /// The place of the probe of G30 and M48, the axes'.
     fn probed_place(&self, x: Option<Decimal>, y: Option<Decimal>) -> Result<[i64; 2], CommandError> {
         let modal = &self.interpreter.modal;
-        let mut place_10nm = [0; 2];
-        for ((axis, place), word) in place_10nm.iter_mut().enumerate().zip([x, y]) {
+        let [.., z_10nm] = self.motion.position_10nm();
+        let mut asked_10nm = [modal.machine_10nm[0], modal.machine_10nm[1], z_10nm];
+        for ((axis, place), word) in asked_10nm.iter_mut().enumerate().zip([x, y]) {
             *place = match word {
                 Some(word) => modal.length_10nm(word).ok_or(CommandError::TooFar)? - modal.offset_10nm[axis],
-                None => modal.machine_10nm[axis] + modal.probe_offset_10nm[axis],
+                None => *place + modal.probe_offset_10nm[axis],
             };
         }
+        let [x_10nm, y_10nm, _] = self.interpreter.skew.axes(asked_10nm);
+        let place_10nm = [x_10nm, y_10nm];
         self.nozzle_at(place_10nm)?;
         Ok(place_10nm)
     }

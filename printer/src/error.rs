@@ -17,6 +17,7 @@ use crate::mesh_refusal::MeshRefusal;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
 use crate::plan_fault_text::PlanFaultText;
 use crate::shaper_refusal::{self, ShaperRefusal};
+use crate::skew_refusal::SkewRefusal;
 use crate::tower::TowerRefusal;
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
@@ -114,6 +115,10 @@ pub enum CommandError {
     },
     /// Z follows the bed, or shall, and a prepared job brings its own heights.
     MeshAndJob,
+    /// The machine's axes are skew (M852), and a prepared job is planned for right angles.
+    SkewAndJob,
+    /// Axes may not be that far off their right angle.
+    TooSkew(SkewRefusal),
     /// M92 has set other steps of the extruder than the profile's, with which a prepared job is planned.
     StepsAndJob,
     /// Z cannot follow the bed.
@@ -341,6 +346,10 @@ impl fmt::Display for CommandError {
             Self::MeshAndJob => out.write_str(
                 "a prepared job brings its own heights and follows no mesh: send M420 S0 before it, or print its G-code",
             ),
+            Self::SkewAndJob => out.write_str(
+                "a prepared job is planned for axes at right angles: send M852 I0 J0 K0 before it, or print its G-code",
+            ),
+            Self::TooSkew(refusal) => refusal.fmt(out),
             Self::StepsAndJob => out.write_str(
                 "a prepared job is planned with the profile's steps of the extruder, and M92 has set others: print its G-code, or write them \
                  into the profile and prepare it anew",

@@ -10,6 +10,7 @@ use ferrostep_virtual_board::{
 
 use crate::fans::FanTable;
 use crate::heat::PidGains;
+use crate::skew::Skew;
 
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
 /// 168 MHz.
@@ -326,6 +327,8 @@ pub struct Profile {
     pub event_cost_ticks: u32,
     /// Processor time of a move as [`Geometry::move_cost_ticks`] has it, ticks of the nominal time base.
     pub move_cost_ticks: u32,
+    /// Axes that are not at right angles, at start-up.
+    pub skew: Skew,
     /// Homing of X, Y and Z.
     pub homing: [AxisHoming; 3],
     /// Keeps the nozzle off the bed meanwhile.

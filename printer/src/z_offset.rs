@@ -31,9 +31,10 @@ pub(crate) fn mm(length_10nm: i64) -> Real {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether M290 has shifted Z, or Z follows the bed, which the heights of a prepared job do not expect.
+    /// Whether the axes go elsewhere than a prepared job expects: M290 has shifted Z, Z follows the bed, or the axes are skew.
     pub fn is_shifted(&self) -> bool {
-        self.interpreter.modal.z.shift_10nm != 0 || self.interpreter.modal.follows_bed
+        let modal = &self.interpreter.modal;
+        modal.z.shift_10nm != 0 || modal.follows_bed || self.is_skew()
     }
 
     pub(crate) fn has_probe(&self) -> bool {

@@ -7,7 +7,7 @@ use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
-use crate::{bed_screws, extrusion, fans, heaters, homing, macros, mesh, motion, pause};
+use crate::{bed_screws, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -115,6 +115,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         minimum_event_interval_ticks: (interval_us * TICKS_PER_US).round() as u32,
         event_cost_ticks: cost_ticks(events_per_s),
         move_cost_ticks: cost_ticks(moves_per_s),
+        skew: skew::skew(&apart),
         homing,
         safe_homing,
         mesh,
