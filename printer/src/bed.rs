@@ -8,7 +8,7 @@ mod reports;
 mod screws;
 
 use ferrostep_gcode::{BedCommand, Decimal};
-use ferrostep_planner::surface::{MeshError, MeshGrid};
+use ferrostep_planner::surface::{MeshError, MeshGrid, MeshInterpolation};
 
 use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
@@ -110,7 +110,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn forget_mesh(&mut self) {
         // Only on can fail.
         let _off = self.switch_bed(false);
-        self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE));
+        self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE, MeshInterpolation::Bilinear));
     }
 
     /// M420, and G29 A. A missing mesh is reported and nothing else happens, as in Marlin: slicers write M420 S1 for those that were stored.
@@ -182,7 +182,7 @@ impl<P: Ports> Printer<'_, P> {
     /// G29: measures the points of a grid, row by row there and back. Without all of them there is no mesh.
     async fn measure(&mut self, grid: &MeshGrid, settings: &MeshSettings) -> Result<(), CommandError> {
         self.forget_mesh();
-        self.motion.mesh(|mesh| mesh.begin(grid));
+        self.motion.mesh(|mesh| mesh.begin(grid, settings.interpolation));
         let outcome = self.measure_all(grid, settings).await;
         self.follow_probing();
         self.bed_area = None;
@@ -303,8 +303,9 @@ impl<P: Ports> Printer<'_, P> {
     /// The place of the probe of G30 and M48, the axes'.
     fn probed_place(&self, x: Option<Decimal>, y: Option<Decimal>) -> Result<[i64; 2], CommandError> {
         let modal = &self.interpreter.modal;
-        let [.., z_10nm] = self.motion.position_10nm();
-        let mut asked_10nm = [modal.machine_10nm[0], modal.machine_10nm[1], z_10nm];
+        let [x_10nm, y_10nm, _] = modal.machine_10nm;
+        // On the bed, to which the probe goes straight down.
+        let mut asked_10nm = [x_10nm, y_10nm, 0];
         for ((axis, place), word) in asked_10nm.iter_mut().enumerate().zip([x, y]) {
             *place = match word {
                 Some(word) => modal.length_10nm(word).ok_or(CommandError::TooFar)? - modal.offset_10nm[axis],

@@ -1,5 +1,6 @@
 //! The machine as numbers, from a profile file or a board's constants.
 
+use ferrostep_planner::surface::MeshInterpolation;
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 use ferrostep_step_player::Signals;
 use ferrostep_thermistor::Thermistor;
@@ -103,6 +104,8 @@ impl SafeHoming {
 pub struct MeshSettings {
     /// Points along X and along Y, 2 to [`ferrostep_planner::surface::MAX_MESH_POINTS`].
     pub points: [u8; 2],
+    /// What the surface is between them.
+    pub interpolation: MeshInterpolation,
     /// Where they are: lower and upper end along X and along Y, machine coordinates of the probe.
     pub area_10nm: [[i64; 2]; 2],
     /// At which height of the nozzle Z follows no more; 0: it follows to the top.

@@ -18,6 +18,7 @@ include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 mod names {
     pub const inf: f64 = f64::INFINITY;
 
+    pub use ferrostep_planner::surface::MeshInterpolation::*;
     pub use ferrostep_planner::{
         AccelerationProfile::*, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation::*, Kinematics::*, Limits,
         MotionChoice, PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,

@@ -34,6 +34,10 @@ impl Reading<'_> {
         for (axis, points) in ["x", "y"].into_iter().zip(count.into_iter().flatten()) {
             self.keep(SECTION, "probe_count", &[&format!("mesh.points.{axis}")], points as i64, "");
         }
+        if let Some(entry) = self.entry(SECTION, "algorithm") {
+            let why = if entry.value == "bicubic" { "" } else { "the curve between two points is of four of them" };
+            self.keep(SECTION, "algorithm", &["mesh.interpolation"], "bicubic", why);
+        }
         // Klipper's fade is complete at its end, and off without the key.
         if self.keep_number(SECTION, "fade_end", &["mesh.fade_mm"], |height| height).is_none() {
             self.draft.put("mesh.fade_mm", 0.0);
