@@ -5,6 +5,7 @@
 
 mod area;
 mod reports;
+mod round;
 mod screws;
 
 use ferrostep_gcode::{BedCommand, Decimal};
@@ -206,10 +207,16 @@ impl<P: Ports> Printer<'_, P> {
             let (row, along) = ((index / u16::from(columns)) as u8, (index % u16::from(columns)) as u8);
             let column = if row % 2 == 0 { along } else { columns - 1 - along };
             let place_10nm = grid.place_10nm([column, row]).map(i64::from);
+            if self.is_above_bed(place_10nm).is_err() {
+                continue;
+            }
             let mut heights = Heights::NONE;
             self.probe(place_10nm, settings.samples, settings, &mut heights).await?;
             let height_um = height_um(heights.mean_10nm());
             self.motion.mesh(|mesh| mesh.set_height_um([column, row], height_um));
+        }
+        if self.profile.safe_homing.is_round {
+            self.motion.mesh(round::continue_surface);
         }
         Ok(())
     }
@@ -297,7 +304,13 @@ impl<P: Ports> Printer<'_, P> {
             let offset_10nm = self.interpreter.modal.probe_offset_10nm.get(axis).copied().unwrap_or(0);
             *nozzle = within(word, *nozzle, least, most)? - offset_10nm;
         }
+        self.is_above_bed(place_10nm)?;
         Ok(nozzle_10nm)
+    }
+
+    /// Refuses a place of the probe that is beside a round bed.
+    pub(crate) fn is_above_bed(&self, place_10nm: [i64; 2]) -> Result<(), CommandError> {
+        if self.profile.safe_homing.is_above_bed(place_10nm) { Ok(()) } else { Err(CommandError::BesideBed) }
     }
 
     /// The place of the probe of G30 and M48, the axes'.

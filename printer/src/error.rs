@@ -123,6 +123,8 @@ pub enum CommandError {
     StepsAndJob,
     /// Z cannot follow the bed.
     Mesh(MeshError),
+    /// A place to be probed is beside the round bed.
+    BesideBed,
     /// The profile names no screws of the bed.
     NoScrews,
     /// The bed is probed and followed with all axes homed.
@@ -355,6 +357,9 @@ impl fmt::Display for CommandError {
                  into the profile and prepare it anew",
             ),
             Self::Mesh(error) => fmt::Display::fmt(&MeshRefusal(error), out),
+            Self::BesideBed => out.write_str(
+                "X, Y: the probe is beside the round bed there: choose a place nearer to the middle of homing.bed_mm",
+            ),
             Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: write its table bed_screws"),
             Self::BedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');

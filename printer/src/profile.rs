@@ -88,6 +88,8 @@ pub struct SafeHoming {
     pub probe_offset_10nm: [i64; 3],
     /// Where the probe finds the bed: lower and upper end along X and along Y, machine coordinates.
     pub bed_10nm: [[i64; 2]; 2],
+    /// The bed is the circle between these ends, which are as far from each other along Y as along X.
+    pub is_round: bool,
 }
 
 impl SafeHoming {
@@ -96,7 +98,17 @@ impl SafeHoming {
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
     /// Raises nothing; Z homes at any place.
-    pub const NONE: Self = Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2] };
+    pub const NONE: Self =
+        Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2], is_round: false };
+
+    /// Whether a place of the probe within the ends of the bed is above it.
+    pub fn is_above_bed(&self, place_10nm: [i64; 2]) -> bool {
+        let [[left, right], [front, back]] = self.bed_10nm;
+        let [x, y] = place_10nm;
+        // Twice each length, so that the middle is whole. All are within 5 m.
+        let [across, along] = [2 * x - left - right, 2 * y - front - back];
+        !self.is_round || across * across + along * along <= (right - left) * (right - left)
+    }
 }
 
 /// How the bed is measured, and how far up Z follows it. Lengths in units of 10 nm.

@@ -425,6 +425,10 @@ impl<'a, P: Ports> Printer<'a, P> {
                 mend("drivers.", AXIS_NAMES[motor].to_ascii_lowercase());
             }
         }
+        if values.probe_offset_10nm.is_some_and(|offset_10nm| self.probe_finds_home(offset_10nm).is_err()) {
+            values.probe_offset_10nm = of_profile.probe_offset_10nm;
+            mend("homing.probe_offset_mm", ' ');
+        }
         let offsets = values.probe_offset_10nm.as_mut().zip(of_profile.probe_offset_10nm);
         if let Some((offset_10nm, other_10nm)) = offsets {
             for (axis, (length_10nm, other_10nm)) in offset_10nm.iter_mut().zip(other_10nm).enumerate() {

@@ -66,8 +66,15 @@ impl<P: Ports> Printer<'_, P> {
             let [minimum, maximum] = self.probe_range_10nm(axis);
             offset_10nm[axis] = within(AXIS_NAMES[axis], length_10nm, minimum, maximum)?;
         }
+        self.probe_finds_home(offset_10nm)?;
         self.interpreter.modal.probe_offset_10nm = offset_10nm;
         Ok(())
+    }
+
+    /// Refuses an offset of the probe with which it is beside a round bed where Z homes.
+    pub(crate) fn probe_finds_home(&self, [x, y, _]: [i64; 3]) -> Result<(), CommandError> {
+        let Some([home_x, home_y]) = self.profile.safe_homing.home_at_10nm else { return Ok(()) };
+        self.is_above_bed([home_x + x, home_y + y])
     }
 
     /// M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes with it unless `keeps_offset` (P0).

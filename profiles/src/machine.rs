@@ -83,7 +83,8 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let (homing, safe_homing) = homing::homing(keys, &travel, steps_per_mm, &limits, &drivers);
     let is_probe = homing[2].sensor == HomeSensor::Probe;
     let mesh = mesh::mesh(keys, &travel, &safe_homing, is_probe, kinematics);
-    let bed_screws = bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), mesh.is_some());
+    let bed_screws =
+        bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), &safe_homing, mesh.is_some());
     let [nozzle, bed] = heaters::heaters(keys);
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);

@@ -57,6 +57,9 @@ pub(crate) fn mesh(
         }
         let points = table.numbers("points", ["x", "y"], [POINTS; 2]).or(DEFAULT_POINTS, "how many there are");
         for (axis, number) in ["x", "y"].into_iter().zip(points) {
+            if safe.is_round && number < 3.0 {
+                table.refuse(&format!("points.{axis}"), "3 points at least: the corners are beside the round bed");
+            }
             if number.fract() != 0.0 {
                 table.refuse(&format!("points.{axis}"), "a whole number of points");
             }

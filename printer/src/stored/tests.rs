@@ -100,6 +100,7 @@ fn rig() -> (Rig, Bank) {
             home_at_10nm: Some([150 * MM, 30 * MM]),
             probe_offset_10nm: [-29 * MM, -3 * MM, 0],
             bed_10nm: [[0, 200 * MM]; 2],
+            is_round: false,
         };
         profile.drivers = [Some(DRIVER); 4];
     });

@@ -230,6 +230,25 @@ fn marlins_skew_is_kept() {
     assert!(profile(&marlin(lengths)).get("skew").is_none());
 }
 
+/// A mesh with a radius makes a round bed.
+#[test]
+fn klippers_round_bed_is_kept() {
+    let path = ferrostep_tests::program::repository().join("tests/configurations/bed-slinger.cfg");
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut round =
+        text.replace("mesh_min: 20, 20", "mesh_radius: 90").replace("mesh_max: 180, 200", "mesh_origin: 110, 112");
+    assert!(round.contains("mesh_radius") && round.contains("mesh_origin"), "{text}");
+    let count = round.lines().find(|line| line.starts_with("probe_count")).unwrap().to_owned();
+    round = round.replace(&count, "round_probe_count: 7");
+    let imported =
+        serde_json::to_value(of_text("printer.cfg", &round, &mut |_| Err("none".to_owned())).unwrap()).unwrap();
+    says(
+        &imported,
+        "homing.bed_mm = { x = [20.0, 200.0], y = [22.0, 202.0], round = true }\nmesh.points = { x = 7, y = 7 }\n",
+    );
+    assert_eq!(lost(&imported, "[bed_mesh] mesh_radius"), None);
+}
+
 #[test]
 fn marlins_first_version_is_read() {
     let imported = marlin(

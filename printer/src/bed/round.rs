@@ -1,0 +1,124 @@
+//! A round bed: the mesh is a rectangle, whose corners the probe does not find.
+
+use ferrostep_planner::surface::Mesh;
+
+/// Towards which points a height goes on: by one, and by two, along the rows and the columns.
+const STRAIGHT: [[i8; 2]; 4] = [[1, 0], [-1, 0], [0, 1], [0, -1]];
+
+/// Towards which corners.
+const SLANTED: [[i8; 2]; 4] = [[1, 1], [-1, 1], [1, -1], [-1, -1]];
+
+/// The point so far from another; `None` beyond the first row or column.
+fn beside([column, row]: [u8; 2], [across, along]: [i8; 2]) -> Option<[u8; 2]> {
+    Some([column.checked_add_signed(across)?, row.checked_add_signed(along)?])
+}
+
+fn height(mesh: &Mesh, point: [u8; 2], way: [i8; 2]) -> Option<i32> {
+    mesh.height_um(beside(point, way)?).map(i32::from)
+}
+
+/// The height at which the surface beside a point goes on there, um: the mean of what the known ones beside it say, each by a straight line, or
+/// by a plane through three.
+fn continued_um(mesh: &Mesh, point: [u8; 2]) -> Option<i16> {
+    let lines = STRAIGHT.into_iter().filter_map(|[across, along]| {
+        Some(2 * height(mesh, point, [across, along])? - height(mesh, point, [2 * across, 2 * along])?)
+    });
+    let planes = SLANTED.into_iter().filter_map(|[across, along]| {
+        let sides = height(mesh, point, [across, 0])? + height(mesh, point, [0, along])?;
+        Some(sides - height(mesh, point, [across, along])?)
+    });
+    let (sum, count) = lines.chain(planes).fold((0_i32, 0_i32), |(sum, count), height| (sum + height, count + 1));
+    let mean = sum.checked_div(count)?;
+    Some(mean.clamp((i16::MIN + 1).into(), i16::MAX.into()) as i16)
+}
+
+/// Gives the points that were not probed the heights at which the surface goes on from those that were. What no height can be said of stays
+/// without.
+pub(super) fn continue_surface(mesh: &mut Mesh) {
+    let [columns, rows] = mesh.grid().points;
+    // From the middle outwards, a ring of points at a time at least.
+    for _ in 0..columns.max(rows) {
+        for row in 0..rows {
+            for column in 0..columns {
+                let point = [column, row];
+                if mesh.height_um(point).is_none()
+                    && let Some(height_um) = continued_um(mesh, point)
+                {
+                    mesh.set_height_um(point, height_um);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use ferrostep_planner::surface::{MeshGrid, MeshInterpolation};
+    use proptest::prelude::*;
+
+    /// A grid around 0, 0, of whose points those within its circle have the heights of a plane, um.
+    fn on_a_circle(points: [u8; 2], plane: [f64; 3]) -> (Mesh, impl Fn([u8; 2]) -> f64) {
+        let grid = MeshGrid::over([[-1_000_000, 1_000_000]; 2], points).unwrap();
+        let height = move |point| {
+            let [x, y] = grid.place_10nm(point).map(|units| f64::from(units) / 1e6);
+            plane[0] + plane[1] * x + plane[2] * y
+        };
+        let mut mesh = Mesh::NONE;
+        mesh.begin(&grid, MeshInterpolation::Bilinear);
+        for row in 0..points[1] {
+            for column in 0..points[0] {
+                let [x, y] = grid.place_10nm([column, row]).map(i64::from);
+                if x * x + y * y <= 1_000_000_000_000 {
+                    mesh.set_height_um([column, row], height([column, row]).round() as i16);
+                }
+            }
+        }
+        (mesh, height)
+    }
+
+    proptest! {
+        /// A plane goes on as that plane, whatever the grid.
+        #[test]
+        fn a_plane_goes_on(
+            points in [3u8..=15, 3u8..=15],
+            plane in [-500.0f64..500.0, -400.0..400.0, -400.0..400.0],
+        ) {
+            // Grids that have a point in the middle, and at least two beside it in a line.
+            prop_assume!(points != [4, 4]);
+            let (mut mesh, height) = on_a_circle(points, plane);
+            continue_surface(&mut mesh);
+            prop_assert!(mesh.is_complete(), "{points:?}");
+            for row in 0..points[1] {
+                for column in 0..points[0] {
+                    let found = mesh.height_um([column, row]).map(f64::from).unwrap();
+                    // Heights are rounded to a um, and that is continued, too.
+                    let away = (found - height([column, row])).abs();
+                    prop_assert!(away < 60.0, "{column} {row}: {found}, {away} um away");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn corners_of_a_coarse_grid_are_planes() {
+        for points in [[3, 3], [4, 4], [5, 5]] {
+            let (mut mesh, height) = on_a_circle(points, [10.0, 200.0, -100.0]);
+            assert_eq!(mesh.height_um([0, 0]), None);
+            continue_surface(&mut mesh);
+            let corner = mesh.height_um([0, 0]).map(f64::from).unwrap();
+            assert!((corner - height([0, 0])).abs() < 6.0, "{points:?}: {corner}");
+        }
+    }
+
+    #[test]
+    fn of_nothing_nothing_goes_on() {
+        let mut mesh = Mesh::NONE;
+        continue_surface(&mut mesh);
+        mesh.begin(&MeshGrid::over([[0, 1_000_000]; 2], [5, 5]).unwrap(), MeshInterpolation::Bilinear);
+        mesh.set_height_um([2, 2], 7);
+        continue_surface(&mut mesh);
+        assert!(!mesh.is_complete());
+    }
+}
