@@ -107,7 +107,9 @@ impl SafeHoming {
         let [x, y] = place_10nm;
         // Twice each length, so that the middle is whole. All are within 5 m.
         let [across, along] = [2 * x - left - right, 2 * y - front - back];
-        !self.is_round || across * across + along * along <= (right - left) * (right - left)
+        // Points of a grid are rounded: 10 um beside the rim count as on it.
+        let diameter = right - left + 2_000;
+        !self.is_round || across * across + along * along <= diameter * diameter
     }
 }
 
