@@ -4,7 +4,10 @@
 //! (coordinates, G92, arcs) all is asked for, below it (limits, homing, the bed, motors) all is the axes'. The map is linear, so that
 //! straight lines stay straight.
 
+use core::num::NonZeroU32;
+
 use ferrostep_gcode::{Decimal, Diagonals, Real, SkewCommand};
+use ferrostep_planner::square_root::square_root_f32;
 
 use crate::error::CommandError;
 use crate::ports::{Motion, Ports, Replies};
@@ -36,13 +39,11 @@ impl Skew {
     pub const NONE: Self = Self { factors: [0; 3] };
 
     /// The greatest factor, either way. A machine whose axes are 3 degrees off is to be mended.
-    pub const MAX_FACTOR: f64 = 0.05;
+    pub const MAX_FACTOR: f32 = 0.05;
 
     /// The skew of these factors of XY, XZ and YZ; those beyond [`Self::MAX_FACTOR`] become that one.
     pub fn of_factors(factors: [f64; 3]) -> Self {
-        let fitted = factors.map(|factor| factor.clamp(-Self::MAX_FACTOR, Self::MAX_FACTOR));
-        // Towards zero: none becomes larger than the greatest.
-        Self { factors: fitted.map(|factor| (factor * ONE) as i32) }
+        Self { factors: factors.map(fixed) }
     }
 
     /// The factors of XY, XZ and YZ.
@@ -50,16 +51,20 @@ impl Skew {
         self.factors.map(|factor| f64::from(factor) / ONE)
     }
 
-    /// The factor of a plane by the lengths AC, BD and AD of a parallelogram, in any unit; `None`: there is no such one.
+    /// The factor of a plane by the lengths AC, BD and AD of a parallelogram, units of 10 nm, to seven decimals; `None`: there is no such one.
     ///
     /// Marlin's formula (`Configuration.h`, `XY_SKEW_FACTOR`): AB = sqrt(2 AC^2 + 2 BD^2 - 4 AD^2) / 2, and the factor is
-    /// tan(pi/2 - acos(c)), c = (AC^2 - AB^2 - AD^2) / (2 AB AD), which is c / sqrt(1 - c^2).
-    pub fn factor_of_diagonals([ac, bd, ad]: [f64; 3]) -> Option<f64> {
-        let ab_squared = (ac * ac + bd * bd) / 2.0 - ad * ad;
-        let cosine = (ac * ac - ab_squared - ad * ad) / (2.0 * libm::sqrt(ab_squared) * ad);
-        let sine = libm::sqrt(1.0 - cosine * cosine);
-        // NaN where a root has no value.
-        (sine > 0.0).then_some(cosine / sine)
+    /// tan(pi/2 - acos(c)), c = (AC^2 - AB^2 - AD^2) / (2 AB AD). That is c / sqrt(1 - c^2), and c is (AC^2 - BD^2) / (4 AB AD).
+    pub fn factor_of_diagonals(lengths_10nm: [u32; 3]) -> Option<f32> {
+        let [ac, bd, ad] = lengths_10nm.map(|length| length as f32);
+        let [longer, shorter, _] = lengths_10nm.map(i64::from);
+        let ab_squared = (ac * ac + bd * bd) * 0.5 - ad * ad;
+        if !(ab_squared > 0.0 && ad > 0.0) {
+            return None;
+        }
+        let cosine = (longer - shorter) as f32 * (ac + bd) / (4.0 * square_root_f32(ab_squared) * ad);
+        let sine_squared = 1.0 - cosine * cosine;
+        if sine_squared > 0.0 { Some(cosine / square_root_f32(sine_squared)) } else { None }
     }
 
     /// By how much what is asked of an axis is more than where the axis goes, units of 10 nm. It depends on the axes after it.
@@ -87,21 +92,29 @@ impl Skew {
     }
 }
 
+/// A factor in units of 2^-32.
+#[inline(never)]
+fn fixed(factor: f64) -> i32 {
+    const MOST: i32 = (Skew::MAX_FACTOR as f64 * ONE) as i32;
+    ((factor * ONE) as i32).clamp(-MOST, MOST)
+}
+
 /// The factor of a plane by what was measured, if a machine may be that skew.
 fn measured(plane: usize, lengths: &Diagonals) -> Result<f64, CommandError> {
     let Diagonals { ac_10nm, bd_10nm, ad_10nm } = *lengths;
-    let factor = Skew::factor_of_diagonals([ac_10nm, bd_10nm, ad_10nm].map(|length| f64::from(length.get())));
-    within(plane, factor.unwrap_or(f64::INFINITY))
+    let factor = Skew::factor_of_diagonals([ac_10nm, bd_10nm, ad_10nm].map(NonZeroU32::get));
+    within(plane, factor.unwrap_or(f32::INFINITY))
 }
 
 /// A factor of a plane, if a machine may be that skew.
-fn within(plane: usize, factor: f64) -> Result<f64, CommandError> {
+#[inline(never)]
+fn within(plane: usize, factor: f32) -> Result<f64, CommandError> {
     // NaN is in no range.
     if (-Skew::MAX_FACTOR..=Skew::MAX_FACTOR).contains(&factor) {
-        return Ok(factor);
+        return Ok(f64::from(factor));
     }
     let plane = PLANES.get(plane).copied().unwrap_or_default();
-    Err(CommandError::TooSkew(SkewRefusal { plane, factor: factor as f32 }))
+    Err(CommandError::TooSkew(SkewRefusal { plane, factor }))
 }
 
 impl<P: Ports> Printer<'_, P> {
@@ -119,13 +132,13 @@ impl<P: Ports> Printer<'_, P> {
             }
             SkewCommand::Factors([None, None, None]) => {
                 let [xy, xz, yz] = factors.map(|factor| Real::fixed(factor, 6));
-                self.replies.say(format_args!("echo:; Skew Factor:\necho:  M852 I{xy} J{xz} K{yz} ; XY, XZ, YZ"));
+                self.replies.say(format_args!("echo:  M852 I{xy} J{xz} K{yz} ; XY, XZ, YZ"));
                 return Ok(());
             }
             SkewCommand::Clear => factors = [0.0; 3],
             SkewCommand::Factors(words) => {
                 for (plane, (factor, word)) in factors.iter_mut().zip(words).enumerate() {
-                    *factor = word.map(Decimal::to_f64).map_or(Ok(*factor), |factor| within(plane, factor))?;
+                    *factor = word.map(Decimal::to_f64).map_or(Ok(*factor), |factor| within(plane, factor as f32))?;
                 }
             }
             SkewCommand::Measured(ref planes) => {
@@ -143,7 +156,7 @@ impl<P: Ports> Printer<'_, P> {
 
     fn say_skew(&self, what: &str, factor: f64) -> Result<(), CommandError> {
         // Klipper takes the tangent for the angle, too.
-        let (radians, degrees) = (Real::fixed(factor, 6), Real::fixed(factor.to_degrees(), 2));
+        let (radians, degrees) = (Real::fixed(factor, 6), Real::fixed(f64::from((factor as f32).to_degrees()), 2));
         self.replies.say(format_args!("echo:{what} Skew: {radians} radians, {degrees} degrees"));
         Ok(())
     }

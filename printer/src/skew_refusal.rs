@@ -24,7 +24,7 @@ impl fmt::Display for SkewRefusal {
                 "{plane}: no parallelogram has these lengths: measure its diagonals AC and BD, and its side AD"
             );
         }
-        let [percent, most] = [f64::from(factor), Skew::MAX_FACTOR].map(|factor| Real::short(factor * 100.0, 2));
+        let [percent, most] = [factor, Skew::MAX_FACTOR].map(|factor| Real::short(f64::from(factor * 100.0), 2));
         write!(
             out,
             "{plane}: the axes are {percent} % off their right angle, expected -{most} to {most} %: measure again, or mend the frame"

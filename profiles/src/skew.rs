@@ -3,7 +3,10 @@
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_printer::Skew;
 
-const FACTOR: Range = range(-Skew::MAX_FACTOR, Skew::MAX_FACTOR, "");
+use crate::axes::units_10nm;
+
+const FACTOR: Range = range(-0.05, 0.05, "");
+const _: () = assert!(Skew::MAX_FACTOR == 0.05);
 const LENGTH: Range = range(10.0, 3_000.0, "mm");
 
 /// What the factor of each plane is about, as the table of keys has it.
@@ -31,8 +34,8 @@ pub(crate) fn skew(keys: &Section<'_>) -> Skew {
         .map(|(key, about)| plane.number(key, LENGTH).optional("by `factor`", about));
         match (factor, lengths) {
             (Some(factor), [None, None, None]) => factor,
-            (None, [Some(ac), Some(bd), Some(ad)]) => match Skew::factor_of_diagonals([ac, bd, ad]) {
-                Some(factor) if factor.abs() <= Skew::MAX_FACTOR => factor,
+            (None, [Some(ac), Some(bd), Some(ad)]) => match Skew::factor_of_diagonals([ac, bd, ad].map(|length| units_10nm(length) as u32)) {
+                Some(factor) if factor.abs() <= Skew::MAX_FACTOR => f64::from(factor),
                 Some(factor) => {
                     let most = Skew::MAX_FACTOR * 100.0;
                     let expected = format!(

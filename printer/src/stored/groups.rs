@@ -55,7 +55,7 @@ const STEPS: [f64; 2] = [1.0, 10_000.0];
 const LENGTHS: [f64; 2] = [0.0, 100.0];
 /// The slowest and the fastest feed of M207 and M208.
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
-const SKEW: [f64; 2] = [-Skew::MAX_FACTOR, Skew::MAX_FACTOR];
+const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
 
