@@ -118,7 +118,7 @@ impl<P: Ports> Printer<'_, P> {
         let mut slot = [0; SLOT_BYTES];
         let Ok(Some(bytes)) = memory.load(&mut slot) else { return };
         let Ok(record) = Record::read(bytes, self.profile.name) else { return };
-        let interpolation = self.profile.mesh.map_or_default(|settings| settings.interpolation);
+        let interpolation = self.profile.mesh.map(|settings| settings.interpolation).unwrap_or_default();
         match self.motion.mesh(|mesh| read_mesh(record, mesh, interpolation)).flatten() {
             Some(fade_10nm) => self.interpreter.modal.mesh_fade_10nm = fade_10nm.into(),
             None => {
