@@ -1,6 +1,6 @@
 //! What a line asks for, as an enum.
 
-use crate::{BedCommand, CardCommand, Decimal, TowerWords};
+use crate::{BedCommand, CardCommand, Decimal, SkewCommand, TowerWords};
 
 /// The X, Y, Z and E words of a line; `None` where the word is absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -436,6 +436,8 @@ pub enum Command<'a> {
     PrintClock(PrintClockCommand),
     /// M206: what the coordinates of home are beyond the profile's; without words a query.
     HomeOffset(AxisWords),
+    /// M852, and Klipper's words for it: axes that are not at right angles.
+    Skew(SkewCommand),
     /// M400.
     Finish,
     /// M410.

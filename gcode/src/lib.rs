@@ -23,6 +23,7 @@ mod real;
 mod remarks;
 mod reply;
 mod reply_text;
+mod skew_command;
 mod tower_words;
 
 pub use bed_command::{BedArea, BedCommand};
@@ -45,4 +46,5 @@ pub use reply::{
     AdvanceState, EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, ShaperState, Temperatures,
     TimingFigures,
 };
+pub use skew_command::{Diagonals, SkewCommand};
 pub use tower_words::{TowerCourse, TowerWords};

@@ -214,8 +214,9 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     accepted(named(5), "SET_LED", "colour of a light (Klipper)", NO_OUTPUT),
     accepted(named(6), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
     accepted(named(7), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
-    refused(named(8), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
-    refused(named(9), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
+    accepted(named(8), "SKEW_PROFILE", "load, save or remove the skew of a machine (Klipper)", "the skew of the profile, or the one that M500 has stored, is in force: set it with SET_SKEW or M852"),
+    refused(named(9), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
+    refused(named(10), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
 ];
 
 const _: () = assert!(NOT_EXECUTED.len() <= 128, "a set of remarks has a bit for each entry");

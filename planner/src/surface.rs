@@ -14,7 +14,7 @@ use core::future::{Pending, pending};
 
 pub use bounds::SurfaceBounds;
 pub use entries::BedEntries;
-pub use mesh::{MAX_MESH_POINTS, Mesh, MeshError, MeshGrid};
+pub use mesh::{MAX_MESH_POINTS, Mesh, MeshError, MeshGrid, MeshInterpolation};
 pub use stage::BedStage;
 
 use crate::kinematics::Geometry;

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::surface::{Bed, BedEntries, BedStage, Mesh, MeshError, MeshGrid};
+use ferrostep_planner::surface::{Bed, BedEntries, BedStage, Mesh, MeshError, MeshGrid, MeshInterpolation};
 use ferrostep_planner::{
     AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, Notice, Planner, Progress, ShaperKind,
     StandardOnBed, StepEntry, StepLedger, StepObserver, StepSink, StepsPerMm, TICKS_PER_SECOND,
@@ -181,27 +181,73 @@ impl Machine {
 /// The surface in double precision, with nothing of the code that is tested but the mesh's heights.
 struct Surface<'a> {
     mesh: &'a Mesh,
+    /// Into how many parts the distances of its points are divided.
+    parts: [u8; 2],
+    /// Row by row, um.
+    heights_um: Vec<Vec<f64>>,
     steps_per_mm: f64,
+}
+
+/// Heights at even distances, and between each two `parts` - 1 more on the cubic curves that have there the mean of the slopes to both
+/// neighbours (at the ends the slope of the parabola through three): Hermite's form. As the mesh has them, to a um.
+fn curve(heights: &[f64], parts: u8) -> Vec<f64> {
+    let last = heights.len() - 1;
+    let slope = |at: usize| match at {
+        _ if last == 1 => heights[1] - heights[0],
+        0 => -1.5 * heights[0] + 2.0 * heights[1] - 0.5 * heights[2],
+        _ if at == last => 1.5 * heights[last] - 2.0 * heights[last - 1] + 0.5 * heights[last - 2],
+        _ => (heights[at + 1] - heights[at - 1]) / 2.0,
+    };
+    let mut all = Vec::new();
+    for at in 0..last {
+        for part in 0..parts {
+            let t = f64::from(part) / f64::from(parts);
+            let (from, to) = (heights[at], heights[at + 1]);
+            let bend = (2.0 * t * t * t - 3.0 * t * t + 1.0) * from + (3.0 * t * t - 2.0 * t * t * t) * to;
+            let leave = (t * t * t - 2.0 * t * t + t) * slope(at) + (t * t * t - t * t) * slope(at + 1);
+            all.push((bend + leave).round());
+        }
+    }
+    all.push(heights[last]);
+    all
 }
 
 impl<'a> Surface<'a> {
     fn new(mesh: &'a Mesh, machine: &Machine) -> Self {
-        Self { mesh, steps_per_mm: machine.steps_per_mm[2] }
+        let [columns, rows] = mesh.grid().points;
+        let parts = if mesh.interpolation() == MeshInterpolation::Bicubic {
+            [columns, rows].map(|points| if points < 3 { 1 } else { (14 / (points - 1)).max(1) })
+        } else {
+            [1; 2]
+        };
+        let measured = (0..rows).map(|row| {
+            let heights: Vec<_> = (0..columns).map(|column| mesh.height_um([column, row]).unwrap().into()).collect();
+            curve(&heights, parts[0])
+        });
+        let measured: Vec<_> = measured.collect();
+        let columns = (0..measured[0].len()).map(|column| {
+            let heights: Vec<_> = measured.iter().map(|row| row[column]).collect();
+            curve(&heights, parts[1])
+        });
+        let columns: Vec<_> = columns.collect();
+        let heights_um = (0..columns[0].len()).map(|row| columns.iter().map(|column| column[row]).collect()).collect();
+        Self { mesh, parts, heights_um, steps_per_mm: machine.steps_per_mm[2] }
     }
 
     /// Its height at a place, mm; a cell beyond the grid the outermost cells go on.
     fn height_mm(&self, place_mm: [f64; 2]) -> f64 {
         let grid = self.mesh.grid();
         let cells = [0, 1].map(|axis| {
-            let cells = f64::from(grid.points[axis] - 1);
+            let parts = f64::from(self.parts[axis]);
+            let cells = f64::from(grid.points[axis] - 1) * parts;
             let at =
                 (place_mm[axis] * MM as f64 - f64::from(grid.from_10nm[axis])) / f64::from(grid.spacing_10nm[axis]);
-            let at = at.clamp(-1.0, cells + 1.0);
+            let at = (at * parts).clamp(-parts, cells + parts);
             let cell = at.floor().clamp(0.0, cells - 1.0);
-            (cell as u8, at - cell)
+            (cell as usize, at - cell)
         });
         let [(column, t), (row, v)] = cells;
-        let at = |right, back| f64::from(self.mesh.height_um([column + right, row + back]).unwrap()) / 1000.0;
+        let at = |right: usize, back: usize| self.heights_um[row + back][column + right] / 1000.0;
         at(0, 0) * (1.0 - t) * (1.0 - v) + at(1, 0) * t * (1.0 - v) + at(0, 1) * (1.0 - t) * v + at(1, 1) * t * v
     }
 
@@ -215,8 +261,12 @@ impl<'a> Surface<'a> {
 
 /// A mesh with these heights, row by row, um, from 20 mm to 120 mm.
 fn mesh_of(points: [u8; 2], heights_um: &[i16], fade_10nm: i32) -> Mesh {
+    mesh_between(MeshInterpolation::Bilinear, points, heights_um, fade_10nm)
+}
+
+fn mesh_between(interpolation: MeshInterpolation, points: [u8; 2], heights_um: &[i16], fade_10nm: i32) -> Mesh {
     let mut mesh = Mesh::NONE;
-    mesh.begin(&MeshGrid::over([[2_000_000, 12_000_000]; 2], points).unwrap());
+    mesh.begin(&MeshGrid::over([[2_000_000, 12_000_000]; 2], points).unwrap(), interpolation);
     let places = (0..points[1]).flat_map(|row| (0..points[0]).map(move |column| [column, row]));
     for (place, height) in places.zip(heights_um.iter().cycle()) {
         assert!(mesh.set_height_um(place, *height));
@@ -228,8 +278,13 @@ fn mesh_of(points: [u8; 2], heights_um: &[i16], fade_10nm: i32) -> Mesh {
 fn any_mesh() -> impl Strategy<Value = Mesh> {
     let points = [2u8..7, 2u8..7];
     let fade = prop_oneof![Just(0i32), 200_000i32..1_500_000];
-    (points, proptest::collection::vec(-150i16..150, 36), fade)
-        .prop_map(|(points, heights, fade)| mesh_of(points, &heights, fade))
+    let between = prop_oneof![Just(MeshInterpolation::Bilinear), Just(MeshInterpolation::Bicubic)];
+    (between, points, proptest::collection::vec(-150i16..150, 36), fade).prop_map(|(between, points, heights, fade)| {
+        // Curves through such heights, and where they go on beyond them, are steeper than straight lines.
+        let share = if between == MeshInterpolation::Bicubic { 4 } else { 1 };
+        let heights: Vec<_> = heights.into_iter().map(|height| height / share).collect();
+        mesh_between(between, points, &heights, fade)
+    })
 }
 
 /// Paths within 0 and 140 mm, beyond the mesh too; now and then Z moves, alone or along, and the filament alone.
@@ -446,7 +501,7 @@ fn meshes_that_z_cannot_follow() {
     };
     assert_eq!(switched(&machine, &Mesh::NONE), Err(MeshError::Incomplete));
     let mut incomplete = Mesh::NONE;
-    incomplete.begin(&MeshGrid::over([[0, 1_000_000]; 2], [2, 2]).unwrap());
+    incomplete.begin(&MeshGrid::over([[0, 1_000_000]; 2], [2, 2]).unwrap(), MeshInterpolation::Bicubic);
     assert!((0..3).all(|index| incomplete.set_height_um([index % 2, index / 2], 0)));
     assert_eq!(switched(&machine, &incomplete), Err(MeshError::Incomplete));
     assert!(!incomplete.set_height_um([2, 0], 0));
@@ -468,4 +523,101 @@ fn meshes_that_z_cannot_follow() {
         assert_eq!(MeshGrid::over([[0, 1_000_000]; 2], points), None, "{points:?}");
     }
     assert_eq!(MeshGrid::over([[0, 1_000_000], [5, 5]], [2, 2]), None);
+}
+
+/// A bed that is bent like a wave: the largest distance between it and the surface that Z follows, mm, by the motors' steps on rows of
+/// moves over all of the mesh.
+fn gap_mm(interpolation: MeshInterpolation, points: u8, bed_mm: impl Fn([f64; 2]) -> f64) -> f64 {
+    let machine = Machine::new(Kinematics::Cartesian);
+    let grid = MeshGrid::over([[2_000_000, 12_000_000]; 2], [points; 2]).unwrap();
+    let places = (0..points).flat_map(|row| (0..points).map(move |column| [column, row]));
+    let heights_um: Vec<_> = places
+        .map(|point| (bed_mm(grid.place_10nm(point).map(|units| f64::from(units) / MM as f64)) * 1000.0).round() as i16)
+        .collect();
+    let mesh = mesh_between(interpolation, [points; 2], &heights_um, 0);
+    let start = machine.start(&mesh);
+    let mut moves = Vec::new();
+    for row in 0..=20 {
+        let (y, x) = ((20 + row * 5) * MM, if row % 2 == 0 { 120 * MM } else { 20 * MM });
+        let from_x = 140 * MM - x;
+        for target_10nm in [[from_x, y, start[2]], [x, y, start[2]]] {
+            moves.push(Move { target_10nm, filament_100pm: 0, feed_mm_per_s: 100.0, line: 1, ends_move: true });
+        }
+    }
+    let followed = machine.run(start, &moves, Some(&mesh), true);
+    let mut place = machine.geometry().motor_steps(start).map(i64::from);
+    let plan_z = place[2];
+    place[2] = followed.ledger.motor_steps()[2];
+    for (_, axes, directions) in &followed.seen.0 {
+        place[2] -= if axes & Z == 0 {
+            0
+        } else if directions & Z == 0 {
+            1
+        } else {
+            -1
+        };
+    }
+    let mut most: f64 = 0.0;
+    for (_, axes, directions) in &followed.seen.0 {
+        for (motor, steps) in place.iter_mut().enumerate() {
+            if axes >> motor & 1 == 1 {
+                *steps += if directions >> motor & 1 == 0 { 1 } else { -1 };
+            }
+        }
+        let [x, y] = machine.place(place);
+        if (20.0..=120.0).contains(&x) && (20.0..=120.0).contains(&y) {
+            most = most.max(((place[2] - plan_z) as f64 / 400.0 - bed_mm([x, y])).abs());
+        }
+    }
+    most
+}
+
+/// On bent beds the curves leave less of a gap than straight lines between the same points.
+#[test]
+fn curves_fit_a_bent_bed_better() {
+    use MeshInterpolation::{Bicubic, Bilinear};
+    type Bed = fn([f64; 2]) -> f64;
+    let bowl: Bed = |[x, y]| 0.5 * (((x - 70.0) / 50.0).powi(2) + ((y - 70.0) / 50.0).powi(2)) - 0.4;
+    let wave: Bed = |[x, y]| 0.3 * (x / 25.0).sin() + 0.2 * (y / 30.0).cos();
+    let saddle: Bed = |[x, y]| (x - 70.0) * (y - 60.0) / 5000.0 + 0.2 * (x / 40.0).sin();
+    for (name, bed, points, share) in [
+        ("bowl", bowl, 4, 0.1),
+        ("bowl", bowl, 5, 0.15),
+        ("wave", wave, 5, 0.5),
+        ("wave", wave, 7, 0.4),
+        ("saddle", saddle, 4, 0.5),
+    ] {
+        let [straight, curved] = [Bilinear, Bicubic].map(|between| gap_mm(between, points, bed));
+        println!("{name}, {points} by {points} points: {straight:.4} mm bilinear, {curved:.4} mm bicubic");
+        // Z keeps within 3/4 of a step of 2.5 um.
+        assert!(curved < 0.003 + share * straight, "{name}, {points}: {straight} mm, {curved} mm");
+    }
+}
+
+proptest! {
+    /// The surface is at the measured points where they were measured, whatever is between them; and never higher than it says.
+    #[test]
+    fn curves_pass_through_the_measured_points(mesh in any_mesh(), at in [0.0f64..1.0, 0.0..1.0]) {
+        let machine = Machine::new(Kinematics::Cartesian);
+        let geometry = machine.geometry();
+        let mut stage = BedStage::new(&geometry);
+        *stage.mesh().unwrap() = mesh.clone();
+        stage.mesh().unwrap().set_fade_10nm(0);
+        stage.switch(true).unwrap();
+        let grid = mesh.grid();
+        for row in 0..grid.points[1] {
+            for column in 0..grid.points[0] {
+                let [x, y] = grid.place_10nm([column, row]).map(i64::from);
+                let height_um = mesh.height_um([column, row]).unwrap();
+                let correction = stage.stand(geometry.motor_steps([x, y, 0]).map(i64::from), 0);
+                let away = correction as f64 - f64::from(height_um) * 0.4;
+                // Half a step, and what the surface rises in half a step of X and Y.
+                prop_assert!(away.abs() <= 0.55, "{column} {row}: {away}");
+            }
+        }
+        let highest = f64::from(stage.mesh().unwrap().highest_10nm()) / MM as f64;
+        let surface = Surface::new(&mesh, &machine);
+        let place = at.map(|share| -60.0 + 260.0 * share);
+        prop_assert!(surface.height_mm(place) <= highest + 1e-9, "{} above {highest}", surface.height_mm(place));
+    }
 }

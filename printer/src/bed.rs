@@ -5,10 +5,11 @@
 
 mod area;
 mod reports;
+mod round;
 mod screws;
 
 use ferrostep_gcode::{BedCommand, Decimal};
-use ferrostep_planner::surface::{MeshError, MeshGrid};
+use ferrostep_planner::surface::{MeshError, MeshGrid, MeshInterpolation};
 
 use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
@@ -94,8 +95,7 @@ impl<P: Ports> Printer<'_, P> {
         let modal = &mut self.interpreter.modal;
         modal.follows_bed = follows;
         modal.mesh_rise_10nm = if follows { i64::from(rise_10nm.unwrap_or(0)).clamp(0, size_10nm) } else { 0 };
-        let [.., z_10nm] = self.motion.position_10nm();
-        modal.machine_10nm[Z] = modal.machine_z_10nm(z_10nm);
+        self.interpreter.follow(self.motion.position_10nm());
         outcome
     }
 
@@ -111,7 +111,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn forget_mesh(&mut self) {
         // Only on can fail.
         let _off = self.switch_bed(false);
-        self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE));
+        self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE, MeshInterpolation::Bilinear));
     }
 
     /// M420, and G29 A. A missing mesh is reported and nothing else happens, as in Marlin: slicers write M420 S1 for those that were stored.
@@ -183,7 +183,7 @@ impl<P: Ports> Printer<'_, P> {
     /// G29: measures the points of a grid, row by row there and back. Without all of them there is no mesh.
     async fn measure(&mut self, grid: &MeshGrid, settings: &MeshSettings) -> Result<(), CommandError> {
         self.forget_mesh();
-        self.motion.mesh(|mesh| mesh.begin(grid));
+        self.motion.mesh(|mesh| mesh.begin(grid, settings.interpolation));
         let outcome = self.measure_all(grid, settings).await;
         self.follow_probing();
         self.bed_area = None;
@@ -207,10 +207,16 @@ impl<P: Ports> Printer<'_, P> {
             let (row, along) = ((index / u16::from(columns)) as u8, (index % u16::from(columns)) as u8);
             let column = if row % 2 == 0 { along } else { columns - 1 - along };
             let place_10nm = grid.place_10nm([column, row]).map(i64::from);
+            if self.is_above_bed(place_10nm).is_err() {
+                continue;
+            }
             let mut heights = Heights::NONE;
             self.probe(place_10nm, settings.samples, settings, &mut heights).await?;
             let height_um = height_um(heights.mean_10nm());
             self.motion.mesh(|mesh| mesh.set_height_um([column, row], height_um));
+        }
+        if self.profile.safe_homing.is_round {
+            self.motion.mesh(round::continue_surface);
         }
         Ok(())
     }
@@ -298,19 +304,29 @@ impl<P: Ports> Printer<'_, P> {
             let offset_10nm = self.interpreter.modal.probe_offset_10nm.get(axis).copied().unwrap_or(0);
             *nozzle = within(word, *nozzle, least, most)? - offset_10nm;
         }
+        self.is_above_bed(place_10nm)?;
         Ok(nozzle_10nm)
     }
 
-    /// The place of the probe of G30 and M48.
+    /// Refuses a place of the probe that is beside a round bed.
+    pub(crate) fn is_above_bed(&self, place_10nm: [i64; 2]) -> Result<(), CommandError> {
+        if self.profile.safe_homing.is_above_bed(place_10nm) { Ok(()) } else { Err(CommandError::BesideBed) }
+    }
+
+    /// The place of the probe of G30 and M48, the axes'.
     fn probed_place(&self, x: Option<Decimal>, y: Option<Decimal>) -> Result<[i64; 2], CommandError> {
         let modal = &self.interpreter.modal;
-        let mut place_10nm = [0; 2];
-        for ((axis, place), word) in place_10nm.iter_mut().enumerate().zip([x, y]) {
+        let [x_10nm, y_10nm, _] = modal.machine_10nm;
+        // On the bed, to which the probe goes straight down.
+        let mut asked_10nm = [x_10nm, y_10nm, 0];
+        for ((axis, place), word) in asked_10nm.iter_mut().enumerate().zip([x, y]) {
             *place = match word {
                 Some(word) => modal.length_10nm(word).ok_or(CommandError::TooFar)? - modal.offset_10nm[axis],
-                None => modal.machine_10nm[axis] + modal.probe_offset_10nm[axis],
+                None => *place + modal.probe_offset_10nm[axis],
             };
         }
+        let [x_10nm, y_10nm, _] = self.interpreter.skew.axes(asked_10nm);
+        let place_10nm = [x_10nm, y_10nm];
         self.nozzle_at(place_10nm)?;
         Ok(place_10nm)
     }

@@ -56,6 +56,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Unknown(_)
         | Command::Restart => WhileHalted::Works,
         Command::Bed(bed) if bed.is_query() => WhileHalted::Works,
+        Command::Skew(skew) if skew.is_query() => WhileHalted::Works,
         Command::FeedPercent(words) if *words == FeedWords::default() => WhileHalted::Works,
         Command::HomeOffset(words) | Command::StepsPerMm(words) if *words == AxisWords::default() => WhileHalted::Works,
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,

@@ -2,7 +2,7 @@
 
 use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BedCommand, CardCommand, Command, Decimal, PrintClockCommand, Remarks,
-    Reply, SettingsCommand, ShaperWords, TowerWords, WaitTarget,
+    Reply, SettingsCommand, ShaperWords, SkewCommand, TowerWords, WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::surface::Bed;
@@ -87,6 +87,8 @@ enum Then<'a> {
     StepsPerMm(&'a AxisWords),
     /// M77, M78 S78.
     PrintClock(PrintClockCommand),
+    /// M852.
+    Skew(&'a SkewCommand),
     /// M956.
     Record {
         samples: u16,
@@ -176,6 +178,7 @@ impl<P: Ports> Printer<'_, P> {
                         self.print_clock(command);
                         self.keep_statistics();
                     }
+                    Then::Skew(command) => self.skew(command)?,
                     Then::Record { samples, at_next_move } => {
                         self.needed_accelerometer()?.record(samples, at_next_move)?;
                     }
@@ -280,6 +283,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
             Command::FeedPercent(words) => self.feed_percent(words)?,
             Command::HomeOffset(ref words) => self.home_offset(words)?,
+            Command::Skew(ref command) => return waiting(Waiting::Finish(Then::Skew(command))),
             Command::PrintClock(command @ (PrintClockCommand::Stop | PrintClockCommand::Clear)) => {
                 return waiting(Waiting::Finish(Then::PrintClock(command)));
             }

@@ -56,10 +56,11 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.finish().await?;
         let [x, y, _] = self.motion.position_10nm();
         self.motion.set_position([x, y, z_10nm]);
-        (self.interpreter.modal.machine_10nm, self.interpreter.modal.lift_10nm) = ([x, y, z_10nm], 0);
+        self.interpreter.modal.lift_10nm = 0;
         self.interpreter.modal.homed[2] = true;
         // A probe triggers at its offset; any other sensor where the profile says.
         self.interpreter.modal.z = KnownZ { trigger_10nm: Some(self.interpreter.trigger_10nm(2)), ..KnownZ::default() };
+        self.interpreter.follow([x, y, z_10nm]);
         Ok(())
     }
 
@@ -69,6 +70,7 @@ impl<P: Ports> Printer<'_, P> {
     /// # Errors
     /// The machine stands elsewhere, the frame's values are out of range, or motion was stopped.
     pub async fn enter_prepared(&mut self, state: &FrameState) -> Result<(), CommandError> {
+        self.needs_right_angles()?;
         let modal = &state.modal;
         let [x, y, z] = modal.offset_10nm;
         if [x, y, z, modal.lift_10nm, modal.extruder_10nm].iter().any(|length| length.unsigned_abs() > MAX_10NM) {

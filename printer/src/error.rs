@@ -17,6 +17,7 @@ use crate::mesh_refusal::MeshRefusal;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
 use crate::plan_fault_text::PlanFaultText;
 use crate::shaper_refusal::{self, ShaperRefusal};
+use crate::skew_refusal::SkewRefusal;
 use crate::tower::TowerRefusal;
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
@@ -114,10 +115,16 @@ pub enum CommandError {
     },
     /// Z follows the bed, or shall, and a prepared job brings its own heights.
     MeshAndJob,
+    /// The machine's axes are skew (M852), and a prepared job is planned for right angles.
+    SkewAndJob,
+    /// Axes may not be that far off their right angle.
+    TooSkew(SkewRefusal),
     /// M92 has set other steps of the extruder than the profile's, with which a prepared job is planned.
     StepsAndJob,
     /// Z cannot follow the bed.
     Mesh(MeshError),
+    /// A place to be probed is beside the round bed.
+    BesideBed,
     /// The profile names no screws of the bed.
     NoScrews,
     /// The bed is probed and followed with all axes homed.
@@ -341,11 +348,18 @@ impl fmt::Display for CommandError {
             Self::MeshAndJob => out.write_str(
                 "a prepared job brings its own heights and follows no mesh: send M420 S0 before it, or print its G-code",
             ),
+            Self::SkewAndJob => out.write_str(
+                "a prepared job is planned for axes at right angles: send M852 I0 J0 K0 before it, or print its G-code",
+            ),
+            Self::TooSkew(refusal) => refusal.fmt(out),
             Self::StepsAndJob => out.write_str(
                 "a prepared job is planned with the profile's steps of the extruder, and M92 has set others: print its G-code, or write them \
                  into the profile and prepare it anew",
             ),
             Self::Mesh(error) => fmt::Display::fmt(&MeshRefusal(error), out),
+            Self::BesideBed => out.write_str(
+                "X, Y: the probe is beside the round bed there: choose a place nearer to the middle of homing.bed_mm",
+            ),
             Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: write its table bed_screws"),
             Self::BedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');

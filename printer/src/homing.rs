@@ -71,8 +71,7 @@ impl<M: Motion> Homing<'_, '_, M> {
             let _off = self.motion.follow_bed(false);
             self.interpreter.modal.follows_bed = false;
             self.interpreter.modal.mesh_rise_10nm = 0;
-            let [.., z_10nm] = self.motion.position_10nm();
-            self.interpreter.modal.machine_10nm[Z] = self.interpreter.modal.machine_z_10nm(z_10nm);
+            self.interpreter.follow(self.motion.position_10nm());
         }
     }
 
@@ -114,7 +113,9 @@ impl<M: Motion> Homing<'_, '_, M> {
             return Ok(());
         }
         let outcome = self.go(target_10nm, self.interpreter.profile.homing[Z].fast_mm_per_s).await;
-        self.interpreter.modal.machine_10nm[Z] += self.motion.position_10nm()[Z] - z_10nm;
+        let raised_10nm = self.motion.position_10nm();
+        self.interpreter.modal.machine_10nm[Z] += raised_10nm[Z] - z_10nm;
+        self.interpreter.follow_plane(raised_10nm);
         if !self.interpreter.modal.homed[Z] {
             self.interpreter.modal.z.raised_to_10nm = Some(target_10nm[Z]);
         }
@@ -127,7 +128,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         let feed_mm_per_s = x.fast_mm_per_s.min(y.fast_mm_per_s);
         let [.., z_10nm] = self.motion.position_10nm();
         self.go([x_10nm, y_10nm, z_10nm], feed_mm_per_s).await?;
-        (self.interpreter.modal.machine_10nm[0], self.interpreter.modal.machine_10nm[1]) = (x_10nm, y_10nm);
+        self.interpreter.follow_plane([x_10nm, y_10nm, z_10nm]);
         Ok(())
     }
 
@@ -148,13 +149,14 @@ impl<M: Motion> Homing<'_, '_, M> {
         let outcome = self.find_home(axis, &homing, AxisHoming::MAX_PRESS_10NM).await;
         // After a failure, too, the G-code's position is that of the motors.
         let found_10nm = self.motion.position_10nm()[axis];
+        // The other axes stay, a lifted Z has its part in where they are.
+        let mut position = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         if axis == Z {
             // The sensor's height counts: it includes the lift and the shift.
             self.interpreter.modal.lift_10nm = 0;
             self.interpreter.modal.z.shift_10nm = 0;
             self.interpreter.modal.z.raised_to_10nm = None;
         }
-        let mut position = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         position[axis] = match outcome {
             Ok(()) => self.interpreter.trigger_10nm(axis),
             Err(_) => found_10nm,
@@ -162,8 +164,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         if axis == Z && outcome.is_ok() && homing.end == HomeEnd::Min {
             self.interpreter.modal.z.trigger_10nm = Some(position[Z]);
         }
-        self.motion.set_position(position);
-        self.interpreter.modal.machine_10nm[axis] = position[axis];
+        self.set_axis(axis, position);
         outcome?;
         self.interpreter.modal.offset_10nm[axis] = self.interpreter.modal.home_offset_10nm[axis];
         self.interpreter.modal.homed[axis] = true;
@@ -172,10 +173,18 @@ impl<M: Motion> Homing<'_, '_, M> {
             self.motion.begin_homing();
             self.move_back(axis, &homing).await?;
             position[axis] -= towards * homing.back_off_10nm;
-            self.motion.set_position(position);
-            self.interpreter.modal.machine_10nm[axis] = position[axis];
+            self.set_axis(axis, position);
         }
         Ok(())
+    }
+
+    /// An axis has another position, of all axes the others are as they were.
+    fn set_axis(&mut self, axis: usize, position_10nm: [i64; 3]) {
+        self.motion.set_position(position_10nm);
+        if axis == Z {
+            self.interpreter.modal.machine_10nm[Z] = position_10nm[Z];
+        }
+        self.interpreter.follow_plane(position_10nm);
     }
 
     /// A fast approach until the sensor triggers, a way back, and a second approach, which counts if it agrees with the

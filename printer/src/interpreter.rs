@@ -10,6 +10,7 @@ use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
 use crate::modal::{Modal, NewestRetraction, Tally};
 use crate::profile::{HomeSensor, Profile};
+use crate::skew::Skew;
 
 /// Logical extruder positions stay within 10,000 km.
 pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
@@ -24,6 +25,8 @@ const LONGEST_CHORD_10NM: i64 = 3_000_000;
 #[derive(Debug)]
 pub(crate) struct MoveInterpreter<'a> {
     pub profile: &'a Profile,
+    /// Between the machine position and the axes.
+    pub skew: Skew,
     pub modal: Modal,
     pub tally: Tally,
     pub newest_retraction: Option<NewestRetraction>,
@@ -89,7 +92,7 @@ impl ArcMoves {
             // The F word counts from the end of the line on.
             target.feed_10nm_per_min = modal.feed_10nm_per_min;
         }
-        interpreter.clamp_into(&mut target.machine_10nm, &mut self.clamped);
+        interpreter.clamp_into(&mut target.machine_10nm, modal.lift_10nm, &mut self.clamped);
         let mut extrusion = modal.extrusion;
         let mut push_100pm = self.share(self.filament_100pm) - self.pushed_100pm;
         if self.by_length {
@@ -110,7 +113,13 @@ impl ArcMoves {
 impl<'a> MoveInterpreter<'a> {
     /// The state of a printer that has just been switched on.
     pub fn new(profile: &'a Profile) -> Self {
-        Self { profile, modal: Modal::new(profile), tally: Tally::default(), newest_retraction: None }
+        Self {
+            profile,
+            skew: profile.skew,
+            modal: Modal::new(profile),
+            tally: Tally::default(),
+            newest_retraction: None,
+        }
     }
 
     /// G0, G1.
@@ -123,7 +132,7 @@ impl<'a> MoveInterpreter<'a> {
     ) -> Result<AskedMove, CommandError> {
         let mut target = self.target(axes, feed)?;
         let mut clamped = [false; 3];
-        self.clamp_into(&mut target.machine_10nm, &mut clamped);
+        self.clamp_into(&mut target.machine_10nm, self.modal.lift_10nm, &mut clamped);
         let (mut filament_100pm, mut extrusion) = (self.filament(&target), self.modal.extrusion);
         if !rapid && self.extrudes_by_length(axes, &target) {
             (filament_100pm, extrusion) = self.along(extrusion, self.modal.machine_10nm, target.machine_10nm);
@@ -262,13 +271,14 @@ impl<'a> MoveInterpreter<'a> {
         [self.profile.lower_end_10nm[axis].min(upper), upper]
     }
 
-    /// Soft limits: draws a target into the travel of the homed axes, and marks the axes that this changed.
-    fn clamp_into(&self, target_10nm: &mut [i64; 3], clamped: &mut [bool; 3]) {
+    /// Soft limits: draws a target, above which Z is lifted, into the travel of the homed axes, and marks the axes that this changed.
+    fn clamp_into(&self, target_10nm: &mut [i64; 3], lift_10nm: i64, clamped: &mut [bool; 3]) {
         if !self.modal.soft_limits {
             return;
         }
-        for axis in 0..3 {
-            let [lower, upper] = self.travel_10nm(axis);
+        // Where a skew axis goes depends on those after it.
+        for axis in [2, 1, 0] {
+            let [lower, upper] = self.asked_travel_10nm(axis, *target_10nm, lift_10nm);
             let inside = target_10nm[axis].clamp(lower, upper);
             if self.modal.homed[axis] && inside != target_10nm[axis] {
                 target_10nm[axis] = inside;
@@ -277,22 +287,44 @@ impl<'a> MoveInterpreter<'a> {
         }
     }
 
-    /// A machine position with Z lifted, as far as the soft limits let it, and shifted as M290 has it.
+    /// What may be asked of an axis at a machine position, above which Z is lifted: its travel, as its skew has it there.
+    pub fn asked_travel_10nm(&self, axis: usize, [x, y, z]: [i64; 3], lift_10nm: i64) -> [i64; 2] {
+        // All are within 5 m.
+        let motors_z_10nm = z.wrapping_add(lift_10nm).wrapping_add(self.modal.z.shift_10nm);
+        let ahead_10nm = self.skew.ahead_10nm(axis, [x, y, motors_z_10nm]);
+        self.travel_10nm(axis).map(|end_10nm| end_10nm.wrapping_add(ahead_10nm))
+    }
+
+    /// Where the axes go for a machine position with Z lifted, as far as the soft limits let it, and shifted as M290 has it.
     pub fn lifted(&self, machine_10nm: [i64; 3], lift_10nm: i64) -> [i64; 3] {
         let [x, y, z] = machine_10nm;
         let mut lifted = [x, y, z + lift_10nm];
         if lift_10nm != 0 {
-            self.clamp_into(&mut lifted, &mut [false; 3]);
+            self.clamp_into(&mut lifted, 0, &mut [false; 3]);
         }
         let shift_10nm = self.modal.z.shift_10nm;
         lifted[2] += shift_10nm;
         if shift_10nm > 0 && self.modal.soft_limits && self.modal.homed[2] {
             lifted[2] = lifted[2].min(self.profile.size_10nm[2] - self.modal.mesh_rise_10nm);
         }
-        lifted
+        self.skew.axes(lifted)
     }
 
-    /// Where the motors go for a machine position of the G-code.
+    /// The machine position becomes that of the axes, without the lift and the shift of Z.
+    pub fn follow(&mut self, axes_10nm: [i64; 3]) {
+        self.follow_plane(axes_10nm);
+        let [.., z_10nm] = axes_10nm;
+        self.modal.machine_10nm[2] = self.modal.machine_z_10nm(z_10nm);
+    }
+
+    /// X and Y of the machine position become those of the axes.
+    pub fn follow_plane(&mut self, axes_10nm: [i64; 3]) {
+        let [x, y, _] = self.skew.asked(axes_10nm);
+        let [machine_x, machine_y, _] = &mut self.modal.machine_10nm;
+        (*machine_x, *machine_y) = (x, y);
+    }
+
+    /// Where the axes go for a machine position of the G-code.
     pub fn raised(&self, machine_10nm: [i64; 3]) -> [i64; 3] {
         self.lifted(machine_10nm, self.modal.lift_10nm)
     }

@@ -54,6 +54,8 @@ mod shaper_refusal;
 mod shapers;
 mod shared_machine;
 mod signals;
+mod skew;
+mod skew_refusal;
 mod stored;
 mod temperatures;
 mod tower;
@@ -88,6 +90,8 @@ pub use profile::{
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};
+pub use skew::Skew;
+pub use skew_refusal::SkewRefusal;
 pub use stored::stored_keys;
 pub use tower::TowerRefusal;
 pub use transfer::JobLine;

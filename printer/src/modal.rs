@@ -69,7 +69,8 @@ pub(crate) struct Modal {
     pub flow_percent: u16,
     /// What M220 B has kept.
     pub kept_feed_percent: u16,
-    /// Machine position after all commands so far, the lift of a firmware retraction left out.
+    /// Machine position after all commands so far, as the G-code asks for it (not the axes', which may be skew), the lift of a
+    /// firmware retraction left out.
     pub machine_10nm: [i64; 3],
     /// Logical minus machine coordinates (G92, and M206).
     pub offset_10nm: [i64; 3],

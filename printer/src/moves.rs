@@ -79,8 +79,9 @@ impl<P: Ports> Printer<'_, P> {
         let line = self.line;
         let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));
         for axis in (0..3).filter(|&axis| clamped[axis]) {
-            let [lower, upper] = self.interpreter.travel_10nm(axis);
-            let [at, lower, upper] = [self.interpreter.modal.machine_10nm[axis], lower, upper]
+            let modal = &self.interpreter.modal;
+            let [lower, upper] = self.interpreter.asked_travel_10nm(axis, modal.machine_10nm, modal.lift_10nm);
+            let [at, lower, upper] = [modal.machine_10nm[axis], lower, upper]
                 .map(|length_10nm| Real::fixed(length_10nm as f64 / 100_000.0, 2));
             let name = AXIS_NAMES[axis];
             let allowed = format_args!(" {name} ends at {at} (allowed {lower} to {upper})");

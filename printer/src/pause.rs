@@ -135,6 +135,8 @@ impl<P: Ports> Printer<'_, P> {
         self.go([x, y, z]).await?;
         self.push_back(&paused).await?;
         self.interpreter.modal.go_on_as(&paused.modal);
+        // The skew may be another one meanwhile.
+        self.interpreter.follow_plane(paused.place_10nm);
         self.paused = None;
         self.resume_print_clock();
         self.tell_host("//action:resumed");
@@ -356,8 +358,7 @@ impl<P: Ports> Printer<'_, P> {
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
         self.motion.add(request).await?;
         self.motion.finish().await?;
-        let modal = &mut self.interpreter.modal;
-        modal.machine_10nm = [target_10nm[0], target_10nm[1], modal.machine_z_10nm(target_10nm[2])];
+        self.interpreter.follow(target_10nm);
         Ok(())
     }
 }

@@ -330,8 +330,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             self.interpreter.modal.forget_home(ALL_MOTORS);
         }
         self.interpreter.modal.lift_10nm = 0;
-        let [x, y, z] = self.motion.position_10nm();
-        self.interpreter.modal.machine_10nm = [x, y, self.interpreter.modal.machine_z_10nm(z)];
+        self.interpreter.follow(self.motion.position_10nm());
     }
 
     /// Stops motion at once; position, extruder and filament become what has really happened.

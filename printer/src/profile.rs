@@ -1,5 +1,6 @@
 //! The machine as numbers, from a profile file or a board's constants.
 
+use ferrostep_planner::surface::MeshInterpolation;
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 use ferrostep_step_player::Signals;
 use ferrostep_thermistor::Thermistor;
@@ -10,6 +11,7 @@ use ferrostep_virtual_board::{
 
 use crate::fans::FanTable;
 use crate::heat::PidGains;
+use crate::skew::Skew;
 
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
 /// 168 MHz.
@@ -86,6 +88,8 @@ pub struct SafeHoming {
     pub probe_offset_10nm: [i64; 3],
     /// Where the probe finds the bed: lower and upper end along X and along Y, machine coordinates.
     pub bed_10nm: [[i64; 2]; 2],
+    /// The bed is the circle between these ends, which are as far from each other along Y as along X.
+    pub is_round: bool,
 }
 
 impl SafeHoming {
@@ -94,7 +98,19 @@ impl SafeHoming {
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
     /// Raises nothing; Z homes at any place.
-    pub const NONE: Self = Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2] };
+    pub const NONE: Self =
+        Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2], is_round: false };
+
+    /// Whether a place of the probe within the ends of the bed is above it.
+    pub fn is_above_bed(&self, place_10nm: [i64; 2]) -> bool {
+        let [[left, right], [front, back]] = self.bed_10nm;
+        let [x, y] = place_10nm;
+        // Twice each length, so that the middle is whole. All are within 5 m.
+        let [across, along] = [2 * x - left - right, 2 * y - front - back];
+        // Points of a grid are rounded: 10 um beside the rim count as on it.
+        let diameter = right - left + 2_000;
+        !self.is_round || across * across + along * along <= diameter * diameter
+    }
 }
 
 /// How the bed is measured, and how far up Z follows it. Lengths in units of 10 nm.
@@ -102,6 +118,8 @@ impl SafeHoming {
 pub struct MeshSettings {
     /// Points along X and along Y, 2 to [`ferrostep_planner::surface::MAX_MESH_POINTS`].
     pub points: [u8; 2],
+    /// What the surface is between them.
+    pub interpolation: MeshInterpolation,
     /// Where they are: lower and upper end along X and along Y, machine coordinates of the probe.
     pub area_10nm: [[i64; 2]; 2],
     /// At which height of the nozzle Z follows no more; 0: it follows to the top.
@@ -328,6 +346,8 @@ pub struct Profile {
     pub event_cost_ticks: u32,
     /// Processor time of a move as [`Geometry::move_cost_ticks`] has it, ticks of the nominal time base.
     pub move_cost_ticks: u32,
+    /// Axes that are not at right angles, at start-up.
+    pub skew: Skew,
     /// Homing of X, Y and Z.
     pub homing: [AxisHoming; 3],
     /// Keeps the nozzle off the bed meanwhile.

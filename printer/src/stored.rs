@@ -19,6 +19,7 @@ use crate::axis_names::AXIS_NAMES;
 use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
 use crate::print_clock::Statistics;
 use crate::printer::Printer;
+use crate::skew::Skew;
 
 use groups::{GROUPS, Group, Setting, Shown};
 use values::{Values, advance_numbers};
@@ -199,6 +200,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             limits: self.motion.limits(),
             retraction: modal.retraction,
             home_offset_10nm: modal.home_offset_10nm,
+            skew_factors: self.interpreter.skew.factors(),
             probe_offset_10nm: self.has_probe().then_some(modal.probe_offset_10nm),
             filament_10nm: self.filament_10nm,
             shapers,
@@ -440,6 +442,10 @@ impl<'a, P: Ports> Printer<'a, P> {
                 mend("drivers.", AXIS_NAMES[motor].to_ascii_lowercase());
             }
         }
+        if values.probe_offset_10nm.is_some_and(|offset_10nm| self.probe_finds_home(offset_10nm).is_err()) {
+            values.probe_offset_10nm = of_profile.probe_offset_10nm;
+            mend("homing.probe_offset_mm", ' ');
+        }
         let offsets = values.probe_offset_10nm.as_mut().zip(of_profile.probe_offset_10nm);
         if let Some((offset_10nm, other_10nm)) = offsets {
             for (axis, (length_10nm, other_10nm)) in offset_10nm.iter_mut().zip(other_10nm).enumerate() {
@@ -486,6 +492,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.motion.set_limits(values.limits);
         self.interpreter.modal.retraction = values.retraction;
         self.interpreter.modal.set_home_offset(values.home_offset_10nm);
+        self.set_skew(Skew::of_factors(values.skew_factors));
         self.filament_10nm = values.filament_10nm;
         if let Some(offset_10nm) = values.probe_offset_10nm {
             self.interpreter.modal.probe_offset_10nm = offset_10nm;

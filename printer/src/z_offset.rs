@@ -31,9 +31,10 @@ pub(crate) fn mm(length_10nm: i64) -> Real {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether M290 has shifted Z, or Z follows the bed, which the heights of a prepared job do not expect.
+    /// Whether the axes go elsewhere than a prepared job expects: M290 has shifted Z, Z follows the bed, or the axes are skew.
     pub fn is_shifted(&self) -> bool {
-        self.interpreter.modal.z.shift_10nm != 0 || self.interpreter.modal.follows_bed
+        let modal = &self.interpreter.modal;
+        modal.z.shift_10nm != 0 || modal.follows_bed || self.is_skew()
     }
 
     pub(crate) fn has_probe(&self) -> bool {
@@ -65,8 +66,15 @@ impl<P: Ports> Printer<'_, P> {
             let [minimum, maximum] = self.probe_range_10nm(axis);
             offset_10nm[axis] = within(AXIS_NAMES[axis], length_10nm, minimum, maximum)?;
         }
+        self.probe_finds_home(offset_10nm)?;
         self.interpreter.modal.probe_offset_10nm = offset_10nm;
         Ok(())
+    }
+
+    /// Refuses an offset of the probe with which it is beside a round bed where Z homes.
+    pub(crate) fn probe_finds_home(&self, [x, y, _]: [i64; 3]) -> Result<(), CommandError> {
+        let Some([home_x, home_y]) = self.profile.safe_homing.home_at_10nm else { return Ok(()) };
+        self.is_above_bed([home_x + x, home_y + y])
     }
 
     /// M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes with it unless `keeps_offset` (P0).

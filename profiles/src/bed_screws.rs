@@ -1,7 +1,7 @@
 //! The screws that the bed stands on.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_printer::{BedScrew, BedScrews};
+use ferrostep_printer::{BedScrew, BedScrews, SafeHoming};
 
 use crate::axes::units_10nm;
 use crate::names::check_name;
@@ -12,7 +12,12 @@ const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 const MAX_NAME: usize = 24;
 
 /// The bed's screws, where the profile names some; the probe reaches so much of the bed along X and Y.
-pub(crate) fn bed_screws(keys: &Section<'_>, reach_mm: &[[f64; 2]; 2], is_measured: bool) -> Option<BedScrews> {
+pub(crate) fn bed_screws(
+    keys: &Section<'_>,
+    reach_mm: &[[f64; 2]; 2],
+    safe: &SafeHoming,
+    is_measured: bool,
+) -> Option<BedScrews> {
     let about = "with a probe: by how much to [turn the screws](levelling.md#screws) that the bed stands on (G35)";
     let table = keys.optional_section("bed_screws", "not known", about)?;
     if !is_measured {
@@ -37,6 +42,9 @@ pub(crate) fn bed_screws(keys: &Section<'_>, reach_mm: &[[f64; 2]; 2], is_measur
             if is_measured && !(least..=most).contains(&place) {
                 section.refuse(axis, format!("{least} to {most} mm: the probe does not reach it"));
             }
+        }
+        if is_measured && !safe.is_above_bed(place_mm.map(units_10nm)) {
+            section.refuse("x", "a place on the round bed (homing.bed_mm)");
         }
         check_name(keys, &format!("bed_screws.places.{name}"), name, MAX_NAME);
         if let Some(screw) = screws.get_mut(index) {

@@ -61,6 +61,7 @@ struct SafeKeys {
     home_at_mm: Option<[f64; 2]>,
     probe_offset_mm: Option<[f64; 3]>,
     bed_mm: [[f64; 2]; 2],
+    is_round: bool,
 }
 
 impl SafeKeys {
@@ -71,6 +72,7 @@ impl SafeKeys {
         let offset_z = range(lowest, highest, "mm");
         // Where a probe triggers is measured on each machine, and a bed's outline changes no plan.
         let apart = tables.apart();
+        let (bed_mm, is_round) = bed(&apart, travel);
         Self {
             raise_mm: tables
                 .number("raise_mm", RAISE.at_most(travel.upper_mm[2] / 2.0, "at most half of size_mm.z"))
@@ -90,7 +92,8 @@ impl SafeKeys {
                     "with a probe only: from the nozzle's tip to where the probe triggers (M851); z = −1: the nozzle is then \
                      1 mm above the bed, and z is not above 0 but to correct a measurement",
                 ),
-            bed_mm: bed(&apart, travel),
+            bed_mm,
+            is_round,
         }
     }
 
@@ -132,21 +135,35 @@ impl SafeKeys {
                 tables.refuse(&format!("home_at_mm.{name}"), expected);
             }
         }
-        SafeHoming {
+        let safe = SafeHoming {
             raise_10nm: self.raise_mm.map_or(0, units_10nm),
             home_at_10nm: self.home_at_mm.map(|place| place.map(units_10nm)),
             probe_offset_10nm: offset_mm.map(units_10nm),
             bed_10nm: self.bed_mm.map(|ends| ends.map(units_10nm)),
+            is_round: self.is_round,
+        };
+        let [offset_x, offset_y, _] = safe.probe_offset_10nm;
+        if safe.home_at_10nm.is_some_and(|[x, y]| !safe.is_above_bed([x + offset_x, y + offset_y])) {
+            let expected = "a place where the probe, homing.probe_offset_mm beside the nozzle, is above the round bed (homing.bed_mm)";
+            tables.refuse("home_at_mm.x", expected);
         }
+        safe
     }
 }
 
-/// Where the bed is; the travel if the file does not say.
-fn bed(tables: &Section<'_>, travel: &Travel) -> [[f64; 2]; 2] {
+/// Where the bed is, and whether it is a circle; the travel if the file does not say.
+fn bed(tables: &Section<'_>, travel: &Travel) -> ([[f64; 2]; 2], bool) {
     let whole = [0, 1].map(|axis: usize| [travel.lower_mm[axis], travel.upper_mm[axis]]);
     let about = "where the probe finds the bed";
-    let Some(table) = tables.optional_section("bed_mm", "the whole travel", about) else { return whole };
-    ["x", "y"].map(|axis| table.ends(axis, BED).required(""))
+    let Some(table) = tables.optional_section("bed_mm", "the whole travel", about) else { return (whole, false) };
+    let ends @ [[left, right], [front, back]] = ["x", "y"].map(|axis| table.ends(axis, BED).required(""));
+    let is_round = table
+        .flag("round")
+        .or(false, "the bed is the circle between these ends: [it alone is probed](levelling.md#a-round-bed)");
+    if is_round && units_10nm(right - left) != units_10nm(back - front) {
+        table.refuse("y", format!("{} mm from end to end as X has, for a round bed", right - left));
+    }
+    (ends, is_round)
 }
 
 /// Homing of one axis, and its lengths and speeds as the file has them.

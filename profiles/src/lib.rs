@@ -20,6 +20,7 @@ mod motion;
 mod names;
 mod pause;
 pub mod response;
+mod skew;
 
 use error_budget::ErrorBudget;
 use ferrostep_printer::Profile;

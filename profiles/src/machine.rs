@@ -7,7 +7,7 @@ use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
-use crate::{bed_screws, extrusion, fans, heaters, homing, macros, mesh, motion, pause};
+use crate::{bed_screws, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -83,7 +83,8 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let (homing, safe_homing) = homing::homing(keys, &travel, steps_per_mm, &limits, &drivers);
     let is_probe = homing[2].sensor == HomeSensor::Probe;
     let mesh = mesh::mesh(keys, &travel, &safe_homing, is_probe, kinematics);
-    let bed_screws = bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), mesh.is_some());
+    let bed_screws =
+        bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), &safe_homing, mesh.is_some());
     let [nozzle, bed] = heaters::heaters(keys);
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
@@ -115,6 +116,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         minimum_event_interval_ticks: (interval_us * TICKS_PER_US).round() as u32,
         event_cost_ticks: cost_ticks(events_per_s),
         move_cost_ticks: cost_ticks(moves_per_s),
+        skew: skew::skew(&apart),
         homing,
         safe_homing,
         mesh,

@@ -2,7 +2,7 @@
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::Kinematics;
-use ferrostep_planner::surface::MAX_MESH_POINTS;
+use ferrostep_planner::surface::{MAX_MESH_POINTS, MeshInterpolation};
 use ferrostep_printer::{MeshSettings, SafeHoming};
 use ferrostep_virtual_board::SheetShape;
 
@@ -39,6 +39,7 @@ pub(crate) fn mesh(
     let lift_mm = safe.raise_10nm as f64 / 100_000.0;
     let mut settings = MeshSettings {
         points: DEFAULT_POINTS.map(|points| points as u8),
+        interpolation: MeshInterpolation::Bilinear,
         area_10nm: reach_mm.map(|ends| ends.map(units_10nm)),
         fade_10nm: units_10nm(DEFAULT_FADE_MM),
         lift_10nm: safe.raise_10nm,
@@ -56,11 +57,17 @@ pub(crate) fn mesh(
         }
         let points = table.numbers("points", ["x", "y"], [POINTS; 2]).or(DEFAULT_POINTS, "how many there are");
         for (axis, number) in ["x", "y"].into_iter().zip(points) {
+            if safe.is_round && number < 3.0 {
+                table.refuse(&format!("points.{axis}"), "3 points at least: the corners are beside the round bed");
+            }
             if number.fract() != 0.0 {
                 table.refuse(&format!("points.{axis}"), "a whole number of points");
             }
         }
         settings.points = points.map(|points| points as u8);
+        settings.interpolation = table
+            .word("interpolation", [("bilinear", MeshInterpolation::Bilinear), ("bicubic", MeshInterpolation::Bicubic)])
+            .or(MeshInterpolation::Bilinear, "what the surface is [between them](levelling.md#following-it)");
         let about = "where they are: from the first to the last, places of the probe";
         if let Some(area) = table.optional_section("area_mm", "all that the probe reaches of the bed", about) {
             for (index, axis) in ["x", "y"].into_iter().enumerate() {

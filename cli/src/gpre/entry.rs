@@ -55,6 +55,7 @@ impl Passed {
                     | Command::FeedPercent(_)
                     | Command::FilamentLengths { .. }
                     | Command::HomeOffset(_)
+                    | Command::Skew(_)
                     | Command::PrintClock(_)
                     // The frame has the part-cooling fan only.
                     | Command::Fan { number: 1.., .. }

@@ -179,6 +179,12 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
             Ok(Command::Bed(bed)) if bed.switches_on() && printer.has_bed() => Some(
                 "a prepared job brings its own heights and follows no mesh of the bed: take the line out, or print the G-code",
             ),
+            Ok(Command::Skew(skew)) if skew.may_skew() => {
+                Some("a prepared job is planned for axes at right angles: take the line out, or print the G-code")
+            }
+            _ if printer.is_skew() => {
+                Some("a prepared job is planned for axes at right angles, and the profile's are skew: print the G-code")
+            }
             Ok(Command::StepsPerMm(words)) if printer.changes_extruder_steps(&words) => Some(
                 "M92 E changes the extruder's steps and cannot be prepared: write them into the profile, and take the line out",
             ),

@@ -5,6 +5,7 @@ mod bed_mesh;
 mod fans;
 mod heaters;
 mod reasons;
+mod skew;
 
 use std::collections::HashSet;
 
@@ -44,6 +45,7 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
     reading.probe();
     reading.bed_mesh();
     reading.bed_screws();
+    reading.skew();
     reading.steps("extruder", "e");
     reading.extruder();
     for (section, heater) in [("extruder", "nozzle"), ("heater_bed", "bed")] {

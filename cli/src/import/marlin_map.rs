@@ -4,6 +4,7 @@ mod fans;
 mod mesh;
 mod reasons;
 mod sensor;
+mod skew;
 
 use std::collections::{HashMap, HashSet};
 
@@ -66,6 +67,7 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
     }
     reading.probe();
     reading.mesh();
+    reading.skew();
     reading.fans();
     reading.filament_sensor();
     reading.heaters();

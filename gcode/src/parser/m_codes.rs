@@ -5,7 +5,7 @@ use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
 use crate::{
     AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, ParseError, PrintClockCommand, RetractionWords,
-    SettingsCommand, WaitTarget,
+    SettingsCommand, SkewCommand, WaitTarget,
 };
 
 /// Maximum interval of M113 and M155, seconds.
@@ -204,6 +204,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let mut words = code.places(remarks)?;
             let [x, y, z] = b"XYZ".map(|axis| words.value(axis));
             Ok(Command::ProbeOffset(AxisWords { x, y, z, e: None }))
+        }
+        852 => {
+            let mut words = code.words(remarks)?;
+            let [xy, of_xy, xz, yz] = b"ISJK".map(|plane| words.value(plane));
+            Ok(Command::Skew(SkewCommand::Factors([xy.or(of_xy), xz, yz])))
         }
         906 => Ok(Command::DriverCurrent(driver_words(code, remarks, MAX_CURRENT_MA)?)),
         914 => Ok(Command::StallThreshold(driver_words(code, remarks, MAX_STALL_THRESHOLD)?)),

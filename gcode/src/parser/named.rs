@@ -6,9 +6,11 @@ use super::code::Code;
 use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
 use crate::{
-    AdvanceWords, AxisWords, BedArea, BedCommand, Command, Decimal, NotExecuted, ParseError, ShaperWords, WaitTarget,
+    AdvanceWords, AxisWords, BedArea, BedCommand, Command, Decimal, NotExecuted, ParseError, ShaperWords, SkewCommand,
+    WaitTarget,
 };
 
+mod skew;
 mod tower;
 
 /// 1 as [`Decimal::nanos`] has it.
@@ -138,7 +140,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 16] = [
+const EXECUTED: [(&str, &str); 19] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
@@ -159,6 +161,9 @@ const EXECUTED: [(&str, &str); 16] = [
     ("BED_MESH_CLEAR", ""),
     ("PROBE_ACCURACY", "SAMPLES with a number up to 255"),
     ("SCREWS_TILT_CALCULATE", ""),
+    ("SET_SKEW", skew::SET),
+    ("CALC_MEASURED_SKEW", skew::CALCULATE),
+    ("GET_CURRENT_SKEW", ""),
 ];
 
 /// Reads a line that begins with a name, or with nothing known.
@@ -195,7 +200,10 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         11 => Command::ResumePrint,
         12 => Command::Bed(BedCommand::Measure { area: mesh_area(&words, remarks)?, unless_on: false }),
         13 => Command::Bed(BedCommand::Clear),
-        15.. => Command::Bed(BedCommand::Screws),
+        15 => Command::Bed(BedCommand::Screws),
+        16 => Command::Skew(skew::set(&words)?),
+        17 => Command::Skew(skew::calculate(&words)?),
+        18.. => Command::Skew(SkewCommand::Report),
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })

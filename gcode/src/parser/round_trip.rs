@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use crate::SettingsCommand;
 use crate::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, LineReader,
-    PrintClockCommand, RetractionWords, ShaperWords, Units, WaitTarget, parse,
+    PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units, WaitTarget, parse,
 };
 
 /// A command's words: letter and number.
@@ -187,6 +187,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::PrintClock(PrintClockCommand::Report) => (78, vec![]),
         Command::PrintClock(PrintClockCommand::Clear) => (78, given([('S', Some(whole(78)))])),
         Command::HomeOffset(words) => (206, axes(words)),
+        Command::Skew(SkewCommand::Factors([xy, xz, yz])) => (852, given([('I', xy), ('J', xz), ('K', yz)])),
         Command::FlowPercent(percent) => (221, given([('S', percent)])),
         Command::NozzleGains(words) => (301, gains(words)),
         Command::BedGains(words) => (304, gains(words)),
@@ -430,6 +431,8 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
         ]
         .prop_map(Command::PrintClock),
         any_axes().prop_map(|words| Command::HomeOffset(AxisWords { e: None, ..words })),
+        [of(any_number()), of(any_number()), of(any_number())]
+            .prop_map(|factors| Command::Skew(SkewCommand::Factors(factors))),
         of(percent()).prop_map(Command::FlowPercent),
         (of(not_negative()), of(any::<bool>())).prop_map(|(minimum, allow)| Command::ColdExtrusion { minimum, allow }),
     ]

@@ -15,22 +15,25 @@ pub struct SurfaceBounds {
     pub fade_per_mm: f32,
 }
 
-/// Which ends of the grid a cell is at, along X or along Y. Beyond them its surface goes on for the length of a cell.
+/// Which ends of the grid a cell is at, along X or along Y. Beyond them its surface goes on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ends {
     pub is_first: bool,
     pub is_last: bool,
+    /// How many cells its surface goes on.
+    pub beyond: u8,
 }
 
 impl Ends {
     /// The cell of this number, in a row of that many points.
-    pub fn of(cell: u8, points: u8) -> Self {
-        Self { is_first: cell == 0, is_last: cell + 2 >= points }
+    pub fn of(cell: u8, points: u8, beyond: u8) -> Self {
+        Self { is_first: cell == 0, is_last: cell + 2 >= points, beyond }
     }
 
     /// From where to where the cell's surface is followed, in cells.
     fn reach(self) -> [f32; 2] {
-        [if self.is_first { -1.0 } else { 0.0 }, if self.is_last { 2.0 } else { 1.0 }]
+        let beyond = f32::from(self.beyond);
+        [if self.is_first { -beyond } else { 0.0 }, if self.is_last { 1.0 + beyond } else { 1.0 }]
     }
 }
 

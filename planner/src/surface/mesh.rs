@@ -83,27 +83,69 @@ impl MeshGrid {
     }
 }
 
+/// What the surface is between the measured points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MeshInterpolation {
+    /// Bilinear.
+    #[default]
+    Bilinear,
+    /// Bilinear between more points, whose heights are those of cubic curves through the measured ones: as many as a mesh may have.
+    Bicubic,
+}
+
+impl MeshInterpolation {
+    /// Into how many parts the distance of two of this many measured points is divided.
+    const fn parts(self, points: u8) -> u8 {
+        match (self, points) {
+            // Through two points a curve is straight.
+            (Self::Bicubic, 3..) => max(1, (MAX_MESH_POINTS as u8 - 1) / (points - 1)),
+            _ => 1,
+        }
+    }
+}
+
+const fn max(one: u8, other: u8) -> u8 {
+    if other > one { other } else { one }
+}
+
 /// Heights at the points of a grid, and up to which height of the nozzle Z follows them.
 #[derive(Clone, Debug)]
 pub struct Mesh {
+    /// The measured points.
     grid: MeshGrid,
-    /// Row by row, um.
+    /// Into how many parts their distance along X and along Y is divided.
+    parts: [u8; 2],
+    interpolation: MeshInterpolation,
+    /// Row by row, um: of all points, of which every so many-th is a measured one.
     heights_um: [i16; MAX_POINTS],
     fade_10nm: i32,
 }
 
 impl Mesh {
     /// No points; the correction does not fade.
-    pub const NONE: Self = Self { grid: MeshGrid::NONE, heights_um: [UNKNOWN; MAX_POINTS], fade_10nm: 0 };
+    pub const NONE: Self = Self {
+        grid: MeshGrid::NONE,
+        parts: [1; 2],
+        interpolation: MeshInterpolation::Bilinear,
+        heights_um: [UNKNOWN; MAX_POINTS],
+        fade_10nm: 0,
+    };
 
-    /// The grid.
+    /// What the surface is between the measured points.
+    pub fn interpolation(&self) -> MeshInterpolation {
+        self.interpolation
+    }
+
+    /// The grid of the measured points.
     pub fn grid(&self) -> MeshGrid {
         self.grid
     }
 
-    /// Takes a grid, whose points have no heights.
-    pub fn begin(&mut self, grid: &MeshGrid) {
+    /// Takes a grid, whose points have no heights, and what the surface will be between them.
+    pub fn begin(&mut self, grid: &MeshGrid, interpolation: MeshInterpolation) {
         self.grid = *grid;
+        self.interpolation = interpolation;
+        self.parts = grid.points.map(|points| interpolation.parts(points));
         self.heights_um = [UNKNOWN; MAX_POINTS];
     }
 
@@ -117,21 +159,96 @@ impl Mesh {
         self.fade_10nm = fade_10nm.max(0);
     }
 
-    fn index(&self, [column, row]: [u8; 2]) -> Option<usize> {
-        let [columns, rows] = self.grid.points;
-        (column < columns && row < rows).then(|| usize::from(row) * usize::from(columns) + usize::from(column))
+    /// How many points there are along X and along Y, with those between the measured ones.
+    pub(super) fn points(&self) -> [u8; 2] {
+        let ([columns, rows], [across, along]) = (self.grid.points, self.parts);
+        [(columns, across), (rows, along)].map(|(points, parts)| match points.checked_sub(1) {
+            // At most 15.
+            Some(gaps) => gaps.wrapping_mul(parts).wrapping_add(1),
+            None => 0,
+        })
     }
 
-    /// The height at a point, um; `None`: it has none, or there is no such point.
+    /// From one of all points to the next along X and along Y, units of 10 nm.
+    pub(super) fn spacing_10nm(&self) -> [f32; 2] {
+        let ([x, y], [across, along]) = (self.grid.spacing_10nm, self.parts);
+        [(x, across), (y, along)].map(|(spacing, parts)| spacing as f32 / f32::from(parts))
+    }
+
+    /// How many cells the surface goes on beyond the outermost points along X and along Y: as far as from one measured point to the next.
+    pub(super) fn beyond(&self) -> [u8; 2] {
+        self.parts
+    }
+
+    /// Where the height of a measured point is.
+    fn index(&self, [column, row]: [u8; 2]) -> Option<usize> {
+        let ([columns, rows], [across, along]) = (self.grid.points, self.parts);
+        let is_one = column < columns && row < rows;
+        is_one.then(|| self.index_of_any([column.wrapping_mul(across), row.wrapping_mul(along)]))
+    }
+
+    /// Where the height of any point is.
+    fn index_of_any(&self, [column, row]: [u8; 2]) -> usize {
+        let [columns, _] = self.points();
+        usize::from(row) * usize::from(columns) + usize::from(column)
+    }
+
+    /// The height at a measured point, um; `None`: it has none, or there is no such point.
     pub fn height_um(&self, point: [u8; 2]) -> Option<i16> {
         let height = self.heights_um.get(self.index(point)?).copied()?;
         (height != UNKNOWN).then_some(height)
     }
 
-    /// Sets the height at a point, um; `false`: there is no such point.
+    /// Sets the height at a measured point, um; `false`: there is no such point.
     pub fn set_height_um(&mut self, point: [u8; 2], height_um: i16) -> bool {
         let place = self.index(point).and_then(|index| self.heights_um.get_mut(index));
         place.map(|place| *place = height_um.max(UNKNOWN + 1)).is_some()
+    }
+
+    /// Gives the points between the measured ones their heights, first along X, then along Y.
+    pub(super) fn refine(&mut self) {
+        let ([columns, rows], [across, along]) = (self.points(), self.parts);
+        if self.parts == [1; 2] || !self.is_complete() {
+            return;
+        }
+        for row in (0..rows).step_by(along.into()) {
+            let first = self.index_of_any([0, row]);
+            self.refine_line(Line { first, stride: 1, points: columns, parts: across });
+        }
+        for column in 0..columns {
+            self.refine_line(Line { first: column.into(), stride: columns.into(), points: rows, parts: along });
+        }
+    }
+
+    fn refine_line(&mut self, line: Line) {
+        let Line { first, stride, points, parts } = line;
+        let at = |mesh: &Self, point: u8| {
+            let height = mesh.heights_um.get(first + stride * usize::from(point)).copied();
+            height.map_or(0.0, f32::from)
+        };
+        let last = points.saturating_sub(1);
+        for from in (0..last).step_by(parts.into()) {
+            let to = from.wrapping_add(parts);
+            let (start, end) = (at(self, from), at(self, to));
+            let before = from.checked_sub(parts).map(|point| at(self, point));
+            let after = to.checked_add(parts).filter(|point| *point <= last).map(|point| at(self, point));
+            // Beyond an end the curve goes on as the parabola through the last three points.
+            let (before, after) = match (before, after) {
+                (Some(before), Some(after)) => (before, after),
+                (Some(before), None) => (before, before - 3.0 * start + 3.0 * end),
+                (None, Some(after)) => (after - 3.0 * end + 3.0 * start, after),
+                (None, None) => (2.0 * start - end, 2.0 * end - start),
+            };
+            for part in 1..parts {
+                let share = f32::from(part) / f32::from(parts);
+                let height = catmull_rom([before, start, end, after], share);
+                let index = first + stride * usize::from(from.wrapping_add(part));
+                if let Some(place) = self.heights_um.get_mut(index) {
+                    let least = i32::from(UNKNOWN) + 1;
+                    *place = round(height).clamp(least, i16::MAX.into()) as i16;
+                }
+            }
+        }
     }
 
     /// Whether there is a mesh, and every point of it has its height.
@@ -140,12 +257,30 @@ impl Mesh {
         columns > 0 && (0..rows).all(|row| (0..columns).all(|column| self.height_um([column, row]).is_some()))
     }
 
-    /// A height that the surface stays below, also where it goes on beyond the grid, units of 10 nm.
+    /// The greatest height of the surface, also where it goes on beyond the grid, units of 10 nm; at least 0.
     pub fn highest_10nm(&self) -> i32 {
-        let heights = self.heights_um.iter().filter(|height| **height != UNKNOWN).map(|height| i32::from(*height));
-        let [least, most] = heights.fold([0; 2], |[least, most], height| [height.min(least), height.max(most)]);
-        // A cell beyond a corner, 4 a - 2 b - 2 c + d of the heights of the cell within.
-        (most + 4 * (most - least)) * UM_10NM as i32
+        let ([columns, rows], [beyond_x, beyond_y]) = (self.points(), self.beyond().map(i32::from));
+        let mut most = 0;
+        for row in 0..rows {
+            for column in 0..columns {
+                // The point towards the middle, and how many cells the surface goes on away from it.
+                let (right, by_x) = outwards(column, columns, beyond_x);
+                let (back, by_y) = outwards(row, rows, beyond_y);
+                let [here, beside, behind, across] =
+                    [[column, row], [right, row], [column, back], [right, back]].map(|point| self.any_um(point));
+                let (along_x, along_y) = (by_x * (here - beside), by_y * (here - behind));
+                let twist = by_x * by_y * (here - beside - behind + across);
+                let corner = here + along_x + along_y + twist;
+                most = most.max(here).max(here + along_x).max(here + along_y).max(corner);
+            }
+        }
+        most * UM_10NM as i32
+    }
+
+    /// The height at any point, um; 0 where it has none.
+    fn any_um(&self, point: [u8; 2]) -> i32 {
+        let height = self.heights_um.get(self.index_of_any(point)).copied();
+        height.filter(|height| *height != UNKNOWN).map_or(0, i32::from)
     }
 
     /// The height that is farthest from 0, um.
@@ -156,9 +291,10 @@ impl Mesh {
 
     /// The heights at the corners of a cell, um: along X, then along Y.
     pub(super) fn corners_um(&self, [column, row]: [u8; 2]) -> [f32; 4] {
+        let [columns, rows] = self.points();
         [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[right, back]: [u8; 2]| {
-            let height = self.height_um([column.wrapping_add(right), row.wrapping_add(back)]);
-            height.map_or(0.0, f32::from)
+            let point @ [column, row] = [column.wrapping_add(right), row.wrapping_add(back)];
+            if column < columns && row < rows { self.any_um(point) as f32 } else { 0.0 }
         })
     }
 
@@ -170,12 +306,12 @@ impl Mesh {
         if !self.is_complete() {
             return Err(MeshError::Incomplete);
         }
-        let spacing_um = self.grid.spacing_10nm.map(|spacing| spacing as f32 / UM_10NM);
+        let spacing_um = self.spacing_10nm().map(|spacing| spacing / UM_10NM);
         let mut bounds = SurfaceBounds::NONE;
-        let [columns, rows] = self.grid.points;
+        let ([columns, rows], [beyond_x, beyond_y]) = (self.points(), self.beyond());
         for row in 0..rows - 1 {
             for column in 0..columns - 1 {
-                let ends = [Ends::of(column, columns), Ends::of(row, rows)];
+                let ends = [Ends::of(column, columns, beyond_x), Ends::of(row, rows, beyond_y)];
                 let after = |right: u8, back: u8| self.corners_um([column.wrapping_add(right), row.wrapping_add(back)]);
                 bounds.add_cell(self.corners_um([column, row]), [after(1, 0), after(0, 1)], ends, spacing_um);
             }
@@ -204,4 +340,35 @@ impl Mesh {
         let [along_x, along_y] = bounds.slope;
         self.farthest_um() + along_x * x + along_y * y
     }
+}
+
+/// Points in a row or a column, of which every so many-th is a measured one.
+struct Line {
+    /// Where the height of the first is, and how far it is to that of the next.
+    first: usize,
+    stride: usize,
+    points: u8,
+    parts: u8,
+}
+
+/// Of a point in a row of that many: the next one towards the middle, and how many cells the surface goes on away from that, none but at the ends.
+fn outwards(point: u8, points: u8, beyond: i32) -> (u8, i32) {
+    match point {
+        0 => (1, beyond),
+        _ if point.saturating_add(1) == points => (point.wrapping_sub(1), beyond),
+        _ => (point, 0),
+    }
+}
+
+/// The cubic curve between the second and the third of four heights at even distances, whose slope at each is that from its neighbour
+/// to its neighbour (Catmull and Rom 1974), at this share of the distance.
+fn catmull_rom([before, start, end, after]: [f32; 4], share: f32) -> f32 {
+    let linear = end - before;
+    let square = 2.0 * before - 5.0 * start + 4.0 * end - after;
+    let cubic = 3.0 * (start - end) + after - before;
+    start + 0.5 * share * (linear + share * (square + share * cubic))
+}
+
+fn round(x: f32) -> i32 {
+    (if x < 0.0 { x - 0.5 } else { x + 0.5 }) as i32
 }

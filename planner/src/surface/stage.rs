@@ -167,14 +167,14 @@ impl BedStage {
     /// Works out what the surface asks for.
     #[inline(never)]
     fn prepare(&mut self) -> Result<SurfaceBounds, MeshError> {
-        let MeshGrid { spacing_10nm, .. } = self.mesh.grid();
         let Geometry { kinematics, steps_per_mm: [x, y, z, _], .. } = self.geometry;
         if kinematics.shares_motors(2) {
             return Err(MeshError::SharedMotor);
         }
+        self.mesh.refine();
         self.steps_10nm = [x, y, z].map(|steps| UNITS_PER_MM as f32 / steps.to_f64() as f32);
         self.steps_per_um = z.to_f64() as f32 / 1000.0;
-        self.cells_per_10nm = spacing_10nm.map(|spacing| 1.0 / spacing as f32);
+        self.cells_per_10nm = self.mesh.spacing_10nm().map(|spacing| 1.0 / spacing);
         let fade_10nm = self.mesh.fade_10nm();
         self.per_fade = if fade_10nm > 0 { 1.0 / fade_10nm as f32 } else { 0.0 };
         // How far X and Y go by one event in which all motors step.
@@ -197,10 +197,11 @@ impl BedStage {
 
     /// The surface above the plan's zero at a place of the tool, 10 nm, where nothing has faded, in steps of Z.
     fn surface(&self, [x, y]: [f32; 2]) -> f32 {
-        let MeshGrid { from_10nm: [from_x, from_y], points: [columns, rows], .. } = self.mesh.grid();
+        let MeshGrid { from_10nm: [from_x, from_y], .. } = self.mesh.grid();
+        let ([columns, rows], [beyond_x, beyond_y]) = (self.mesh.points(), self.mesh.beyond());
         let [per_x, per_y] = self.cells_per_10nm;
-        let (column, right) = cell((x - from_x as f32) * per_x, columns);
-        let (row, back) = cell((y - from_y as f32) * per_y, rows);
+        let (column, right) = cell((x - from_x as f32) * per_x, columns, beyond_x);
+        let (row, back) = cell((y - from_y as f32) * per_y, rows, beyond_y);
         let [a, b, c, d] = self.mesh.corners_um([column, row]);
         let (front, behind) = (a + (b - a) * right, c + (d - c) * right);
         (front + (behind - front) * back) * self.steps_per_um
@@ -375,11 +376,12 @@ impl BedStage {
     }
 }
 
-/// The cell of a place, in cells from the first point, and how far the place is in it: up to a cell beyond the grid the outermost
-/// one goes on, and from there the surface is level.
-fn cell(place: f32, points: u8) -> (u8, f32) {
+/// The cell of a place, in cells from the first point, and how far the place is in it: up to so many cells beyond the grid the
+/// outermost one goes on, and from there the surface is level.
+fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
     let last = points.saturating_sub(2);
-    let (least, most) = (-1.0, f32::from(last) + 2.0);
+    let beyond = f32::from(beyond);
+    let (least, most) = (-beyond, f32::from(last) + 1.0 + beyond);
     let place = if place < least {
         least
     } else if place > most {

@@ -37,7 +37,9 @@ impl<P: Ports> Printer<'_, P> {
     /// G30.
     #[inline(never)]
     pub(super) fn report_place(&self, place_10nm: [i64; 2], height_10nm: i64) {
-        let ([x, y], z) = (place_10nm.map(mm), Real::fixed(height_10nm as f64 / MM, 4));
+        let [x_10nm, y_10nm] = place_10nm;
+        let [x, y, _] = self.interpreter.skew.asked([x_10nm, y_10nm, 0]).map(mm);
+        let z = Real::fixed(height_10nm as f64 / MM, 4);
         self.replies.say(format_args!("Bed X: {x} Y: {y} Z: {z}"));
     }
 

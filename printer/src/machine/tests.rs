@@ -73,6 +73,7 @@ pub(crate) fn profile() -> Profile {
         minimum_event_interval_ticks: 168,
         event_cost_ticks: 210,
         move_cost_ticks: 10_500,
+        skew: crate::skew::Skew::NONE,
         homing: [homing; 3],
         safe_homing: crate::profile::SafeHoming::NONE,
         mesh: None,

@@ -160,6 +160,7 @@ impl<P: Ports> Printer<'_, P> {
             limits: self.motion.limits(),
             advance: self.motion.motion_choice().pressure_advance,
             extruder_steps: self.motion.extruder_steps_per_mm().hundred_thousandths(),
+            skew: self.interpreter.skew,
         };
         let mut is_noted = false;
         let mut failure = None;

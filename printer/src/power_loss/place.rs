@@ -8,9 +8,10 @@ use ferrostep_planner::{Limits, PressureAdvance, SecondSlope};
 use crate::modal::Modal;
 use crate::paused::Paused;
 use crate::profile::FirmwareRetraction;
+use crate::skew::Skew;
 
 /// Of the order of the fields below: another one does not read them.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 
 /// Where the height of the motors is in the bytes.
 const STANDS_AT: usize = 1;
@@ -36,6 +37,8 @@ pub(super) struct Place {
     pub advance: PressureAdvance,
     /// Steps of the extruder in a millimetre of filament, in units of 1e-5.
     pub extruder_steps: i64,
+    /// How skew its axes are.
+    pub skew: Skew,
 }
 
 /// The height of the motors in a place's bytes becomes another.
@@ -67,11 +70,12 @@ impl Place {
             // A constant number of bytes follows, which fits (test).
             let _ = out.push(VERSION);
         }
-        let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance, extruder_steps } = self;
+        let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance, extruder_steps, skew } = self;
         let Paused { modal, place_10nm, targets_celsius, drawn_100pm, load_100pm, pushes_more: _, until_ms: _ } =
             paused;
         codec.int(stands_10nm);
         codec.int(extruder_steps);
+        skew.factors.iter_mut().for_each(|factor| *factor = codec.word(factor.cast_unsigned()).cast_signed());
         [offset, lines, profile].into_iter().for_each(|number| *number = codec.word(*number));
         fans.iter_mut().for_each(|power| *power = codec.word(u32::from(*power)) as u8);
         for celsius in targets_celsius.iter_mut().chain([&mut modal.min_extrusion_celsius]) {

@@ -16,6 +16,7 @@ use crate::paused::Paused;
 use crate::ports::{Motion, Ports, Replies, Text};
 use crate::printer::{Printer, Source};
 use crate::profile::PauseSettings;
+use crate::skew::Skew;
 
 /// Why an interrupted print cannot go on.
 enum NoWay {
@@ -114,7 +115,7 @@ impl<P: Ports> Printer<'_, P> {
         let Ok(Place { stands_10nm, .. }) = self.kept_place() else { return };
         if self.motion.position_10nm() == [0; 3] && self.interpreter.modal.homed == [false; 3] {
             self.motion.set_position([0, 0, stands_10nm]);
-            self.interpreter.modal.machine_10nm[2] = self.interpreter.modal.machine_z_10nm(stands_10nm);
+            self.interpreter.follow([0, 0, stands_10nm]);
             self.power_loss.stands_10nm = Some(stands_10nm);
         } else if self.power_loss.stands_10nm != Some(stands_10nm) {
             self.power_loss.stands_10nm = None;
@@ -172,6 +173,7 @@ impl<P: Ports> Printer<'_, P> {
             limits: self.motion.limits(),
             advance: self.motion.motion_choice().pressure_advance,
             extruder_steps: 0,
+            skew: Skew::NONE,
         };
         let mut is_read = false;
         if let Some(port) = self.card.port() {
@@ -255,7 +257,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// What lasts from line to line is as it was, at standstill.
     fn take_kept_state(&mut self, place: &Place) {
-        let Place { offset, lines, limits, advance, extruder_steps, paused: print, .. } = place;
+        let Place { offset, lines, limits, advance, extruder_steps, skew, paused: print, .. } = place;
         self.motion.set_limits(*limits);
         // At standstill it cannot fail.
         let _always_works = self.motion.set_extruder_steps_per_mm(StepsPerMm::clamped(*extruder_steps));
@@ -264,6 +266,7 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.send(Reply::Text("echo:power loss: M900 cannot be restored"));
         }
         self.interpreter.modal.set_machine_as(&print.modal);
+        self.set_skew(*skew);
         if print.modal.follows_bed {
             self.replies.send(Reply::Text("echo:power loss: the measured bed is lost: Z follows it no more"));
         }

@@ -11,6 +11,7 @@ use crate::heat::PidGains;
 use crate::home_offset::LARGEST_MM;
 use crate::profile::{PauseSettings, SafeHoming};
 use crate::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
+use crate::skew::Skew;
 use crate::tuning::FULL_POWER;
 
 /// A setting: one value, or one for each of its letters.
@@ -54,12 +55,13 @@ const STEPS: [f64; 2] = [1.0, 10_000.0];
 const LENGTHS: [f64; 2] = [0.0, 100.0];
 /// The slowest and the fastest feed of M207 and M208.
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
+const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
 
 /// Every setting that M500 stores. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
 /// of machines contain them.
-pub(crate) static GROUPS: [Group; 17] = [
+pub(crate) static GROUPS: [Group; 18] = [
     Group {
         code: "M92",
         heading: "echo:; Steps per unit:",
@@ -217,6 +219,16 @@ pub(crate) static GROUPS: [Group; 17] = [
         settings: &[setting("homing.home_offset_mm.*", "XYZ", [-LARGEST_MM, LARGEST_MM], |values, axis| {
             values.home_offset_10nm.get_mut(axis).map(Place::Length)
         })],
+    },
+    Group {
+        code: "M852",
+        heading: "echo:; Skew Factor:",
+        axes: None,
+        settings: &[
+            setting("skew.xy.factor", "I", SKEW, |values, _| values.skew_factors.first_mut().map(Place::Number)),
+            setting("skew.xz.factor", "J", SKEW, |values, _| values.skew_factors.get_mut(1).map(Place::Number)),
+            setting("skew.yz.factor", "K", SKEW, |values, _| values.skew_factors.get_mut(2).map(Place::Number)),
+        ],
     },
     Group {
         code: "M906",

@@ -7,7 +7,7 @@
 //! | 2 | points along X and along Y, one byte each; two of 0; the height up to which Z follows, units of 10 nm: i32 |
 //! | 3 to 59 | heights, row by row, um: four i16 each |
 
-use ferrostep_planner::surface::{MAX_MESH_POINTS, Mesh, MeshGrid};
+use ferrostep_planner::surface::{MAX_MESH_POINTS, Mesh, MeshGrid, MeshInterpolation};
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 
 use super::Stored;
@@ -66,7 +66,7 @@ pub(super) fn points(entry: Entry) -> Option<[u8; 2]> {
 
 /// Puts a stored mesh in a place without points. Returns up to which height Z follows it, units of 10 nm; `None`: the mesh is not whole, or
 /// higher than a bed can be.
-fn read_mesh(record: Record<'_>, mesh: &mut Mesh) -> Option<i32> {
+fn read_mesh(record: Record<'_>, mesh: &mut Mesh, interpolation: MeshInterpolation) -> Option<i32> {
     let bytes_of = |index: u8| {
         let mut entries = record.entries();
         entries.find(|entry| entry.id == MESH && entry.index == index).map(|entry| entry.value.to_le_bytes())
@@ -79,7 +79,7 @@ fn read_mesh(record: Record<'_>, mesh: &mut Mesh) -> Option<i32> {
     if !grid.points.iter().all(is_count) || grid.spacing_10nm.iter().any(|spacing| *spacing <= 0) || fade_10nm < 0 {
         return None;
     }
-    mesh.begin(&grid);
+    mesh.begin(&grid, interpolation);
     for (index, points) in entries_of(grid.points) {
         let bytes = bytes_of(index)?;
         for (height, point) in bytes.as_chunks::<2>().0.iter().zip(points) {
@@ -118,7 +118,8 @@ impl<P: Ports> Printer<'_, P> {
         let mut slot = [0; SLOT_BYTES];
         let Ok(Some(bytes)) = memory.load(&mut slot) else { return };
         let Ok(record) = Record::read(bytes, self.profile.name) else { return };
-        match self.motion.mesh(|mesh| read_mesh(record, mesh)).flatten() {
+        let interpolation = self.profile.mesh.map(|settings| settings.interpolation).unwrap_or_default();
+        match self.motion.mesh(|mesh| read_mesh(record, mesh, interpolation)).flatten() {
             Some(fade_10nm) => self.interpreter.modal.mesh_fade_10nm = fade_10nm.into(),
             None => {
                 self.forget_mesh();
@@ -152,7 +153,7 @@ mod tests {
 
     fn mesh_of(grid: MeshGrid, heights_um: &[i16]) -> Mesh {
         let mut mesh = Mesh::NONE;
-        mesh.begin(&grid);
+        mesh.begin(&grid, MeshInterpolation::Bilinear);
         for (point, height) in points_of(grid.points).zip(heights_um) {
             assert!(mesh.set_height_um(point, *height));
         }
@@ -185,11 +186,12 @@ mod tests {
             points in [2..=15_u8, 2..=15_u8],
             heights_um in proptest::collection::vec(-MAX_HEIGHT_UM..=MAX_HEIGHT_UM, 225),
             fade_10nm in 0..i32::MAX,
+            interpolation in proptest::sample::select(&[MeshInterpolation::Bilinear, MeshInterpolation::Bicubic][..]),
         ) {
             let mesh = mesh_of(MeshGrid { from_10nm, spacing_10nm, points }, &heights_um);
             let record = record_of(&mesh, fade_10nm);
             let mut read = Mesh::NONE;
-            let found = read_mesh(Record::read(record.bytes(), "bed").unwrap(), &mut read);
+            let found = read_mesh(Record::read(record.bytes(), "bed").unwrap(), &mut read, interpolation);
             prop_assert_eq!((found, read.grid()), (Some(fade_10nm), mesh.grid()));
             prop_assert_eq!(heights(&read), heights(&mesh));
         }
@@ -209,7 +211,7 @@ mod tests {
                 record.add(Entry { id: MESH, index, value: f64::from_le_bytes(bytes) });
             }
             let mut mesh = Mesh::NONE;
-            if read_mesh(Record::read(record.bytes(), "bed").unwrap(), &mut mesh).is_some() {
+            if read_mesh(Record::read(record.bytes(), "bed").unwrap(), &mut mesh, MeshInterpolation::Bicubic).is_some() {
                 prop_assert!(mesh.is_complete());
             }
         }
@@ -225,7 +227,9 @@ mod tests {
             for (_, entry) in entries.into_iter().enumerate().filter(|(index, _)| *index != missing) {
                 record.add(entry);
             }
-            prop_assert_eq!(read_mesh(Record::read(record.bytes(), "bed").unwrap(), &mut Mesh::NONE.clone()), None);
+            let found =
+                read_mesh(Record::read(record.bytes(), "bed").unwrap(), &mut Mesh::NONE.clone(), MeshInterpolation::Bicubic);
+            prop_assert_eq!(found, None);
         }
     }
 }

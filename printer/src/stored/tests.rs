@@ -100,6 +100,7 @@ fn rig() -> (Rig, Bank) {
             home_at_10nm: Some([150 * MM, 30 * MM]),
             probe_offset_10nm: [-29 * MM, -3 * MM, 0],
             bed_10nm: [[0, 200 * MM]; 2],
+            is_round: false,
         };
         profile.drivers = [Some(DRIVER); 4];
     });
@@ -123,7 +124,7 @@ fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
 }
 
 /// Commands that change every setting to a value that the profile does not have.
-const CHANGES: [&str; 20] = [
+const CHANGES: [&str; 21] = [
     "M92 E104.57",
     "M203 X111 Y112.5 Z13.25 E14.123456",
     "M201 X1111 Y1112 Z113 E1114",
@@ -137,6 +138,7 @@ const CHANGES: [&str; 20] = [
     "M572 S0.0456 W0.03 L0.02 T4.5",
     "M851 X-30 Y5.25 Z-1.2345",
     "M206 X1.5 Y-2 Z0.025",
+    "M852 I0.002 J-0.05 K0.015625",
     "M906 X401 Y402 Z403 E404",
     "M914 X41 Y42 Z43 E44",
     "M569 S0 X Z",
@@ -192,6 +194,7 @@ fn reported_lines_work_when_sent_back() {
             "M572 S0.0456 W0.03 L0.02 T4.50",
             "M851 X-30.00 Y5.25 Z-1.2345",
             "M206 X1.50 Y-2.00 Z0.025",
+            "M852 I0.002 J-0.05 K0.015625",
             "M906 X401 Y402 Z403 E404",
             "M914 X41 Y42 Z43 E44",
             "M569 X S0",
@@ -225,7 +228,7 @@ fn a_machine_without_probe_and_drivers_reports_what_it_has() {
         codes,
         [
             "G21", "M92", "M203", "M201", "M204", "M205", "M207", "M208", "M603", "M593", "M593", "M572", "M206",
-            "M301", "M304"
+            "M852", "M301", "M304"
         ]
     );
     let before = printer.live_values();
@@ -242,15 +245,15 @@ fn settings_survive_the_power() {
     let mut before = printer(&rig_before, &bank, Some(&memory));
     let values = changed(&rig_before, &mut before);
     let said = says(&rig_before, &mut before, "M500");
-    assert_eq!(said, ["echo:Settings Stored (619 bytes: 56 values that differ from the profile's)"]);
+    assert_eq!(said, ["echo:Settings Stored (652 bytes: 59 values that differ from the profile's)"]);
     // Switched off and on.
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
     assert_eq!(after.live_values(), after.profile_values());
     after.restore_settings();
-    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (56 values, 0 faults)"]);
+    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (59 values, 0 faults)"]);
     assert_eq!(after.live_values(), values);
-    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 56 values, 0 faults"]);
+    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 59 values, 0 faults"]);
     // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
@@ -455,6 +458,9 @@ fn names_are_distinct_and_stay() {
         "pressure_advance.above.seconds",
         "pressure_advance.seconds",
         "pressure_advance.smooth_time_s",
+        "skew.xy.factor",
+        "skew.xz.factor",
+        "skew.yz.factor",
         "steps_per_mm.e",
     ];
     names.sort_unstable();

@@ -19,6 +19,8 @@ pub(crate) struct Values {
     pub retraction: FirmwareRetraction,
     /// M206.
     pub home_offset_10nm: [i64; 3],
+    /// M852.
+    pub skew_factors: [f64; 3],
     /// Of a machine with a probe.
     pub probe_offset_10nm: Option<[i64; 3]>,
     /// What a filament change draws out and pushes in (M603).
@@ -47,6 +49,7 @@ impl Values {
             limits: profile.limits,
             retraction: profile.retraction,
             home_offset_10nm: [0; 3],
+            skew_factors: profile.skew.factors(),
             probe_offset_10nm: has_probe.then_some(profile.safe_homing.probe_offset_10nm),
             filament_10nm: profile.pause.filament_10nm(),
             shapers: profile.motion.shapers,

@@ -12,6 +12,7 @@ fn rig(probe_z_10nm: i64) -> Rig {
             home_at_10nm: Some([150 * MM, 30 * MM]),
             probe_offset_10nm: [-29 * MM, -3 * MM, probe_z_10nm],
             bed_10nm: [[0, 200 * MM]; 2],
+            is_round: false,
         };
     })
 }

@@ -180,6 +180,7 @@ fn prusa_mini_is_as_designed() {
         home_at_10nm: Some([units(147.4 + 29.0), units(21.1 + 3.0)]),
         probe_offset_10nm: [-29 * MM, -3 * MM, 0],
         bed_10nm: [[0, 180 * MM]; 2],
+        is_round: false,
     };
     assert_eq!(profile.safe_homing, safe);
     let [x, y, z] = profile.homing;

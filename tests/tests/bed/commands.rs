@@ -214,3 +214,36 @@ fn z_stays_below_its_upper_end() {
     assert!(ends < top - above_home, "{said}");
     assert!(done.place_mm()[2] - sheet_mm(&machine, [100.0, 100.0]) <= top, "{:?}", done.place_mm());
 }
+
+/// A machine whose axes are skew: the mesh is measured and followed where its axes go, also where the skew is set after it was measured. G30
+/// goes to a place of the G-code and reports that.
+#[test]
+fn a_skew_machine_follows_its_bed() {
+    let skew = "[skew]\nxy.factor = 0.05\nyz.factor = -0.02\n";
+    for (keys, lines) in [
+        (format!("{TILTED}{skew}"), &["G28", "G29"][..]),
+        (TILTED.to_owned(), &["G28", "G29", "M852 I0.05 K-0.02"]),
+        (
+            format!("{TILTED}{skew}"),
+            &["G28", "G29", "M852 I0 K0", "G1 X50 Y50 Z3 F6000", "SET_SKEW CLEAR=1", "M852 I.05 K-.02"],
+        ),
+    ] {
+        let machine = profile(&keys);
+        let moves = ["G1 X30 Y180 Z1 F6000", "G1 X160 Y20"];
+        for count in 1..=moves.len() {
+            let done = run(&machine, lines.iter().copied().chain(moves.into_iter().take(count))).well();
+            let [x, y, z] = done.place_mm();
+            assert!(near(z - sheet_mm(&machine, [x, y]), 1.0), "{lines:?}: {}", z - sheet_mm(&machine, [x, y]));
+            let [asked_x, asked_y, asked_z, _] = done.logical_mm;
+            assert_eq!([asked_x, asked_y, asked_z], [[30.0, 180.0, 1.0], [160.0, 20.0, 1.0]][count - 1]);
+            // The plan's height, above which the mesh lifts Z, has no part in it.
+            let lean = 0.05 * (asked_y + 0.02 * asked_z);
+            assert!((x - (asked_x - lean)).abs() < 0.02 && (y - (asked_y + 0.02)).abs() < 0.01, "{x} {y}");
+        }
+    }
+    let machine = profile(&format!("{TILTED}{skew}"));
+    let done = run(&machine, ["G28", "G30 X150 Y40"]).well();
+    let home = sheet_mm(&machine, [100.0, 100.0]);
+    let height: f64 = done.line("Bed X: 150.00 Y: 40.00 Z: ").parse().unwrap();
+    assert!(near(height, sheet_mm(&machine, [150.0 - 0.05 * 40.0, 40.0]) - home), "{height}");
+}

@@ -83,6 +83,25 @@ fn a_coarse_mesh_is_seen() {
     assert!(least < 0.2 && most - least > 0.1 && most < 0.2 + 0.26, "gap {least:.4} to {most:.4} mm");
 }
 
+/// With four by four points on the bent sheet, over a whole first layer of a real file: curves through them leave a tenth of the gap that
+/// straight lines leave.
+#[test]
+fn curves_through_few_points_fit_the_sheet() {
+    let layer = first_layer("four-cubes-labelled.gcode.gz");
+    let mut lines = vec!["G28", "G29", "M302 P1", "M83", "G90"];
+    lines.extend(layer.iter().map(String::as_str));
+    let [straight, curved] = ["bilinear", "bicubic"].map(|interpolation| {
+        let mesh = "points = { x = 4, y = 4 }\nfade_mm = 0\ndepth_mm = 2";
+        let machine = profile(&format!("[mesh]\n{mesh}\ninterpolation = \"{interpolation}\"\n{SHEET}"));
+        let done = run(&machine, lines.iter().copied()).well();
+        let z_mm = done.logical_mm[2];
+        let [least, most] = gaps(&machine, &done, 0);
+        println!("{interpolation}: asked for {z_mm} mm, gap {least:.4} to {most:.4} mm");
+        (least - z_mm).abs().max((most - z_mm).abs())
+    });
+    assert!(straight > 0.05 && curved < 0.012, "{straight} mm, {curved} mm");
+}
+
 /// X, Y and the extruder step when they would without the mesh, to the tick: Z's limits do not bind on such a bed.
 #[test]
 fn x_y_and_the_extruder_keep_their_steps() {

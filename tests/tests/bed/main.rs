@@ -7,4 +7,5 @@ mod first_layer;
 mod jobs;
 mod repeatability;
 mod rig;
+mod round;
 mod screws;

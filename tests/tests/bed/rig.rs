@@ -15,12 +15,21 @@ pub const PROBE_MM: [f64; 3] = [-20.0, 10.0, -1.2];
 
 /// A bed of 200 mm with this table `[mesh]`.
 pub fn profile(mesh: &str) -> Profile {
+    machine(mesh, false)
+}
+
+/// The same with a round bed.
+pub fn round(mesh: &str) -> Profile {
+    machine(mesh, true)
+}
+
+fn machine(mesh: &str, is_round: bool) -> Profile {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../profiles/cartesian.toml");
     let mut text = std::fs::read_to_string(path).unwrap();
     let [x, y, z] = PROBE_MM;
     let homing = format!(
         "[homing]\nraise_mm = 5\nhome_at_mm = {{ x = 120, y = 90 }}\nprobe_offset_mm = {{ x = {x}, y = {y}, z = {z} }}\n\
-         bed_mm = {{ x = [0, 200], y = [0, 200] }}\n\n{mesh}\n[homing.x]"
+         bed_mm = {{ x = [0, 200], y = [0, 200], round = {is_round} }}\n\n{mesh}\n[homing.x]"
     );
     for (from, to) in [
         ("[homing.x]", homing.as_str()),

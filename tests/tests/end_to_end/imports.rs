@@ -84,17 +84,18 @@ fn a_cartesian_machine_of_klippers_becomes_a_profile() {
          nozzle = { sensor = \"semitec-104gt-2\", max_celsius = 260, proportional = 0.1, integral = 0.004, derivative = 0.5 }\n\
          bed = { max_celsius = 130, proportional = 0.2 }\n\
          driver.inverted = [\"x\"]\npressure_advance.seconds = 0.045\n\
-         mesh = { area_mm = { x = [20.0, 180.0], y = [20.0, 200.0] }, points = { x = 5, y = 4 }, fade_mm = 12, lift_mm = 6, samples = 2 }\n\
+         mesh = { area_mm = { x = [20.0, 180.0], y = [20.0, 200.0] }, points = { x = 5, y = 4 }, interpolation = \"bicubic\", fade_mm = 12, lift_mm = 6, samples = 2 }\n\
          bed_screws.pitch_mm = 0.7\nbed_screws.clockwise_lifts = false\n\
          bed_screws.places = { front_left = { x = 31, y = 34 }, screw2 = { x = 171, y = 34 } }\n\
          fans.part.kick_start_s = 0.2\nfans.hotend.turns = \"hotend\"\n\
          fans.electronics = { output = \"fan2\", turns = \"controller\", power = 0.5, idle_s = 45 }\n\
          fans.bento_box = { output = \"fan3\", turns = \"command\" }\nfilament_sensor.missing_is_low = false\n\
-         input_shaper = { x = { kind = \"ei\", frequency_hz = 45 }, y = { kind = \"ei\", frequency_hz = 38.5 } }\n",
+         input_shaper = { x = { kind = \"ei\", frequency_hz = 45 }, y = { kind = \"ei\", frequency_hz = 38.5 } }\n\
+         skew = { xy = { factor = 0.001413 }, xz = { factor = -0.002 }, yz = { factor = 0 } }\n",
     );
     for (key, why) in [
         ("include", "not read: "),
-        ("[bed_mesh] algorithm", "a profile's mesh has"),
+        ("[bed_mesh] mesh_pps", "a profile's mesh has"),
         ("[filament_switch_sensor runout] event_delay", "pauses a print"),
         ("[gcode_macro START] gcode", "macros"),
         ("[gcode_macro END] gcode", "macros"),
@@ -212,6 +213,40 @@ fn what_a_file_says_is_not_assumed() {
 fn marlin(text: &str) -> Value {
     let text = format!("#define DEFAULT_AXIS_STEPS_PER_UNIT {{ 100, 100, 400, 95 }}\n{text}");
     serde_json::to_value(of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+}
+
+/// By lengths, or by factors, which hold where both are said; without its switch none is.
+#[test]
+fn marlins_skew_is_kept() {
+    let lengths = "#define XY_DIAG_AC 142.2\n#define XY_DIAG_BD 140.6\n#define XY_SIDE_AD 100\n";
+    let imported = marlin(&format!("#define SKEW_CORRECTION\n{lengths}#define XZ_SKEW_FACTOR 0.01\n"));
+    says(&imported, "skew.xy = { ac_mm = 142.2, bd_mm = 140.6, ad_mm = 100 }\n");
+    assert!(profile(&imported)["skew"].get("xz").is_none());
+    let imported = marlin(&format!(
+        "#define SKEW_CORRECTION\n#define SKEW_CORRECTION_FOR_Z\n{lengths}#define XY_SKEW_FACTOR 0.002\n#define YZ_SKEW_FACTOR -0.001\n"
+    ));
+    says(&imported, "skew = { xy = { factor = 0.002 }, yz = { factor = -0.001 } }\n");
+    assert!(lost(&imported, "XY_DIAG_AC").unwrap().contains("the factor holds"));
+    assert!(profile(&marlin(lengths)).get("skew").is_none());
+}
+
+/// A mesh with a radius makes a round bed.
+#[test]
+fn klippers_round_bed_is_kept() {
+    let path = ferrostep_tests::program::repository().join("tests/configurations/bed-slinger.cfg");
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut round =
+        text.replace("mesh_min: 20, 20", "mesh_radius: 90").replace("mesh_max: 180, 200", "mesh_origin: 110, 112");
+    assert!(round.contains("mesh_radius") && round.contains("mesh_origin"), "{text}");
+    let count = round.lines().find(|line| line.starts_with("probe_count")).unwrap().to_owned();
+    round = round.replace(&count, "round_probe_count: 7");
+    let imported =
+        serde_json::to_value(of_text("printer.cfg", &round, &mut |_| Err("none".to_owned())).unwrap()).unwrap();
+    says(
+        &imported,
+        "homing.bed_mm = { x = [20.0, 200.0], y = [22.0, 202.0], round = true }\nmesh.points = { x = 7, y = 7 }\n",
+    );
+    assert_eq!(lost(&imported, "[bed_mesh] mesh_radius"), None);
 }
 
 #[test]

@@ -54,6 +54,7 @@ mod reports;
 mod sending;
 mod shaping;
 mod simulations;
+mod skew;
 mod slaved_extruder;
 mod slicer_printers;
 mod slicer_profiles;

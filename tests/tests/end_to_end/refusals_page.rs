@@ -96,6 +96,9 @@ const LINES: &[&str] = &[
     "M796 I9",
     "M796 A9",
     "M851 Z100",
+    "M852 I0.06",
+    "SET_SKEW XY=141.4,141.4",
+    "SET_SKEW XY=100,100,300",
     "M906 X5000",
     "M914 X999",
     // The machine is not ready for it.

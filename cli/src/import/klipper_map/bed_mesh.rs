@@ -28,11 +28,16 @@ impl Reading<'_> {
                 }
             }
         }
+        self.round_bed();
         // One number is for both axes.
         let count = self.entry(SECTION, "probe_count").map(|entry| entry.value.as_str());
         let count = count.and_then(|text| two_numbers(text).or_else(|| text.trim().parse().ok().map(|both| [both; 2])));
         for (axis, points) in ["x", "y"].into_iter().zip(count.into_iter().flatten()) {
             self.keep(SECTION, "probe_count", &[&format!("mesh.points.{axis}")], points as i64, "");
+        }
+        if let Some(entry) = self.entry(SECTION, "algorithm") {
+            let why = if entry.value == "bicubic" { "" } else { "the curve between two points is of four of them" };
+            self.keep(SECTION, "algorithm", &["mesh.interpolation"], "bicubic", why);
         }
         // Klipper's fade is complete at its end, and off without the key.
         if self.keep_number(SECTION, "fade_end", &["mesh.fade_mm"], |height| height).is_none() {
@@ -42,6 +47,25 @@ impl Reading<'_> {
         for section in ["probe", "bltouch"] {
             if let Some(samples) = self.number(section, "samples") {
                 self.keep(section, "samples", &["mesh.samples"], samples as i64, "of the mesh; their mean counts");
+            }
+        }
+    }
+
+    /// A mesh with a radius is of a round bed, which is taken to be as large.
+    fn round_bed(&mut self) {
+        let Some(radius) = self.number(SECTION, "mesh_radius").map(f64::abs) else { return };
+        let origin = self.entry(SECTION, "mesh_origin").and_then(|entry| two_numbers(&entry.value)).unwrap_or_default();
+        for (axis, middle) in ["x", "y"].into_iter().zip(origin) {
+            let ends = Value::from(vec![middle - radius, middle + radius]);
+            for key in ["mesh_radius", "mesh_origin"] {
+                let why = "the bed is taken to be as large as its mesh";
+                self.keep(SECTION, key, &[&format!("homing.bed_mm.{axis}")], ends.clone(), why);
+            }
+        }
+        self.draft.put("homing.bed_mm.round", true);
+        if let Some(points) = self.number(SECTION, "round_probe_count") {
+            for axis in ["x", "y"] {
+                self.keep(SECTION, "round_probe_count", &[&format!("mesh.points.{axis}")], points as i64, "");
             }
         }
     }

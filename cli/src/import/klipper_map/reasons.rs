@@ -8,6 +8,7 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
     match kind {
         "homing_override" => "homing is the profile's: homing.x and the others",
         "screws_tilt_adjust" => "a profile's screws have names, places that the probe reaches, and a pitch",
+        "skew_correction" => "one skew is in force, of one section: choose one, or send SET_SKEW",
         "bed_screws" | "bed_tilt" => "a profile's screws are probed: G35",
         "hall_filament_width_sensor" | "tsl1401cl_filament_width_sensor" => "no filament sensor",
         "probe" | "bltouch" if key.starts_with("sample") || key.ends_with("speed") => {
@@ -16,7 +17,9 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         "gcode_macro" | "delayed_gcode" => {
             "Klipper's macros are programs: write plain G-code as a macro of the profile, or into the slicer's start and end code"
         }
-        "bed_mesh" => "a profile's mesh has corners that the probe reaches, points, a fade and a lift",
+        "bed_mesh" => {
+            "a profile's mesh has corners that the probe reaches, points, an interpolation, a fade and a lift"
+        }
         "mcu" | "board_pins" | "static_digital_output" | "output_pin" | "multi_pin" | "duplicate_pin_override" => {
             "the board's"
         }

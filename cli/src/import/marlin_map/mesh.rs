@@ -39,6 +39,9 @@ impl Reading<'_> {
                 self.keep(name, &format!("mesh.area_mm.{axis}"), Value::from(ends.to_vec()), why);
             }
         }
+        if self.get("ABL_BILINEAR_SUBDIVISION").is_some() {
+            self.keep("ABL_BILINEAR_SUBDIVISION", "mesh.interpolation", "bicubic", "");
+        }
         let fades = self.get("ENABLE_LEVELING_FADE_HEIGHT").is_some();
         let height = if fades { self.number("DEFAULT_LEVELING_FADE_HEIGHT") } else { Some(0.0) };
         self.draft.put("mesh.fade_mm", height.unwrap_or(10.0));

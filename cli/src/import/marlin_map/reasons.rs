@@ -8,7 +8,7 @@ pub(super) fn reason(name: &str) -> &'static str {
         }
         _ if name.ends_with("_DRIVER_TYPE") => "drivers that are set are TMC2209: this one runs as its pins say",
         _ if name.starts_with("MESH_") || name.starts_with("AUTO_BED_LEVELING") || name.starts_with("GRID_") => {
-            "the bed is measured by G29: a profile's mesh has points, an area, a fade and a lift"
+            "the bed is measured by G29: a profile's mesh has points, an area, an interpolation, a fade and a lift"
         }
         "EXTRUDERS" => "one extruder",
         "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",

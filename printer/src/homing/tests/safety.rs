@@ -20,6 +20,7 @@ fn rig_with_probe(probe_z_mm: f64) -> Rig {
             home_at_10nm: Some(HOME_AT.map(units)),
             probe_offset_10nm: [-29.0, -3.0, probe_z_mm].map(units),
             bed_10nm: [[0, 200 * MM]; 2],
+            is_round: false,
         };
     })
 }

@@ -44,6 +44,7 @@ fn place() -> Place {
             smooth_time_s: Some(0.04),
         },
         extruder_steps: 1_000_000_000,
+        skew: Skew { factors: [i32::MAX, -3, 214_748_364] },
     }
 }
 
@@ -69,6 +70,7 @@ fn other() -> Place {
         limits: profile.limits,
         advance,
         extruder_steps: 1,
+        skew: Skew::NONE,
     }
 }
 

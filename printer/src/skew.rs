@@ -1,0 +1,186 @@
+//! M852 and SET_SKEW: axes that are not at right angles.
+//!
+//! What the G-code asks for are places in a space with right angles. Here they become places of the axes, and back: above this border
+//! (coordinates, G92, arcs) all is asked for, below it (limits, homing, the bed, motors) all is the axes'. The map is linear, so that
+//! straight lines stay straight.
+
+use core::num::NonZeroU32;
+
+use ferrostep_gcode::{Decimal, Diagonals, Real, SkewCommand};
+use ferrostep_planner::square_root::square_root_f32;
+
+use crate::error::CommandError;
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::Printer;
+use crate::skew_refusal::SkewRefusal;
+
+/// What a factor of 1 is: the processor takes the upper half of a product by itself.
+const ONE: f64 = 4_294_967_296.0;
+
+/// The planes, in the order of the factors.
+const PLANES: [&str; 3] = ["XY", "XZ", "YZ"];
+
+/// By how much the axes are off their right angles. The same numbers as Marlin's and Klipper's: where Y leans towards +X by 1 mm in
+/// 100 mm, XY is 0.01.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Skew {
+    /// Tangents of the angles of XY, XZ and YZ, in units of 2^-32.
+    pub factors: [i32; 3],
+}
+
+/// A length times a factor, rounded.
+fn scaled(length_10nm: i64, factor: i64) -> i64 {
+    // Lengths are below 2^30 and factors below 2^28.
+    length_10nm.wrapping_mul(factor).wrapping_add(1 << 31) >> 32
+}
+
+impl Skew {
+    /// Axes at right angles.
+    pub const NONE: Self = Self { factors: [0; 3] };
+
+    /// The greatest factor, either way. A machine whose axes are 3 degrees off is to be mended.
+    pub const MAX_FACTOR: f32 = 0.05;
+
+    /// The skew of these factors of XY, XZ and YZ; those beyond [`Self::MAX_FACTOR`] become that one.
+    pub fn of_factors(factors: [f64; 3]) -> Self {
+        Self { factors: factors.map(fixed) }
+    }
+
+    /// The factors of XY, XZ and YZ.
+    pub fn factors(&self) -> [f64; 3] {
+        self.factors.map(|factor| f64::from(factor) / ONE)
+    }
+
+    /// The factor of a plane by the lengths AC, BD and AD of a parallelogram, units of 10 nm, to seven decimals; `None`: there is no such one.
+    ///
+    /// Marlin's formula (`Configuration.h`, `XY_SKEW_FACTOR`): AB = sqrt(2 AC^2 + 2 BD^2 - 4 AD^2) / 2, and the factor is
+    /// tan(pi/2 - acos(c)), c = (AC^2 - AB^2 - AD^2) / (2 AB AD). That is c / sqrt(1 - c^2), and c is (AC^2 - BD^2) / (4 AB AD).
+    pub fn factor_of_diagonals(lengths_10nm: [u32; 3]) -> Option<f32> {
+        let [ac, bd, ad] = lengths_10nm.map(|length| length as f32);
+        let [longer, shorter, _] = lengths_10nm.map(i64::from);
+        let ab_squared = (ac * ac + bd * bd) * 0.5 - ad * ad;
+        if !(ab_squared > 0.0 && ad > 0.0) {
+            return None;
+        }
+        let cosine = (longer - shorter) as f32 * (ac + bd) / (4.0 * square_root_f32(ab_squared) * ad);
+        let sine_squared = 1.0 - cosine * cosine;
+        if sine_squared > 0.0 { Some(cosine / square_root_f32(sine_squared)) } else { None }
+    }
+
+    /// By how much what is asked of an axis is more than where the axis goes, units of 10 nm. It depends on the axes after it.
+    #[inline(never)]
+    pub(crate) fn ahead_10nm(&self, axis: usize, [_, y, z]: [i64; 3]) -> i64 {
+        let [xy, xz, yz] = self.factors.map(i64::from);
+        match axis {
+            0 => scaled(y, xy).wrapping_add(scaled(z, xz.wrapping_sub(scaled(xy, yz)))),
+            1 => scaled(z, yz),
+            _ => 0,
+        }
+    }
+
+    /// Where the axes go for a place that is asked for, units of 10 nm.
+    pub(crate) fn axes(&self, asked_10nm: [i64; 3]) -> [i64; 3] {
+        let [x, y, z] = asked_10nm;
+        [x.wrapping_sub(self.ahead_10nm(0, asked_10nm)), y.wrapping_sub(self.ahead_10nm(1, asked_10nm)), z]
+    }
+
+    /// What is asked for where the axes are, units of 10 nm: undoes [`Self::axes`], exactly.
+    pub(crate) fn asked(&self, axes_10nm: [i64; 3]) -> [i64; 3] {
+        let [x, y, z] = axes_10nm;
+        let y = y.wrapping_add(self.ahead_10nm(1, axes_10nm));
+        [x.wrapping_add(self.ahead_10nm(0, [x, y, z])), y, z]
+    }
+}
+
+/// A factor in units of 2^-32.
+#[inline(never)]
+fn fixed(factor: f64) -> i32 {
+    const MOST: i32 = (Skew::MAX_FACTOR as f64 * ONE) as i32;
+    ((factor * ONE) as i32).clamp(-MOST, MOST)
+}
+
+/// The factor of a plane by what was measured, if a machine may be that skew.
+fn measured(plane: usize, lengths: &Diagonals) -> Result<f64, CommandError> {
+    let Diagonals { ac_10nm, bd_10nm, ad_10nm } = *lengths;
+    let factor = Skew::factor_of_diagonals([ac_10nm, bd_10nm, ad_10nm].map(NonZeroU32::get));
+    within(plane, factor.unwrap_or(f32::INFINITY))
+}
+
+/// A factor of a plane, if a machine may be that skew.
+#[inline(never)]
+fn within(plane: usize, factor: f32) -> Result<f64, CommandError> {
+    // NaN is in no range.
+    if (-Skew::MAX_FACTOR..=Skew::MAX_FACTOR).contains(&factor) {
+        return Ok(f64::from(factor));
+    }
+    let plane = PLANES.get(plane).copied().unwrap_or_default();
+    Err(CommandError::TooSkew(SkewRefusal { plane, factor }))
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// M852 and its like, at standstill if they change something. The motors stay, and the coordinates change.
+    #[inline(never)]
+    pub(crate) fn skew(&mut self, command: &SkewCommand) -> Result<(), CommandError> {
+        let mut factors = self.interpreter.skew.factors();
+        match *command {
+            SkewCommand::Calculate(ref lengths) => {
+                let factor = measured(0, lengths)?;
+                return self.say_skew("Calculated", factor);
+            }
+            SkewCommand::Report => {
+                return PLANES.into_iter().zip(factors).try_for_each(|(plane, factor)| self.say_skew(plane, factor));
+            }
+            SkewCommand::Factors([None, None, None]) => {
+                let [xy, xz, yz] = factors.map(|factor| Real::fixed(factor, 6));
+                self.replies.say(format_args!("echo:  M852 I{xy} J{xz} K{yz} ; XY, XZ, YZ"));
+                return Ok(());
+            }
+            SkewCommand::Clear => factors = [0.0; 3],
+            SkewCommand::Factors(words) => {
+                for (plane, (factor, word)) in factors.iter_mut().zip(words).enumerate() {
+                    *factor = word.map(Decimal::to_f64).map_or(Ok(*factor), |factor| within(plane, factor as f32))?;
+                }
+            }
+            SkewCommand::Measured(ref planes) => {
+                for (plane, (factor, lengths)) in factors.iter_mut().zip(planes).enumerate() {
+                    *factor = lengths.as_ref().map_or(Ok(*factor), |lengths| measured(plane, lengths))?;
+                }
+            }
+        }
+        if self.interpreter.modal.in_prepared_job && factors != [0.0; 3] {
+            return Err(CommandError::SkewAndJob);
+        }
+        self.set_skew(Skew::of_factors(factors));
+        Ok(())
+    }
+
+    fn say_skew(&self, what: &str, factor: f64) -> Result<(), CommandError> {
+        // Klipper takes the tangent for the angle, too.
+        let (radians, degrees) = (Real::fixed(factor, 6), Real::fixed(f64::from((factor as f32).to_degrees()), 2));
+        self.replies.say(format_args!("echo:{what} Skew: {radians} radians, {degrees} degrees"));
+        Ok(())
+    }
+
+    /// At standstill: the motors stay, and what is asked for becomes where they are.
+    pub(crate) fn set_skew(&mut self, skew: Skew) {
+        if skew != self.interpreter.skew {
+            self.interpreter.skew = skew;
+            self.interpreter.follow_plane(self.motion.position_10nm());
+        }
+    }
+
+    /// Whether the axes are off their right angles.
+    pub fn is_skew(&self) -> bool {
+        self.interpreter.skew != Skew::NONE
+    }
+
+    /// Refuses a prepared job, whose moves are planned for axes at right angles.
+    #[inline]
+    pub(crate) fn needs_right_angles(&self) -> Result<(), CommandError> {
+        if self.is_skew() { Err(CommandError::SkewAndJob) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

@@ -1,0 +1,59 @@
+//! Axes that are not at right angles.
+
+use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_printer::Skew;
+
+use crate::axes::units_10nm;
+
+const FACTOR: Range = range(-0.05, 0.05, "");
+const _: () = assert!(Skew::MAX_FACTOR == 0.05);
+const LENGTH: Range = range(10.0, 3_000.0, "mm");
+
+/// What the factor of each plane is about, as the table of keys has it.
+const PLANES: [(&str, &str); 3] = [
+    ("xy", "of X and Y, by a printed square"),
+    ("xz", "of X and Z, by a printed square that stands"),
+    ("yz", "of Y and Z, by a printed square that stands"),
+];
+
+/// The skew of the axes, by measured lengths or by Marlin's and Klipper's factors; none without the table.
+pub(crate) fn skew(keys: &Section<'_>) -> Skew {
+    let about = "how far the axes are off their [right angles](skew.md) (M852, SET_SKEW)";
+    let Some(table) = keys.optional_section("skew", "axes at right angles", about) else { return Skew::NONE };
+    Skew::of_factors(PLANES.map(|(name, about)| {
+        let Some(plane) = table.optional_section(name, "at right angles", about) else { return 0.0 };
+        let factor = plane.number("factor", FACTOR).optional(
+            "by the three lengths",
+            "tangent of the angle by which the second axis leans in the first one's direction, as Marlin and Klipper have it",
+        );
+        let lengths = [
+            ("ac_mm", "diagonal from the corner A, where both coordinates are least, to the opposite one, C"),
+            ("bd_mm", "the other diagonal, from B, the corner beside A along the second axis, to D"),
+            ("ad_mm", "side along the first axis"),
+        ]
+        .map(|(key, about)| plane.number(key, LENGTH).optional("by `factor`", about));
+        match (factor, lengths) {
+            (Some(factor), [None, None, None]) => factor,
+            (None, [Some(ac), Some(bd), Some(ad)]) => match Skew::factor_of_diagonals([ac, bd, ad].map(|length| units_10nm(length) as u32)) {
+                Some(factor) if factor.abs() <= Skew::MAX_FACTOR => f64::from(factor),
+                Some(factor) => {
+                    let most = Skew::MAX_FACTOR * 100.0;
+                    let expected = format!(
+                        "lengths of axes that are at most {most} % off their right angle, not {:.1} %: measure again, or mend the frame",
+                        factor * 100.0
+                    );
+                    plane.refuse("ac_mm", expected);
+                    0.0
+                }
+                None => {
+                    plane.refuse("ac_mm", "the diagonals and the side of one parallelogram, in mm");
+                    0.0
+                }
+            },
+            _ => {
+                table.refuse(name, "either factor, or ac_mm, bd_mm and ad_mm");
+                0.0
+            }
+        }
+    }))
+}
