@@ -5,7 +5,7 @@ use ferrostep_hal_shim::FanOutput;
 
 use crate::board::{
     Accelerometer, AccelerometerChip, BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Fan, Heater,
-    Motor, SECTORS, Thermistor,
+    Motor, SECTORS, Thermistor, blows_when_safe,
 };
 use crate::chip::Chip;
 use crate::clock::{CRYSTALS_MHZ, Clock, INTERNAL_HZ};
@@ -97,6 +97,9 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
              are the machine's",
         )
         .map(|table| accelerometer(&table, &mut pins));
+    let power_supply = keys
+        .optional_section("power_supply", "not switched", "[M80 and M81](gcode.md#a-supply-that-is-switched) switch it")
+        .map(|table| pins.take(&table, "pin", Use::Any, "output; the profile says which level is on"));
     let board = Board {
         name: board_name,
         title,
@@ -115,6 +118,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         spare_motors,
         driver_uart,
         heaters,
+        safe_outputs: fans.iter().filter_map(blows_when_safe).collect(),
         fans,
         thermistors,
         inputs,
@@ -122,6 +126,8 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         usb,
         card,
         accelerometer,
+        power_supply,
+        used_supply: None,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);

@@ -23,6 +23,7 @@ mod real;
 mod remarks;
 mod reply;
 mod reply_text;
+mod supply_command;
 mod tower_words;
 
 pub use bed_command::{BedArea, BedCommand};
@@ -45,4 +46,5 @@ pub use reply::{
     AdvanceState, EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, ShaperState, Temperatures,
     TimingFigures,
 };
+pub use supply_command::SupplyCommand;
 pub use tower_words::{TowerCourse, TowerWords};

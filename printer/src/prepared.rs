@@ -148,6 +148,7 @@ impl<P: Ports> Printer<'_, P> {
         if P::Motion::HAS_BED && self.interpreter.modal.follows_bed {
             return Err(CommandError::MeshAndJob);
         }
+        self.supplied()?;
         if self.interpreter.modal.soft_limits {
             for axis in 0..3 {
                 // A difference below zero becomes more than any length, for all are at most 5 m.
@@ -213,6 +214,7 @@ impl<P: Ports> Printer<'_, P> {
         if P::Motion::HAS_BED && self.interpreter.modal.follows_bed {
             return Err(CommandError::MeshAndJob);
         }
+        self.supplied()?;
         if motion.filament_100pm != 0 {
             self.check_extrusion_temperature()?;
         }
