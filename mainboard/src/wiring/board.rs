@@ -50,6 +50,8 @@ pub struct Board {
     pub usb: Option<Usb>,
     /// The plug for an ADXL345, if the board has one.
     pub accelerometer: Option<Accelerometer>,
+    /// The output that switches the supply of motors, heaters and fans.
+    pub power_supply: Option<Pin>,
 }
 
 /// The wires to an accelerometer (SPI).

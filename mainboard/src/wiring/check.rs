@@ -74,6 +74,8 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
     let serial = serial(&mut pins, &raw)?;
     let usb = usb(&mut pins, &raw)?;
     let accelerometer = accelerometer(&mut pins, &raw)?;
+    let power_supply =
+        pins.take_optional("power_supply.pin", raw.power_supply.as_ref().map(|table| table.pin.as_str()))?;
     if raw.virtual_sensors && !(heaters.is_empty() && thermistors.is_empty() && inputs.is_empty()) {
         return Err(Refusal::new(
             file,
@@ -103,6 +105,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         serial,
         usb,
         accelerometer,
+        power_supply,
     })
 }
 
