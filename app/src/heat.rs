@@ -2,11 +2,15 @@
 
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
-use ferrostep_printer::{Equipment, FanDemand, FanStatus, HeaterStatus, PidGains, Profile};
+use ferrostep_printer::{
+    Absent, Equipment, FanDemand, FanRule, FanSettings, FanStatus, HeaterStatus, Part, PidGains, Present, Profile,
+};
 use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
 use ferrostep_stm32f4_board::thermal::{self, Converters, Heaters};
 use ferrostep_virtual_board::VirtualHeaters;
+
+use ferrostep_profile_constant::PROFILE;
 
 /// The parts of the board that the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {
@@ -18,6 +22,41 @@ pub const EQUIPMENT: Equipment = Equipment {
             None => false,
         },
 };
+
+/// The power supply can be switched.
+const HAS_SUPPLY: bool = PROFILE.power_supply.is_some();
+
+/// The machine has outputs that are no fans.
+pub const HAS_OUTPUTS: bool = {
+    let (mut at, mut has) = (0, false);
+    while at < FanOutput::COUNT {
+        if let Some(FanSettings { rule: FanRule::Output { .. }, .. }) = PROFILE.fans[at] {
+            has = true;
+        }
+        at += 1;
+    }
+    has
+};
+
+/// A power supply that can be switched, or none, in an image.
+pub type SupplyPart = <Switched<HAS_SUPPLY> as SupplyKind>::Part;
+
+/// Whether the supply is switched.
+pub struct Switched<const YES: bool>;
+
+/// See [`Switched`].
+pub trait SupplyKind {
+    /// That part.
+    type Part: Part;
+}
+
+impl SupplyKind for Switched<true> {
+    type Part = Present;
+}
+
+impl SupplyKind for Switched<false> {
+    type Part = Absent;
+}
 
 /// Heaters, thermistors and fans: the board's own, or their models.
 pub trait Parts: ThermalBoard + Fans + Sized {
@@ -77,7 +116,10 @@ impl Heat {
     /// Cold heaters with their first readings, so that the first command finds temperatures.
     pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
         Self(Parts::start(profile, converters, clock).map(|mut parts| {
-            let control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut parts);
+            let mut control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut parts);
+            if let Some(supply) = profile.power_supply {
+                control.set_supply(supply.on_at_start);
+            }
             Controlled { control, parts }
         }))
     }
@@ -153,6 +195,31 @@ impl Heat {
                 parts.set_power(heater, 0.0);
             }
         }
+    }
+
+    /// Switches all heaters off, now, and the power supply if that can be switched.
+    pub fn halt(&mut self) {
+        self.all_off();
+        if let Some(Controlled { control, parts }) = &mut self.0 {
+            control.halt();
+            if HAS_SUPPLY {
+                parts.set_supply(false);
+            }
+        }
+    }
+
+    /// Switches the power supply.
+    pub fn set_supply(&mut self, on: bool) {
+        if let Some(heat) = &mut self.0
+            && HAS_SUPPLY
+        {
+            heat.control.set_supply(on);
+        }
+    }
+
+    /// Whether the power supply is on.
+    pub fn is_supply_on(&self) -> bool {
+        !HAS_SUPPLY || self.0.as_ref().and_then(|heat| heat.control.supply()).unwrap_or(true)
     }
 
     /// M999.

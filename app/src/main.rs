@@ -385,10 +385,10 @@ mod app {
         }
     }
 
-    /// M112, after the motors have been stopped: heaters off as soon as the line's interrupt returns.
+    /// M112, after the motors have been stopped: heaters off as soon as the line's interrupt returns, and the power supply.
     #[task(priority = 8, shared = [heat])]
     async fn emergency(mut cx: emergency::Context) {
-        cx.shared.heat.lock(|heat| heat.all_off());
+        cx.shared.heat.lock(|heat| heat.halt());
         HALTED.writer().write(());
     }
 

@@ -25,7 +25,7 @@ use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;
 
 use crate::clock::Mono;
-use crate::heat::Heat;
+use crate::heat::{HAS_OUTPUTS, Heat, SupplyPart};
 use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
 use crate::profile::{PROFILE, StepSignals};
 
@@ -181,6 +181,22 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
 
     fn all_off(&mut self) {
         self.0.get_mut().lock(|heat| heat.all_off());
+    }
+
+    type Supply = SupplyPart;
+
+    const HAS_OUTPUTS: bool = HAS_OUTPUTS;
+
+    fn set_supply(&mut self, on: bool) {
+        self.0.get_mut().lock(|heat| heat.set_supply(on));
+    }
+
+    fn is_supply_on(&self) -> bool {
+        self.0.borrow_mut().lock(|heat| heat.is_supply_on())
+    }
+
+    fn halt(&mut self) {
+        self.0.get_mut().lock(|heat| heat.halt());
     }
 
     fn gains(&self, heater: Heater) -> PidGains {

@@ -116,6 +116,8 @@ impl Motion for Machine<'_, '_> {
 }
 
 impl Heating for Machine<'_, '_> {
+    type Supply = ferrostep_printer::Present;
+
     fn set_target(&mut self, _heater: Heater, _celsius: f32) {}
 
     fn status(&self, _heater: Heater) -> HeaterStatus {

@@ -1,5 +1,8 @@
 //! A board as its file describes it, every value checked.
 
+use ferrostep_hal_shim::FanOutput;
+use ferrostep_printer::{FanRule, PowerSupply, Profile};
+
 use crate::chip::Chip;
 use crate::clock::Clock;
 use crate::pin::Pin;
@@ -93,8 +96,23 @@ pub struct Board {
     pub accelerometer: Option<Accelerometer>,
     /// The EEPROM that settings are kept in.
     pub eeprom: Option<Eeprom>,
+    /// The output that switches the power supply.
+    pub power_supply: Option<Pin>,
+    /// Fans and other outputs that the safe state sets, and whether they are on then.
+    pub safe_outputs: Vec<(Pin, bool)>,
+    /// How the machine's profile uses that output ([`Self::for_machine`]).
+    pub used_supply: Option<SupplyOutput>,
     /// What a user of the board should know: one sentence each.
     pub notes: Vec<String>,
+}
+
+/// The output that switches the power supply of a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SupplyOutput {
+    /// The pin.
+    pub pin: Pin,
+    /// What the profile says of it.
+    pub settings: PowerSupply,
 }
 
 /// The slot for a memory card, at the SDIO.
@@ -235,6 +253,22 @@ impl Board {
         self.motors.iter().chain(&self.spare_motors)
     }
 
+    /// The same board in the machine of this profile.
+    pub fn for_machine(self, profile: &Profile) -> Self {
+        let used = self.power_supply.zip(profile.power_supply);
+        let of_profile = |fan: &Fan| {
+            let output = FanOutput::ALL.into_iter().find(|output| output.name() == fan.name)?;
+            match profile.fans.get(output.index()).copied().flatten()?.rule {
+                // Half a power takes a timer.
+                FanRule::Output { at_halt, .. } => Some((fan.pin, at_halt > u8::MAX / 2)),
+                _ => None,
+            }
+        };
+        let safe_outputs =
+            self.fans.iter().filter_map(|fan| of_profile(fan).or_else(|| blows_when_safe(fan))).collect();
+        Self { used_supply: used.map(|(pin, settings)| SupplyOutput { pin, settings }), safe_outputs, ..self }
+    }
+
     /// Ports that carry step and direction signals of the motors that move, in the order of the alphabet.
     pub fn motor_ports(&self) -> Vec<u8> {
         let mut ports: Vec<u8> = self.motors.iter().flat_map(|motor| [motor.step.port, motor.direction.port]).collect();
@@ -282,6 +316,11 @@ impl Board {
     pub fn image_address(&self) -> u32 {
         FLASH_ADDRESS + self.boot_offset
     }
+}
+
+/// A fan that the safe state lets blow: those of part and nozzle, where the profile does not use its output otherwise.
+pub(crate) fn blows_when_safe(fan: &Fan) -> Option<(Pin, bool)> {
+    ["part", "hotend"].contains(&fan.name).then_some((fan.pin, true))
 }
 
 /// Length of the sectors at the end of a flash, bytes (RM0090, table 5).

@@ -6,9 +6,9 @@ use ferrostep_hal_shim::FanOutput;
 use ferrostep_printer::Profile;
 use ferrostep_stm32f4::registers::Registers;
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
-use ferrostep_stm32f4::{I2cPins, OutputPin, SpiPins, TimerChannel};
+use ferrostep_stm32f4::{I2cPins, OutputPin, SpiPins, SupplyPin, TimerChannel};
 
-use crate::board::{Board, CCM_ADDRESS, DriverUart, Eeprom, FLASH_ADDRESS, RAM_ADDRESS};
+use crate::board::{Board, CCM_ADDRESS, DriverUart, Eeprom, FLASH_ADDRESS, RAM_ADDRESS, SupplyOutput};
 use crate::clock::{Clock, INTERNAL_HZ};
 use crate::fit;
 use crate::pin::Pin;
@@ -123,6 +123,12 @@ fn thermal(board: &Board) -> String {
         })
     });
     let fans = fans.join(", ");
+    let supply = board.used_supply.map(|SupplyOutput { pin, settings }| SupplyPin {
+        port: pin.port,
+        number: pin.number,
+        on_is_low: settings.on_is_low,
+    });
+    let supply = format!("{supply:?}");
     let pins = match (heater("nozzle"), heater("bed")) {
         (Some((nozzle, nozzle_sensor)), Some((bed, bed_sensor))) => {
             let number = match board.thermistors.first().map(|thermistor| thermistor.channel.converter) {
@@ -130,9 +136,9 @@ fn thermal(board: &Board) -> String {
                 _ => "One",
             };
             format!(
-                "{{ use ferrostep_stm32f4::{{ConverterNumber, FanPins, OutputPin, TimerChannel}}; \
+                "{{ use ferrostep_stm32f4::{{ConverterNumber, FanPins, OutputPin, SupplyPin, TimerChannel}}; \
                  Some(ThermalPins {{ converter: ConverterNumber::{number}, channels: &{channels:?}, \
-                 sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], fans: [{fans}] }}) }}"
+                 sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], fans: [{fans}], supply: {supply} }}) }}"
             )
         }
         _ => "None".to_owned(),

@@ -2,7 +2,7 @@
 
 use ferrostep_checked_toml::FileError;
 use ferrostep_hal_shim::FanOutput;
-use ferrostep_printer::{FanSettings, HeaterSettings, HomeSensor, Profile};
+use ferrostep_printer::{FanRule, FanSettings, HeaterSettings, HomeSensor, Profile};
 use ferrostep_profiles::refuse;
 use ferrostep_thermistor::ThermistorType;
 use ferrostep_tmc2209::{CurrentScale, DriverWiring};
@@ -119,6 +119,10 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
         }
     }
     check_fans(board, profile, profile_name)?;
+    if profile.power_supply.is_some() && board.power_supply.is_none() {
+        let expected = format!("no such table: the board {} has no output `power_supply`", board.name);
+        return Err(refuse(profile_name, "power_supply", "a table", &expected));
+    }
     if profile.filament_sensor.is_some() && filament_pin(board, profile).is_none() {
         let expected = format!("no such table: the board {} has no input `filament`", board.name);
         return Err(refuse(profile_name, "filament_sensor", "a table", &expected));
@@ -144,7 +148,8 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
 fn check_fans(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     for (output, (fan, usual)) in FanOutput::ALL.into_iter().zip(profile.fans.iter().zip(FanSettings::USUAL)) {
         let Some(settings) = fan.as_ref().filter(|_| *fan != usual) else { continue };
-        let key = |key| format!("fans.{}.{key}", settings.name);
+        let table = if matches!(settings.rule, FanRule::Output { .. }) { "outputs" } else { "fans" };
+        let key = |key| format!("{table}.{}.{key}", settings.name);
         let Some(wired) = board.fans.iter().find(|wired| wired.name == output.name()) else {
             let outputs: Vec<&str> = board.fans.iter().map(|fan| fan.name).collect();
             let expected = format!("an output of the board {}: {}", board.name, outputs.join(", "));

@@ -5,7 +5,7 @@ use ferrostep_hal_shim::FanOutput;
 
 use crate::board::{
     Accelerometer, AccelerometerChip, BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Eeprom,
-    EepromChip, Fan, Heater, Motor, SECTORS, Thermistor,
+    EepromChip, Fan, Heater, Motor, SECTORS, Thermistor, blows_when_safe,
 };
 use crate::chip::Chip;
 use crate::clock::{CRYSTALS_MHZ, Clock, INTERNAL_HZ};
@@ -106,6 +106,9 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
             "the board's memory for [settings](settings.md#the-memory), on two wires (I2C), which the firmware moves itself: any pins",
         )
         .map(|table| eeprom(&table, &mut pins));
+    let power_supply = keys
+        .optional_section("power_supply", "not switched", "[M80 and M81](gcode.md#a-supply-that-is-switched) switch it")
+        .map(|table| pins.take(&table, "pin", Use::Any, "output; the profile says which level is on"));
     let board = Board {
         name: board_name,
         title,
@@ -124,6 +127,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         spare_motors,
         driver_uart,
         heaters,
+        safe_outputs: fans.iter().filter_map(blows_when_safe).collect(),
         fans,
         thermistors,
         inputs,
@@ -132,6 +136,8 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         card,
         accelerometer,
         eeprom,
+        power_supply,
+        used_supply: None,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);

@@ -4,7 +4,7 @@ use ferrostep_stm32f4::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPE
 use ferrostep_stm32f4::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
 use ferrostep_stm32f4::usb_controller;
 
-use crate::board::{Accelerometer, Board, Eeprom};
+use crate::board::{Accelerometer, Board, Eeprom, SupplyOutput};
 use crate::pin::Pin;
 use crate::start::as_after_reset;
 use crate::store::Store;
@@ -151,6 +151,16 @@ fn eeprom(board: &Board) -> Vec<Store> {
     .concat()
 }
 
+/// The output of the machine's power supply, with the supply on or off: its level first, so that the change to an output is no pulse.
+/// A pin that no profile uses stays an input.
+fn supply(board: &Board, is_on: impl Fn(&SupplyOutput) -> bool) -> Vec<Store> {
+    let Some(output) = &board.used_supply else { return Vec::new() };
+    let pin = [output.pin];
+    let (high, low): (&[Pin], &[Pin]) =
+        if is_on(output) == output.settings.on_is_low { (&[], &pin) } else { (&pin, &[]) };
+    [levels(high, low), push_pull(&pin), fields(&pin, OSPEEDR, 2, LOW_SPEED), fields(&pin, MODER, 2, OUTPUT)].concat()
+}
+
 /// Outputs that drive both levels, without pulls: a boot loader may have had them otherwise.
 fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
@@ -167,6 +177,7 @@ pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
     let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board)).chain(card_pins(board));
     let others = others.chain(accelerometer_pins(board)).chain(eeprom_pins(board));
+    let others = others.chain(board.used_supply.map(|supply| supply.pin));
     let ports = outputs.into_iter().chain(others).fold(0, |ports, pin| ports | 1 << pin.port);
     // Twice: the second time reads the first back (`Registers::switch_clocks_on` says why).
     let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }; 2];
@@ -188,16 +199,20 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores
 }
 
-/// The stores of the panic and fault handlers: heaters off, motors off, the fans of nozzle and part full, and the USB port
-/// off the bus, so that its host stops too. A transistor that has failed closed goes on heating, so the fans cool.
+/// The stores of the panic and fault handlers: heaters off, motors off, the fans of nozzle and part full, the power supply off where it can
+/// be switched, and the USB port off the bus, so that its host stops too. A transistor that has failed closed goes on heating without such
+/// a supply, so the fans cool.
 pub fn all_off(board: &Board) -> Vec<Store> {
-    let fans: Vec<Pin> =
-        board.fans.iter().filter(|fan| ["part", "hotend"].contains(&fan.name)).map(|fan| fan.pin).collect();
+    let outputs = |on: bool| -> Vec<Pin> {
+        board.safe_outputs.iter().filter(|(_, is_on)| *is_on == on).map(|(pin, _)| *pin).collect()
+    };
+    let (on, off) = (outputs(true), outputs(false));
     let mut stores = [
         heaters_off(board),
         levels(&enable_pins(board), &step_pins(board)),
-        levels(&fans, &[]),
-        fields(&fans, MODER, 2, OUTPUT),
+        levels(&on, &off),
+        fields(&[on, off].concat(), MODER, 2, OUTPUT),
+        supply(board, |_| false),
     ]
     .concat();
     if board.usb.is_some() {
@@ -231,6 +246,7 @@ pub fn pins(board: &Board) -> Vec<Store> {
         card(board),
         accelerometer(board),
         eeprom(board),
+        supply(board, |output| output.settings.on_at_start),
     ]
     .concat()
 }

@@ -224,7 +224,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
 
     /// Switches everything off, as M112 does when its bytes arrive.
     pub fn halt(&self) {
-        self.heat.borrow_mut().all_off();
+        self.heat.borrow_mut().halt();
         self.desk.state().stop();
         self.signals.halt();
     }

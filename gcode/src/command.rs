@@ -1,6 +1,6 @@
 //! What a line asks for, as an enum.
 
-use crate::{BedCommand, CardCommand, Decimal, SkewCommand, TowerWords};
+use crate::{BedCommand, CardCommand, Decimal, SkewCommand, SupplyCommand, TowerWords};
 
 /// The X, Y, Z and E words of a line; `None` where the word is absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -238,6 +238,8 @@ pub enum Command<'a> {
     },
     /// M85 S, M86 S: seconds without a line and without motion after which heaters go off, 0 = never; without S a query.
     HeaterTimeout(Option<u16>),
+    /// M80, M81: the power supply.
+    Supply(SupplyCommand),
     /// M82.
     AbsoluteExtrusion,
     /// M83.
@@ -271,6 +273,13 @@ pub enum Command<'a> {
         /// FAN, PIN.
         name: &'a str,
         /// SPEED, VALUE as 0 to 255.
+        power: u8,
+    },
+    /// M42: an output of the profile.
+    SetOutput {
+        /// P; `None` without one, or with one above 255, which no output has.
+        number: Option<u8>,
+        /// S, 0 to 255.
         power: u8,
     },
     /// M123: powers and speeds of the fans.

@@ -24,6 +24,7 @@ mod remarks;
 mod reply;
 mod reply_text;
 mod skew_command;
+mod supply_command;
 mod tower_words;
 
 pub use bed_command::{BedArea, BedCommand};
@@ -47,4 +48,5 @@ pub use reply::{
     TimingFigures,
 };
 pub use skew_command::{Diagonals, SkewCommand};
+pub use supply_command::SupplyCommand;
 pub use tower_words::{TowerCourse, TowerWords};

@@ -53,6 +53,10 @@ pub enum Remark {
     NoBed,
     /// Words of BED_MESH_CALIBRATE other than its area.
     MeshWords,
+    /// M42 on a machine without outputs.
+    NoOutputs,
+    /// M80 and M81 on a machine whose power supply cannot be switched.
+    NoSupply,
 }
 
 /// What of a line was ignored or changed, so that the host learns how the line was read.
@@ -74,7 +78,7 @@ pub struct Remarks {
 }
 
 /// Texts of the bits of `about_line`.
-const ABOUT_LINE: [&str; 16] = [
+const ABOUT_LINE: [&str; 18] = [
     "one command a line: the second and everything after it is ignored",
     "without P or S: waits until all motion has ended",
     "MAXIMUM: cooling is not waited for; no effect",
@@ -91,6 +95,8 @@ const ABOUT_LINE: [&str; 16] = [
     "this machine has the heaters extruder and heater_bed; no effect",
     "this machine has no probe, its bed must be level by itself; no effect",
     "of the mesh's words MESH_MIN and MESH_MAX have an effect",
+    "the profile has no outputs; no effect",
+    "the profile has no power_supply; no effect",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -141,6 +147,8 @@ impl Remarks {
             Remark::WaitsForHeatOnly => self.about_line |= 1 << 2,
             Remark::NoBed => self.about_line |= NO_BED,
             Remark::MeshWords => self.about_line |= 1 << 15,
+            Remark::NoOutputs => self.about_line |= 1 << 16,
+            Remark::NoSupply => self.about_line |= 1 << 17,
         }
     }
 

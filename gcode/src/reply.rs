@@ -143,6 +143,8 @@ pub struct FirmwareInfo<'a> {
     pub stores_settings: bool,
     /// Whether there is a filament sensor.
     pub filament_sensor: bool,
+    /// The power supply can be switched (M80, M81).
+    pub power_supply: bool,
 }
 
 /// One answer.

@@ -25,7 +25,7 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     (Z_PROBE, false),
     ("LEVELING_DATA", false),
     ("BUILD_PERCENT", false),
-    ("SOFTWARE_POWER", false),
+    (POWER_SUPPLY, false),
     ("TOGGLE_LIGHTS", false),
     ("CASE_LIGHT_BRIGHTNESS", false),
 ];
@@ -38,6 +38,9 @@ const Z_PROBE: &str = "Z_PROBE";
 
 /// The capability of a machine with a filament sensor.
 const RUNOUT: &str = "RUNOUT";
+
+/// The capability of a machine whose power supply can be switched.
+const POWER_SUPPLY: &str = "SOFTWARE_POWER";
 
 /// The capability of a machine that watches its heaters.
 const THERMAL_PROTECTION: &str = "THERMAL_PROTECTION";
@@ -275,6 +278,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
         card,
         stores_settings,
         filament_sensor,
+        power_supply,
     } = info;
     write!(formatter, "FIRMWARE_NAME:Ferrostep {version}")?;
     if !source_code_url.is_empty() {
@@ -294,6 +298,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
             Z_PROBE => *z_probe,
             EEPROM => *stores_settings,
             RUNOUT => *filament_sensor,
+            POWER_SUPPLY => *power_supply,
             name => *has || *card && CARD.contains(&name),
         };
         write!(formatter, "\nCap:{name}:{}", u8::from(has))?;

@@ -62,6 +62,8 @@ pub trait ThermalBoard {
     fn reading(&mut self, heater: Heater) -> u16;
     /// Heater power from 0 to 1; anything else is cut to that.
     fn set_power(&mut self, heater: Heater, power: f32);
+    /// Switches the power supply of heaters, motors and fans; without effect on a board that cannot.
+    fn set_supply(&mut self, _on: bool) {}
 }
 
 /// A board's output for a fan.

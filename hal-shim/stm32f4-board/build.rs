@@ -8,7 +8,9 @@ use std::{env, fs};
 use ferrostep_boards::{chosen, constants};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let board = chosen::board()?;
+    // The machine's profile says which level of a pin switches its supply off: the safe state needs that without the application.
+    let (board, profile) = chosen::machine()?;
+    let board = board.for_machine(&profile);
     let feature = board.chip.feature;
     if env::var_os(format!("CARGO_FEATURE_{}", feature.to_uppercase())).is_none() {
         return Err(format!(

@@ -44,6 +44,8 @@ enum Role {
     Accelerometer(BusWire),
     /// A wire to the EEPROM.
     Eeprom(EepromWire),
+    /// The input of the supply of motors and heaters; whether a low level switches it on.
+    Supply(bool),
 }
 
 /// The pin of a heater or fan, and the timer channel that may drive it.
@@ -196,6 +198,13 @@ impl Plant {
             }
             Role::Heater(heater) => self.power_heater(now_ns, heater, if level == Some(true) { 1.0 } else { 0.0 }),
             Role::Fan(fan) => self.power_fan(now_ns, fan, if level == Some(true) { 1.0 } else { 0.0 }),
+            Role::Supply(on_is_low) => {
+                if level.is_some_and(|level| level != on_is_low) {
+                    self.motor_rail.restore(now_ns);
+                } else {
+                    self.motor_rail.cut(now_ns);
+                }
+            }
             Role::Accelerometer(wire) => {
                 if self.accelerometer.as_mut().is_some_and(|part| part.set_wire(now_ns, wire, level)) {
                     self.answered = Some(Source::Accelerometer);

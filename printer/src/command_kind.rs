@@ -2,7 +2,7 @@
 
 use ferrostep_gcode::{
     AdvanceWords, AxisWords, CardCommand, Command, FeedWords, GainWords, PrintClockCommand, SettingsCommand,
-    ShaperWords,
+    ShaperWords, SupplyCommand,
 };
 
 /// How a command is treated while the machine is halted.
@@ -52,6 +52,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
             | CardCommand::ReportTime
             | CardCommand::ReportLongPath(_),
         )
+        | Command::Supply(SupplyCommand::Report)
         | Command::Accepted
         | Command::Unknown(_)
         | Command::Restart => WhileHalted::Works,
@@ -62,7 +63,9 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
         Command::PressureAdvance(words) if *words == AdvanceWords::default() => WhileHalted::Works,
         Command::NozzleGains(words) | Command::BedGains(words) if *words == GainWords::default() => WhileHalted::Works,
-        Command::DisableMotors(_) | Command::HeatersOff => WhileHalted::IsOff,
+        Command::DisableMotors(_) | Command::HeatersOff | Command::Supply(SupplyCommand::Off { .. }) => {
+            WhileHalted::IsOff
+        }
         Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) if celsius.nanos() <= 0 => {
             WhileHalted::IsOff
         }

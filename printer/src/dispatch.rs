@@ -2,14 +2,15 @@
 
 use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BedCommand, CardCommand, Command, Decimal, PrintClockCommand, Remarks,
-    Reply, SettingsCommand, ShaperWords, SkewCommand, TowerWords, WaitTarget,
+    Reply, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords, WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::surface::Bed;
 
 use crate::error::CommandError;
+use crate::part::Part;
 use crate::paused::{PauseReason, PauseWords};
-use crate::ports::{Motion, Ports, Replies, temperatures};
+use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
 use crate::power_loss::{FORGET, RESUME};
 use crate::printer::{Answer, Printer};
 
@@ -74,6 +75,7 @@ enum Waiting<'a> {
     },
     Bed(&'a BedCommand),
     Card(&'a CardCommand<'a>),
+    Supply(SupplyCommand),
     /// Until motion has ended.
     Finish(Then<'a>),
 }
@@ -123,6 +125,7 @@ fn mask(axes: AxisFlags) -> u8 {
 impl<P: Ports> Printer<'_, P> {
     /// Executes a command.
     pub(crate) async fn dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
+        self.needs_supply(command)?;
         if self.drivers_part(command)?
             && let Some(drivers) = self.drivers
         {
@@ -167,6 +170,12 @@ impl<P: Ports> Printer<'_, P> {
                 }
             }
             Waiting::Card(command) => self.card_command(*command).await?,
+            Waiting::Supply(command) => {
+                if <P::Heating as Heating>::Supply::PRESENT {
+                    let printer = &mut *self;
+                    <P::Heating as Heating>::Supply::only(move || printer.supply(command)).await?;
+                }
+            }
             // One wait for all, which takes less room than several.
             Waiting::Finish(then) => {
                 self.motion.finish().await?;
@@ -328,6 +337,12 @@ impl<P: Ports> Printer<'_, P> {
                     return waiting(Waiting::Fan { output, power });
                 }
             }
+            Command::SetOutput { number, power } => {
+                if let Some(output) = self.numbered_output(number)? {
+                    self.power_loss.set_fan(output, power);
+                    return waiting(Waiting::Fan { output, power });
+                }
+            }
             Command::ReportFans => self.report_fans(),
             Command::Stop { longest_ms } => {
                 return pause(PauseReason::Stop, PauseWords { longest_ms, ..PauseWords::default() });
@@ -353,6 +368,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::Settings(command) => return waiting(Waiting::ShowSettings(command)),
             Command::Bed(ref command) if self.has_bed() => return waiting(Waiting::Bed(command)),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
+            Command::Supply(_) if !self.has_supply() => {}
+            Command::Supply(command) => return waiting(Waiting::Supply(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
             // The drivers' part is all that there is to the first four. Without a display the others change nothing here.
             Command::ReportDrivers

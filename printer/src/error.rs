@@ -169,6 +169,12 @@ pub enum CommandError {
     NotEquipped(&'static str),
     /// The accelerometer gives no samples.
     Accelerometer(AccelerometerFault),
+    /// M42: no output of the profile has this number.
+    OtherOutput,
+    /// The command needs the power supply, and that is off.
+    SupplyOff,
+    /// M81 while a print is paused or comes from the card.
+    SupplyInUse,
     /// The memory card is in use: it prints, or a file is being written to it.
     CardInUse,
     /// A host's line would move the head of a print from the card.
@@ -390,6 +396,11 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
                 write!(out, "{name}: {error}")
             }
+            Self::OtherOutput => out.write_str(
+                "P: no output of the profile has this number",
+            ),
+            Self::SupplyOff => out.write_str("the power supply is off: M80 switches it on"),
+            Self::SupplyInUse => out.write_str("a print is under way or paused: M524 ends it"),
             Self::CardInUse => {
                 out.write_str("the memory card is in use: M524 ends a print from it, M29 ends what is written to it")
             }

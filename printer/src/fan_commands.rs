@@ -3,6 +3,7 @@
 use ferrostep_gcode::{AxisWords, Command};
 use ferrostep_hal_shim::{FanOutput, Heater};
 
+use crate::error::CommandError;
 use crate::fans::{self, FanRule, FanSettings, FanTable};
 use crate::heat::FanStatus;
 use crate::ports::{Heating, Motion, Ports, Replies};
@@ -45,8 +46,28 @@ impl<P: Ports> Printer<'_, P> {
 
     /// The output of the fan with this name that commands may set.
     pub(crate) fn named_fan(&self, name: &str) -> Option<FanOutput> {
-        let is_commanded = |fan: &FanSettings| matches!(fan.rule, FanRule::Commanded { .. });
-        fans::find(&self.profile.fans, |fan| is_commanded(fan) && fan.name.eq_ignore_ascii_case(name))
+        fans::find(&self.profile.fans, |fan| fan.rule.is_named() && fan.name.eq_ignore_ascii_case(name))
+    }
+
+    /// Whether the machine has outputs for M42.
+    pub(crate) fn has_outputs(&self) -> bool {
+        P::Heating::HAS_OUTPUTS
+            && fans::find(&self.profile.fans, |fan| matches!(fan.rule, FanRule::Output { .. })).is_some()
+    }
+
+    /// The output that M42 calls by this P; `None` on a machine without outputs.
+    ///
+    /// # Errors
+    /// [`CommandError::OtherOutput`]: another has the number, or none.
+    pub(crate) fn numbered_output(&self, wanted: Option<u8>) -> Result<Option<FanOutput>, CommandError> {
+        if !P::Heating::HAS_OUTPUTS {
+            return Ok(None);
+        }
+        let has_number = |fan: &FanSettings| matches!(fan.rule, FanRule::Output { number: Some(number), .. } if Some(number) == wanted);
+        match fans::find(&self.profile.fans, has_number) {
+            None if self.has_outputs() => Err(CommandError::OtherOutput),
+            output => Ok(output),
+        }
     }
 
     /// M123: every fan's power, 0 to 255, and its speed where it has a tachometer, as Prusa's firmware writes them.

@@ -32,6 +32,24 @@ pub enum FanRule {
         /// That while, seconds.
         idle_s: u16,
     },
+    /// No fan: a light, a relay, by SET_PIN and M42.
+    Output {
+        /// P of M42; `None`: by its name only.
+        number: Option<u8>,
+        /// It may be anything between off and full; without, anything above 0 is full.
+        is_pwm: bool,
+        /// Power at the start, 0 to 255.
+        at_start: u8,
+        /// Power while the machine is halted, 0 to 255.
+        at_halt: u8,
+    },
+}
+
+impl FanRule {
+    /// Whether commands set the power by the name.
+    pub(crate) const fn is_named(&self) -> bool {
+        matches!(self, Self::Commanded { .. } | Self::Output { .. })
+    }
 }
 
 /// A fan of the machine, at the output of its place in [`FanTable`].
@@ -76,6 +94,14 @@ pub(crate) fn find(table: &FanTable, is_it: impl Fn(&FanSettings) -> bool) -> Op
     fans.find(|(_, fan)| fan.as_ref().is_some_and(&is_it)).map(|(output, _)| output)
 }
 
+/// The powers at the start, by output.
+pub(crate) fn start_powers(table: &FanTable) -> [u8; FanOutput::COUNT] {
+    table.map(|fan| match fan {
+        Some(FanSettings { rule: FanRule::Output { at_start, .. }, .. }) => at_start,
+        _ => 0,
+    })
+}
+
 /// What the machine asks of its fans.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FanDemand {
@@ -101,6 +127,10 @@ pub(crate) struct Heated {
     pub bed_is_on: bool,
     /// Every fan is to blow with all its power: a heater that cannot be switched off needs moving air.
     pub has_fault: bool,
+    /// The machine was halted: outputs are as the profile says for that.
+    pub is_halted: bool,
+    /// Whether the fans have a supply: without it their speed says nothing.
+    pub has_supply: bool,
 }
 
 /// A fan at work.
@@ -134,10 +164,15 @@ impl FanControl {
         for (output, settings) in FanOutput::ALL.into_iter().zip(table) {
             let (Some(fan), Some(settings)) = (self.fans.get_mut(output.index()), settings) else { continue };
             let commanded = demand.powers.get(output.index()).copied().unwrap_or(0);
-            let asked = if heated.has_fault { u8::MAX } else { fan.asked(settings, commanded, demand, heated) };
+            let asked = match settings.rule {
+                FanRule::Output { at_halt, .. } if heated.is_halted => at_halt,
+                FanRule::Output { .. } => fan.asked(settings, commanded, demand, heated),
+                _ if heated.has_fault => u8::MAX,
+                _ => fan.asked(settings, commanded, demand, heated),
+            };
             let power = fan.started(settings, asked);
             board.set_fan_power(output, power);
-            fan.watch.look(settings.least_rpm, power == u8::MAX, board.tachometer(output));
+            fan.watch.look(settings.least_rpm, power == u8::MAX && heated.has_supply, board.tachometer(output));
         }
         self.power(FanOutput::Part)
     }
@@ -162,7 +197,8 @@ impl Fan {
     /// What its rule asks for.
     fn asked(&mut self, settings: &FanSettings, commanded: u8, demand: &FanDemand, heated: &Heated) -> u8 {
         match settings.rule {
-            FanRule::Commanded { .. } => commanded,
+            FanRule::Output { is_pwm: false, .. } if commanded > 0 => u8::MAX,
+            FanRule::Commanded { .. } | FanRule::Output { .. } => commanded,
             FanRule::HotEnd => {
                 match heated.nozzle_celsius {
                     Some(celsius) if celsius < HOT_END_OFF_CELSIUS => self.is_on = false,

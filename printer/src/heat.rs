@@ -151,6 +151,10 @@ pub struct HeatControl {
     fans: FanControl,
     /// What fans are to do while nothing has failed.
     fan_demand: FanDemand,
+    /// Whether the power supply is on; `None` where it cannot be switched.
+    supply: Option<bool>,
+    /// The machine was halted, until [`Self::restart`].
+    is_halted: bool,
 }
 
 impl HeatControl {
@@ -173,13 +177,16 @@ impl HeatControl {
             fan_table,
             fans: FanControl::new(),
             fan_demand: FanDemand::default(),
+            supply: None,
+            is_halted: false,
         }
     }
 
     /// Takes a sample of every thermometer and sets every heater; to be called every [`SAMPLE_MS`].
     ///
     /// # Errors
-    /// A heater or thermometer has failed: all heaters are off and all fans on, until [`Self::restart`]. Reported once.
+    /// A heater or thermometer has failed: all heaters are off and all fans on, until [`Self::restart`], and a supply that can be
+    /// switched is off, until [`Self::set_supply`]. Reported once.
     pub fn update(&mut self, board: &mut (impl ThermalBoard + Fans)) -> Result<(), HeatFault> {
         let mut found = None;
         for heater in Heater::ALL {
@@ -196,16 +203,21 @@ impl HeatControl {
         let heated = Heated {
             nozzle_celsius: nozzle.thermometer.celsius().ok(),
             bed_is_on: bed.target > 0.0,
-            // A transistor that has failed closed cannot be switched off; only moving air can cool its heater.
+            // A transistor that has failed closed cannot be switched off; without a supply that can, only moving air can cool its heater.
             has_fault: self.fault.is_some(),
+            is_halted: self.is_halted || self.fault.is_some(),
+            has_supply: self.has_supply(),
         };
         let fan_power = self.fans.update(&self.fan_table, &demand, &heated, board);
         match self.fault {
-            Some(_) => self.all_off(),
+            Some(_) => self.halt(),
             None => self.channels.iter_mut().for_each(|channel| channel.control(fan_power)),
         }
         for heater in Heater::ALL {
             board.set_power(heater, self.channels[heater.index()].power);
+        }
+        if let Some(on) = self.supply {
+            board.set_supply(on);
         }
         match self.fault {
             Some(fault) if !told => Err(fault),
@@ -219,9 +231,9 @@ impl HeatControl {
     }
 
     /// Sets a target, degrees Celsius; anything not above 0 switches the heater off. It ends an autotune of the heater.
-    /// Ignored after a fault.
+    /// Ignored after a fault, and while the power supply is off.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
-        if self.fault.is_some() {
+        if self.fault.is_some() || !self.has_supply() {
             return;
         }
         let channel = &mut self.channels[heater.index()];
@@ -245,7 +257,7 @@ impl HeatControl {
     /// `has_fan`. All checks go on; after its last cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         self.set_target(heater, celsius);
-        if self.fault.is_none() {
+        if self.fault.is_none() && self.has_supply() {
             self.channels[heater.index()].control = Loop::Relay(Relay::new(cycles, has_fan));
         }
     }
@@ -278,6 +290,33 @@ impl HeatControl {
         self.channels.iter_mut().for_each(Channel::off);
     }
 
+    /// Switches the power supply; off switches all heaters off as well. The next [`Self::update`] sets the board's output. A fault keeps
+    /// it off.
+    pub fn set_supply(&mut self, on: bool) {
+        self.supply = Some(on && self.fault.is_none());
+        if !on {
+            self.all_off();
+        }
+    }
+
+    /// Whether the power supply is on; `None` where it was never switched, and so cannot be.
+    pub const fn supply(&self) -> Option<bool> {
+        self.supply
+    }
+
+    /// Whether heaters have power.
+    const fn has_supply(&self) -> bool {
+        !matches!(self.supply, Some(false))
+    }
+
+    /// The machine is halted: switches all heaters off, and the power supply if that can be switched, so that a heater whose transistor has
+    /// failed closed is off, too. The next [`Self::update`] sets the board's outputs. [`Self::restart`] ends it, but for the supply.
+    pub fn halt(&mut self) {
+        self.all_off();
+        self.supply = self.supply.map(|_| false);
+        self.is_halted = true;
+    }
+
     /// M999: clears the fault, so that heaters may be switched on again; not if it needs a reset, or if the last readings show
     /// a fault.
     ///
@@ -291,6 +330,7 @@ impl HeatControl {
             return Err(fault);
         }
         self.fault = None;
+        self.is_halted = false;
         for heater in Heater::ALL {
             let channel = &mut self.channels[heater.index()];
             channel.safety = Safety::new();

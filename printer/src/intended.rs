@@ -19,6 +19,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::Fan { number, .. } if *number > 0 && self.numbered_fan(*number).is_none() => {
                 remarks.add(Remark::OtherFan);
             }
+            Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
+            Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
             Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),
             Command::CheckNozzle(_) if self.profile.nozzle_diameter_mm.is_none() => remarks.add(Remark::MachineUnknown),
             Command::CheckModel(_) if self.profile.model_names.is_empty() => remarks.add(Remark::MachineUnknown),

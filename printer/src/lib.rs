@@ -39,6 +39,7 @@ mod modal;
 mod motion_fault;
 mod motors;
 mod moves;
+mod part;
 mod pause;
 mod paused;
 mod plan_fault_text;
@@ -57,6 +58,7 @@ mod signals;
 mod skew;
 mod skew_refusal;
 mod stored;
+mod supply;
 mod temperatures;
 mod tower;
 mod transfer;
@@ -79,6 +81,7 @@ pub use host::Host;
 pub use macros::MACRO_LINE;
 pub use modal::Tally;
 pub use motion_fault::{HomingOutcome, Miscount, MotionError, MotionFault};
+pub use part::{Absent, Part, Present};
 pub use paused::PauseReason;
 pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing, temperatures};
 pub use prepared::{OtherMotion, PreparedPlace};
@@ -86,7 +89,7 @@ pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, BedScrew, BedScrews, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming,
     ExtrusionSettings, FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
-    MeshSettings, PauseSettings, Profile, SafeHoming,
+    MeshSettings, PauseSettings, PowerSupply, Profile, SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};

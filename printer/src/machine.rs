@@ -18,7 +18,7 @@ use ferrostep_planner::{
     Standard, StepDigests, StepsPerMm, TICKS_PER_SECOND,
 };
 
-use crate::fans::FanDemand;
+use crate::fans::{FanDemand, start_powers};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 use crate::profile::Profile;
 use feeder::{Feeder, Seeking};
@@ -96,7 +96,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
         Self {
             planner: Planner::new(profile.geometry(), profile.limits, ring),
-            feeder: Feeder::new(&profile.geometry(), queue),
+            feeder: Feeder::new(&profile.geometry(), queue, start_powers(&profile.fans)),
             workload: Workload::default(),
             counts: Counts::default(),
             idle_timeout: IdleTimeout::default(),

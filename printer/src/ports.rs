@@ -15,6 +15,7 @@ use ferrostep_settings::{Slot, StoreError};
 use crate::error::Failure;
 use crate::heat::{FanStatus, HeatFault, HeaterStatus, PidGains, RelayProgress};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
+use crate::part::Part;
 
 /// A line of text that is formatted here.
 pub(crate) type Text = heapless::String<384>;
@@ -188,6 +189,20 @@ pub trait Heating {
     /// The first fan that has full power and turns too slowly.
     fn stalled_fan(&self) -> Option<FanOutput> {
         None
+    }
+    /// Whether the power supply may be one that is switched.
+    type Supply: Part;
+    /// Whether the machine may have outputs that are no fans ([`crate::FanRule::Output`]).
+    const HAS_OUTPUTS: bool = true;
+    /// Switches the power supply; off switches all heaters off as well.
+    fn set_supply(&mut self, _on: bool) {}
+    /// Whether the power supply is on; one that cannot be switched is.
+    fn is_supply_on(&self) -> bool {
+        true
+    }
+    /// M112: switches all heaters off, and the power supply if that can be switched.
+    fn halt(&mut self) {
+        self.all_off();
     }
     /// M999: heaters may be switched on again after a fault.
     ///

@@ -149,6 +149,7 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::MeshAndJob);
         }
         self.needs_right_angles()?;
+        self.supplied()?;
         if self.interpreter.modal.soft_limits {
             for axis in 0..3 {
                 // A difference below zero becomes more than any length, for all are at most 5 m.
@@ -215,6 +216,7 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::MeshAndJob);
         }
         self.needs_right_angles()?;
+        self.supplied()?;
         if motion.filament_100pm != 0 {
             self.check_extrusion_temperature()?;
         }

@@ -295,8 +295,10 @@ impl<'a, P: Ports> Printer<'a, P> {
             self.stop_motion();
             match while_halted(command) {
                 WhileHalted::Works => {}
-                WhileHalted::IsOff => return Ok(Answer::Ok),
-                WhileHalted::Refused => return Err(CommandError::Halted),
+                WhileHalted::IsOff if self.has_supply() || !matches!(command, Command::Supply(_)) => {
+                    return Ok(Answer::Ok);
+                }
+                WhileHalted::IsOff | WhileHalted::Refused => return Err(CommandError::Halted),
             }
         }
         let result = match self.motion.take_fault() {
@@ -365,6 +367,9 @@ impl<'a, P: Ports> Printer<'a, P> {
             return Err(if fault.trip.needs_reset() { CommandError::NeedsReset(fault) } else { CommandError::Halted });
         }
         self.told_halted = false;
+        if self.supplied().is_err() {
+            self.replies.say(format_args!("echo:{}", CommandError::SupplyOff));
+        }
         Ok(())
     }
 
@@ -385,7 +390,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// M112: heat first, then motion.
     pub(crate) fn emergency_stop(&mut self) -> Result<Answer, CommandError> {
-        self.heating.all_off();
+        self.heating.halt();
         self.stop_motion();
         self.signals.halt();
         self.replies.send(Reply::Killed);

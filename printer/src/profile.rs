@@ -262,6 +262,15 @@ pub struct FilamentSensor {
     pub debounce_ms: u16,
 }
 
+/// A power supply of heaters, motors and fans that the board can switch (M80, M81).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PowerSupply {
+    /// The board's output is low while the supply is on.
+    pub on_is_low: bool,
+    /// It is on when the firmware starts.
+    pub on_at_start: bool,
+}
+
 /// Step and direction signals that the motor drivers need, in nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverTiming {
@@ -372,6 +381,8 @@ pub struct Profile {
     pub fans: FanTable,
     /// The filament sensor, if there is one.
     pub filament_sensor: Option<FilamentSensor>,
+    /// The power supply, if it can be switched.
+    pub power_supply: Option<PowerSupply>,
     /// Firmware retraction at start-up.
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.

@@ -33,6 +33,7 @@ impl<P: Ports> Printer<'_, P> {
             card: self.card.is_there(),
             stores_settings: self.settings_memory.is_some(),
             filament_sensor: self.profile.filament_sensor.is_some(),
+            power_supply: self.has_supply(),
         }));
     }
 

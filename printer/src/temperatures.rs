@@ -26,6 +26,9 @@ impl<'a, P: Ports> Printer<'a, P> {
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
         }
         self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
+        if celsius > 0.0 {
+            self.supplied()?;
+        }
         self.see_heat();
         self.heating.set_target(heater, target);
         self.targets_celsius[heater.index()] = target;

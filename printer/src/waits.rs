@@ -117,6 +117,27 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
+    /// Waits until a heater that is off is colder than this, degrees Celsius, or cools no further. M108 ends the wait.
+    pub async fn for_cooling(
+        &mut self,
+        heater: Heater,
+        below_celsius: f32,
+        heating: &impl Heating,
+    ) -> Result<(), CommandError> {
+        let mut cooling = Cooling::default();
+        loop {
+            if self.signals.is_halted() {
+                return Err(CommandError::Halted);
+            }
+            let celsius = heating.status(heater).celsius;
+            if celsius < below_celsius || self.signals.take_end_wait() || cooling.is_over(self.clock.now_ms(), celsius)
+            {
+                return Ok(());
+            }
+            self.clock.delay_ms(LOOK_MS as u32).await;
+        }
+    }
+
     /// Waits until the temperature of a heater has stayed near its target for the profile's residency time. A heater that is too
     /// hot is waited for only if `cooling_counts`.
     pub async fn for_heat(

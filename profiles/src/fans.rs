@@ -48,6 +48,26 @@ pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
         }
         table[index] = Some(settings);
     }
+    let outputs = keys.named_sections(
+        "outputs",
+        "NAME",
+        "no outputs",
+        "[lights and relays](fans.md#lights-and-relays) at the board's outputs for fans",
+        "an output of this name, for SET_PIN and M123",
+    );
+    for (name, section) in &outputs {
+        let (output, settings) = other_output(name, section);
+        check_name(keys, &format!("outputs.{name}"), name, MAX_NAME);
+        if sections.iter().any(|(fan, _)| fan.eq_ignore_ascii_case(name)) {
+            keys.refuse(&format!("outputs.{name}"), "a name that no fan has");
+        }
+        let Some(output) = output else { continue };
+        if let Some(other) = names[output.index()].replace(name) {
+            section.refuse("output", format!("another output: {} is that of {other}", output.name()));
+        }
+        table[output.index()] = Some(settings);
+    }
+    check_outputs(keys, &table);
     for (at, fan) in table.iter().enumerate() {
         let Some(FanSettings { name, rule: FanRule::Commanded { number: Some(number) }, .. }) = fan else { continue };
         let is_same = |other: &&FanSettings| other.rule == FanRule::Commanded { number: Some(*number) };
@@ -115,4 +135,47 @@ fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSetting
         keys.refuse("power", "above 0: it would never turn");
     }
     (output, settings)
+}
+
+/// No two outputs have a number, and M106 still has its fan.
+fn check_outputs(keys: &Section<'_>, table: &FanTable) {
+    let number = |fan: &FanSettings| if let FanRule::Output { number, .. } = fan.rule { number } else { None };
+    for (at, fan) in table.iter().enumerate() {
+        let Some((fan, wanted)) = fan.as_ref().and_then(|fan| Some((fan, number(fan)?))) else { continue };
+        if let Some(other) = table.iter().take(at).flatten().find(|other| number(other) == Some(wanted)) {
+            let expected = format!("another number: {wanted} is that of {}", other.name);
+            keys.refuse(&format!("outputs.{}.number", fan.name), expected);
+        }
+    }
+    let has_part_fan = table.iter().flatten().any(|fan| fan.rule == FanRule::Commanded { number: Some(0) });
+    if let Some(Some(FanSettings { name, rule: FanRule::Output { .. }, .. })) = table.first()
+        && !has_part_fan
+    {
+        let expected = "another output, or a fan with number = 0 elsewhere: M106 sets that one";
+        keys.refuse(&format!("outputs.{name}.output"), expected);
+    }
+}
+
+/// An output that is no fan's; `None` for what is refused.
+fn other_output(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSettings) {
+    let output = keys
+        .word("output", FanOutput::ALL.map(|output| (output.name(), output)))
+        .optional("none, and the table is refused", "the board's output for a fan");
+    if output.is_none() {
+        keys.refuse("output", "an output of the board: part, hotend or fan2 to fan5");
+    }
+    let number = keys.whole("number", NUMBER).optional("by its name only", "P of M42").map(|number| number as u8);
+    let is_pwm =
+        keys.flag("pwm").or(false, "whether it may be anything between off and full; without, M42 S1 and more is full");
+    let power = |key, about| {
+        let power = keys.number(key, POWER).or(0.0, about);
+        if !is_pwm && power != 0.0 && power != 1.0 {
+            keys.refuse(key, "0 or 1, or pwm = true");
+        }
+        byte(power)
+    };
+    let at_start = power("at_start", "at the start");
+    let at_halt = power("at_halt", "while the machine is [halted](safety.md#what-happens-then), and after a panic");
+    let rule = FanRule::Output { number, is_pwm, at_start, at_halt };
+    (output, FanSettings { name, rule, kick_start_ms: 0, least_power: 0, least_rpm: 0 })
 }

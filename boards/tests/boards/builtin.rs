@@ -1,6 +1,9 @@
 //! Every built-in board is right, and says what its maker says.
 
-use ferrostep_boards::{AccelerometerChip, Board, Driver, DriverUart, EepromChip, Pin, builtin_names, constants, load};
+use ferrostep_boards::registers::{all_off, pins};
+use ferrostep_boards::{
+    AccelerometerChip, Board, Driver, DriverUart, EepromChip, Pin, Store, builtin_names, constants, load,
+};
 
 fn board(name: &str) -> Board {
     load(name).unwrap_or_else(|error| panic!("{error}"))
@@ -172,4 +175,78 @@ fn the_octopus_alone_has_a_plug_for_an_accelerometer() {
         assert_eq!(board(name).accelerometer, None);
         assert!(constants::rust(&board(name)).contains("pub const ACCELEROMETER: Option<SpiPins> = None;"));
     }
+}
+
+/// Marlin's PS_ON_PIN, and Klipper's sample of the board.
+#[test]
+fn the_octopus_alone_can_switch_a_supply_and_only_for_a_profile_that_has_one() {
+    let octopus = board("btt-octopus-1.1");
+    assert_eq!(octopus.power_supply, Some(pin("PE11")));
+    for name in ["bench", "prusa-buddy"] {
+        assert_eq!(board(name).power_supply, None);
+    }
+    let profile = |table: &str| {
+        let text = format!("{}{table}", ferrostep_profiles::builtin_text("corexy").unwrap());
+        ferrostep_profiles::parse(&text, "supply.toml").unwrap()
+    };
+    // BSRR and MODER of port E.
+    let (levels, modes) = (0x4002_1018, 0x4002_1000);
+    let touches = |stores: &[Store], address: u32, bits: u32| {
+        stores
+            .iter()
+            .filter(|store| store.address == address)
+            .map(|store| store.set & bits)
+            .filter(|set| *set != 0)
+            .collect::<Vec<_>>()
+    };
+    let without = octopus.clone().for_machine(&profile(""));
+    for stores in [pins(&without), all_off(&without)] {
+        assert_eq!(touches(&stores, levels, 1 << 11 | 1 << 27), [0; 0], "the pin stays an input");
+        assert_eq!(touches(&stores, modes, 0b11 << 22), [0; 0]);
+    }
+    assert!(constants::rust(&without).contains("supply: None"));
+    let (low, high) = (1 << 27, 1 << 11);
+    for (keys, at_start, off) in [
+        ("on_is_low = true", low, high),
+        ("on_is_low = false", high, low),
+        ("on_is_low = true\non_at_start = false", high, high),
+        ("on_is_low = false\non_at_start = false", low, low),
+    ] {
+        let with = octopus.clone().for_machine(&profile(&format!("[power_supply]\n{keys}\n")));
+        for (stores, level) in [(pins(&with), at_start), (all_off(&with), off)] {
+            assert_eq!(touches(&stores, levels, low | high), [level], "{keys}");
+            assert_eq!(touches(&stores, modes, 0b11 << 22), [0b01 << 22], "{keys}");
+        }
+        let heaters_first = all_off(&with).first().is_some_and(|store| store.address == 0x4002_0018);
+        assert!(heaters_first, "a heater's own switch comes before the supply's");
+        let pin =
+            format!("supply: Some(SupplyPin {{ port: 4, number: 11, on_is_low: {} }})", keys.contains("low = true"));
+        assert!(constants::rust(&with).contains(&pin), "{keys}");
+    }
+}
+
+/// A light goes to its own level in the safe state, and a fan's output that the profile uses for something else does not blow.
+#[test]
+fn the_safe_state_knows_what_is_no_fan() {
+    let profile = |tables: &str| {
+        let text = format!("{}{tables}", ferrostep_profiles::builtin_text("corexy").unwrap());
+        ferrostep_profiles::parse(&text, "outputs.toml").unwrap()
+    };
+    let levels = |tables: &str| {
+        let stores = all_off(&board("btt-octopus-1.1").for_machine(&profile(tables)));
+        // BSRR of the ports A (part, PA8), E (hot end, PE5) and D (fan2, PD12; fan3, PD13).
+        [(0x4002_0018, 8), (0x4002_1018, 5), (0x4002_0c18, 12), (0x4002_0c18, 13)].map(|(address, pin)| {
+            let word = stores.iter().filter(|store| store.address == address).fold(0, |word, store| word | store.set);
+            match (word >> pin & 1, word >> (pin + 16) & 1) {
+                (0, 0) => None,
+                (high, _) => Some(high == 1),
+            }
+        })
+    };
+    assert_eq!(levels(""), [Some(true), Some(true), None, None]);
+    let outputs = "[outputs.light]\noutput = \"fan2\"\nat_halt = 1\n[outputs.relay]\noutput = \"fan3\"\n";
+    assert_eq!(levels(outputs), [Some(true), Some(true), Some(true), Some(false)]);
+    let moved = "[fans.part]\noutput = \"fan2\"\n[outputs.relay]\noutput = \"part\"\n";
+    assert_eq!(levels(moved), [Some(false), Some(true), None, None]);
+    assert!(all_off(&board("btt-octopus-1.1")) == all_off(&board("btt-octopus-1.1").for_machine(&profile(""))));
 }

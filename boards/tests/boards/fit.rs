@@ -220,3 +220,26 @@ fn a_board_that_heats_has_both_heaters() {
         "{error}"
     );
 }
+
+#[test]
+fn a_supply_is_switched_where_the_board_has_an_output_for_it() {
+    let of = |board, profile| error_after(board, profile, "[driver]", "[power_supply]\non_is_low = true\n[driver]");
+    assert_eq!(of("btt-octopus-1.1", "corexy"), None);
+    let line = line_of("prusa-mini", "[driver]");
+    let expected = format!(
+        "test.toml:{line}: power_supply = a table: expected no such table: the board prusa-buddy has no output `power_supply`"
+    );
+    assert_eq!(of("prusa-buddy", "prusa-mini"), Some(expected));
+}
+
+#[test]
+fn a_light_hangs_at_an_output_of_the_board() {
+    let light = "[outputs.light]\noutput = \"fan4\"\n[driver]";
+    assert_eq!(error_after("btt-octopus-1.1", "corexy", "[driver]", light), None);
+    let error = error_after("prusa-buddy", "prusa-mini", "[driver]", light).unwrap();
+    assert!(
+        error.contains("outputs.light.output = fan4: expected an output of the board prusa-buddy: hotend, part")
+            || error.contains("outputs.light.output"),
+        "{error}"
+    );
+}

@@ -28,7 +28,11 @@ impl DeskHeat {
     pub fn new(profile: &Profile, steps_at_rest: bool) -> Self {
         let mut heaters = profile.virtual_heaters();
         // The first temperatures are there before the first command.
-        let control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut heaters);
+        let mut control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut heaters);
+        if let Some(supply) = profile.power_supply {
+            control.set_supply(supply.on_at_start);
+            heaters.set_supply(supply.on_at_start);
+        }
         Self { control, heaters, at_rest: HeatAtRest::default(), steps_at_rest, samples: 0, next_ns: SAMPLE_NS }
     }
 
@@ -91,6 +95,15 @@ impl DeskHeat {
             self.heaters.set_power(heater, 0.0);
         }
     }
+
+    /// Switches all heaters off, and the power supply if that can be switched.
+    pub fn halt(&mut self) {
+        self.control.halt();
+        self.all_off();
+        if let Some(on) = self.control.supply() {
+            self.heaters.set_supply(on);
+        }
+    }
 }
 
 /// The desk's heaters, seen from the command side.
@@ -98,6 +111,8 @@ impl DeskHeat {
 pub struct DeskHeating<'a>(pub &'a RefCell<DeskHeat>);
 
 impl Heating for DeskHeating<'_> {
+    type Supply = ferrostep_printer::Present;
+
     fn set_target(&mut self, heater: Heater, celsius: f32) {
         let heat = &mut *self.0.borrow_mut();
         let before = heat.control.status(heater).target_celsius;
@@ -113,6 +128,20 @@ impl Heating for DeskHeating<'_> {
 
     fn all_off(&mut self) {
         self.0.borrow_mut().all_off();
+    }
+
+    fn set_supply(&mut self, on: bool) {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.set_supply(on);
+    }
+
+    fn is_supply_on(&self) -> bool {
+        self.0.borrow().control.supply().unwrap_or(true)
+    }
+
+    fn halt(&mut self) {
+        self.0.borrow_mut().halt();
     }
 
     fn gains(&self, heater: Heater) -> PidGains {

@@ -60,6 +60,7 @@ impl Passed {
                     // The frame has the part-cooling fan only.
                     | Command::Fan { number: 1.., .. }
                     | Command::NamedFan { .. }
+                    | Command::SetOutput { .. }
                     | Command::AutoReportTemperatures { .. }
                     | Command::KeepAlive(Some(_))
                     | Command::IdleTimeout { .. }
@@ -101,6 +102,8 @@ impl Passed {
                     | Command::RecordAcceleration { .. }
                     | Command::EnableMotors(_)
                     | Command::DisableMotors(_)
+                    // Who enters a job has the supply on.
+                    | Command::Supply(_)
                     | Command::Finish
                     | Command::Stop { .. }
                     | Command::Pause(_)

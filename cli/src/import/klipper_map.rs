@@ -59,6 +59,7 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
     reading.fans();
     reading.retraction();
     reading.filament_sensor();
+    reading.power_supply();
     reading.rest();
     reading.draft.finish()
 }
@@ -200,6 +201,25 @@ impl<'a> Reading<'a> {
         let why = "its pin is the board's";
         self.keep(name, "switch_pin", &["filament_sensor.missing_is_low"], missing_is_low, why);
         self.keep_number(name, "debounce_delay", &["filament_sensor.debounce_s"], |seconds| seconds);
+    }
+
+    /// The pin that switches the power supply, which Klipper knows as any other: by the names that its own samples give it.
+    fn power_supply(&mut self) {
+        let is_supply = |section: &&Section| {
+            let name = section.name.to_ascii_lowercase();
+            let names = ["ps_on", "psu", "power_supply", "powersupply"];
+            name.strip_prefix("output_pin ").is_some_and(|name| names.iter().any(|supply| name.contains(supply)))
+        };
+        let Some(section) = self.config.sections.iter().find(is_supply) else { return };
+        let name = section.name.as_str();
+        let Some(pin) = self.entry(name, "pin") else { return };
+        let on_is_low = pin.value.contains('!');
+        self.keep(name, "pin", &["power_supply.on_is_low"], on_is_low, "its pin is the board's");
+        // Klipper's pins are off at the start unless the file says otherwise.
+        let on_at_start = self.number(name, "value").is_some_and(|value| value > 0.0);
+        self.draft.put("power_supply.on_at_start", on_at_start);
+        self.keep(name, "value", &["power_supply.on_at_start"], on_at_start, "");
+        self.lose(name, "shutdown_value", "a halt switches the supply off");
     }
 
     /// Rows for all settings that have none yet.

@@ -5,7 +5,7 @@ use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
 use crate::{
     AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, ParseError, PrintClockCommand, RetractionWords,
-    SettingsCommand, SkewCommand, WaitTarget,
+    SettingsCommand, SkewCommand, SupplyCommand, WaitTarget,
 };
 
 /// Maximum interval of M113 and M155, seconds.
@@ -59,6 +59,17 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 None => Err(ParseError::WordsExpected { command: "M876", words: "S" }),
             }
         }
+        42 => {
+            let mut words = code.words(remarks)?;
+            let number = words.whole(b'P').and_then(|number| u8::try_from(number).ok());
+            Ok(match words.nearest_byte(b'S')? {
+                Some(power) => Command::SetOutput { number, power },
+                None => {
+                    words.remark(Remark::WithoutS);
+                    Command::Accepted
+                }
+            })
+        }
         48 | 420 | 421 | 555 => super::bed::m_code(code, remarks),
         17 => Ok(Command::EnableMotors(code.words(remarks)?.axis_flags())),
         18 | 84 => {
@@ -78,6 +89,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let command = if clears { PrintClockCommand::Clear } else { PrintClockCommand::Report };
             Ok(Command::PrintClock(command))
         }
+        80 => {
+            let asks = code.words(remarks)?.flag(b'S');
+            Ok(Command::Supply(if asks { SupplyCommand::Report } else { SupplyCommand::On }))
+        }
+        81 => Ok(Command::Supply(SupplyCommand::Off { when_cool: code.words(remarks)?.flag(b'S') })),
         82 => code.without_words(Command::AbsoluteExtrusion, remarks),
         83 => code.without_words(Command::RelativeExtrusion, remarks),
         // Where Marlin kills an idle machine, heaters go off here. S0, which slicers write to be left alone, leaves them watched.

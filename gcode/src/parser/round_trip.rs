@@ -3,11 +3,11 @@
 use proptest::option::of;
 use proptest::prelude::*;
 
-use crate::SettingsCommand;
 use crate::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, LineReader,
     PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units, WaitTarget, parse,
 };
+use crate::{SettingsCommand, SupplyCommand};
 
 /// A command's words: letter and number.
 type Words = Vec<(char, Option<Decimal>)>;
@@ -118,6 +118,10 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::DisableMotors(which) => (84, flags(which)),
         Command::IdleTimeout { seconds } => (18, given([('S', Some(whole(seconds as i64)))])),
         Command::HeaterTimeout(seconds) => (86, given([('S', seconds.map(|value| whole(value.into())))])),
+        Command::Supply(SupplyCommand::On) => (80, vec![]),
+        Command::Supply(SupplyCommand::Report) => (80, vec![('S', None)]),
+        Command::Supply(SupplyCommand::Off { when_cool: false }) => (81, vec![]),
+        Command::Supply(SupplyCommand::Off { when_cool: true }) => (81, vec![('S', Some(whole(1)))]),
         Command::AbsoluteExtrusion => (82, vec![]),
         Command::RelativeExtrusion => (83, vec![]),
         Command::SetNozzle(target) => (104, given([('S', target)])),
@@ -127,6 +131,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::AutoReportTemperatures { seconds } => (155, given([('S', Some(whole(seconds.into())))])),
         Command::Fan { number, power } => {
             (106, given([('P', Some(whole(number.into()))), ('S', Some(whole(power.into())))]))
+        }
+        Command::SetOutput { number, power } => {
+            (42, given([('P', number.map(|number| whole(number.into()))), ('S', Some(whole(power.into())))]))
         }
         Command::SetLineNumber(number) => (110, given([('N', number.map(whole))])),
         Command::KeepAlive(seconds) => (113, given([('S', seconds.map(|value| whole(value.into())))])),
@@ -494,11 +501,16 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any::<bool>().prop_map(|clear| Command::BlackBox { clear }),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(number, power)| Command::Fan { number, power }),
+        (of(any::<u8>()), any::<u8>()).prop_map(|(number, power)| Command::SetOutput { number, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),
         proptest::sample::select(&TEXTS[..]).prop_map(Command::Display),
         (any::<bool>(), any::<bool>(), proptest::sample::select(&TEXTS[..]))
             .prop_map(|(echo_prefix, action_prefix, text)| Command::Echo { echo_prefix, action_prefix, text }),
         proptest::sample::select(vec![
+            Command::Supply(SupplyCommand::On),
+            Command::Supply(SupplyCommand::Report),
+            Command::Supply(SupplyCommand::Off { when_cool: false }),
+            Command::Supply(SupplyCommand::Off { when_cool: true }),
             Command::AbsoluteExtrusion,
             Command::RelativeExtrusion,
             Command::ReportTemperatures,

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, FeedWords, GainWords, PrintClockCommand, Remarks,
-    RetractionWords, Units, WaitTarget,
+    RetractionWords, SupplyCommand, Units, WaitTarget,
 };
 
 pub(super) fn number(text: &str) -> Decimal {
@@ -260,6 +260,17 @@ fn host_commands() {
         ("M86 S0", Command::HeaterTimeout(Some(0))),
         ("M86", Command::HeaterTimeout(None)),
         ("M87", Command::HeaterTimeout(Some(0))),
+        ("M42 P2 S255", Command::SetOutput { number: Some(2), power: 255 }),
+        ("M42 S0.6 P0", Command::SetOutput { number: Some(0), power: 1 }),
+        ("M42 S5", Command::SetOutput { number: None, power: 5 }),
+        ("M42 P300 S5", Command::SetOutput { number: None, power: 5 }),
+        ("M42 P-1 S5", Command::SetOutput { number: None, power: 5 }),
+        ("M80", Command::Supply(SupplyCommand::On)),
+        ("M80 S", Command::Supply(SupplyCommand::Report)),
+        ("M81", Command::Supply(SupplyCommand::Off { when_cool: false })),
+        ("M81 S0", Command::Supply(SupplyCommand::Off { when_cool: false })),
+        ("M81 S", Command::Supply(SupplyCommand::Off { when_cool: true })),
+        ("M81 S30", Command::Supply(SupplyCommand::Off { when_cool: true })),
         ("M75 Benchy 2", Command::PrintClock(PrintClockCommand::Start)),
         ("M76", Command::PrintClock(PrintClockCommand::Pause)),
         ("M77", Command::PrintClock(PrintClockCommand::Stop)),

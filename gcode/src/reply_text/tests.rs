@@ -142,7 +142,10 @@ fn firmware() {
         card: false,
         stores_settings: false,
         filament_sensor: false,
+        power_supply: false,
     };
+    let switched = Reply::Firmware(FirmwareInfo { power_supply: true, ..info }).to_string();
+    assert_eq!(switched, Reply::Firmware(info).to_string().replace("SOFTWARE_POWER:0", "SOFTWARE_POWER:1"));
     let sensed = Reply::Firmware(FirmwareInfo { filament_sensor: true, ..info }).to_string();
     assert_eq!(sensed, Reply::Firmware(info).to_string().replace("RUNOUT:0", "RUNOUT:1"));
     let probed = Reply::Firmware(FirmwareInfo { z_probe: true, ..info }).to_string();

@@ -4,6 +4,7 @@ use core::sync::atomic::{AtomicU16, Ordering};
 
 use super::converter::{Converter, ConverterNumber};
 use super::pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput};
+use crate::gpio;
 use crate::registers::Registers;
 use crate::tachometers::PulseCounts;
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
@@ -21,6 +22,19 @@ pub struct ThermalPins {
     pub heaters: [OutputPin; 2],
     /// The fans by their outputs.
     pub fans: [Option<FanPins>; FanOutput::COUNT],
+    /// What switches the power supply of all these, if the machine's can be switched.
+    pub supply: Option<SupplyPin>,
+}
+
+/// The output that switches the power supply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SupplyPin {
+    /// The port; 0 is A.
+    pub port: u8,
+    /// The pin's number.
+    pub number: u8,
+    /// The supply is on while the pin is low.
+    pub on_is_low: bool,
 }
 
 /// A fan's pins.
@@ -45,6 +59,7 @@ pub struct BoardHeaters<R> {
     /// Which fans have a tachometer, and its pulses.
     has_tachometer: [bool; FanOutput::COUNT],
     pulses: &'static PulseCounts,
+    supply: Option<SupplyPin>,
 }
 
 impl<R: Registers> BoardHeaters<R> {
@@ -65,7 +80,8 @@ impl<R: Registers> BoardHeaters<R> {
         let converter = Converter::start(pins.converter, pins.channels, memory, memory_address, &mut registers);
         let sensors = pins.sensors;
         let fan_powers = [0; FanOutput::COUNT];
-        Self { registers, converter, sensors, heaters, fans, fan_powers, has_tachometer, pulses }
+        let supply = pins.supply;
+        Self { registers, converter, sensors, heaters, fans, fan_powers, has_tachometer, pulses, supply }
     }
 
     /// To be called every 10 ms, for pins without a timer.
@@ -85,6 +101,14 @@ impl<R: Registers> ThermalBoard for BoardHeaters<R> {
 
     fn set_power(&mut self, heater: Heater, power: f32) {
         self.heaters[heater.index()].set(power, &mut self.registers);
+    }
+
+    fn set_supply(&mut self, on: bool) {
+        if let Some(SupplyPin { port, number, on_is_low }) = self.supply {
+            // The upper half of BSRR makes pins low.
+            let place = u32::from(number) + if on == on_is_low { 16 } else { 0 };
+            self.registers.write(gpio::port(port) + gpio::BSRR, 1 << place);
+        }
     }
 }
 
@@ -128,6 +152,7 @@ mod tests {
                 None,
                 None,
             ],
+            supply: Some(SupplyPin { port: 4, number: 11, on_is_low: true }),
         };
         let memory: &'static [AtomicU16] = (0..2 * CONVERSIONS).map(|_| AtomicU16::new(0)).collect::<Vec<_>>().leak();
         static PULSES: PulseCounts = [const { AtomicU16::new(0) }; FanOutput::COUNT];
@@ -153,6 +178,19 @@ mod tests {
         assert_eq!(levels(&board, gpioa), [1 << 1]);
         board.set_power(Heater::Bed, 0.0);
         assert_eq!(levels(&board, gpioa).last(), Some(&(1 << 17)));
+    }
+
+    #[test]
+    fn the_supply_has_its_level() {
+        let (mut board, _) = octopus();
+        board.registers.stores.clear();
+        board.set_supply(true);
+        board.set_supply(false);
+        board.supply = board.supply.map(|pin| SupplyPin { on_is_low: false, ..pin });
+        board.set_supply(true);
+        board.set_supply(false);
+        let (low, high) = (1 << 27, 1 << 11);
+        assert_eq!(board.registers.stores, [low, high, high, low].map(|word| (0x4002_1018, word)));
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub use clock_setup::{ClockRegisters, ClockSettings};
 pub use converter::{CONVERSIONS, Converter, ConverterNumber};
 pub use family::ChipFamily;
 pub use half_duplex::HalfDuplexLine;
-pub use heaters::{BoardHeaters, FanPins, ThermalPins};
+pub use heaters::{BoardHeaters, FanPins, SupplyPin, ThermalPins};
 pub use pin_lines::PinLines;
 pub use pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput, TimerChannel};
 pub use reset_cause::ResetCause;

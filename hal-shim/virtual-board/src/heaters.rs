@@ -29,8 +29,9 @@ impl VirtualHeater {
         Self { model, power: 0.0, thermistor, thermistor_celsius: model.celsius(), failure: None }
     }
 
-    fn advance(&mut self, fan_power: u8, seconds: f32) {
+    fn advance(&mut self, has_supply: bool, fan_power: u8, seconds: f32) {
         let power = match self.failure {
+            _ if !has_supply => 0.0,
             Some(HeaterFailure::Dead) => 0.0,
             Some(HeaterFailure::StuckOn) => 1.0,
             _ => self.power,
@@ -72,6 +73,8 @@ pub struct VirtualHeaters {
     /// Half turns of the fans so far.
     fan_pulses: [f32; FanOutput::COUNT],
     stuck_fans: [bool; FanOutput::COUNT],
+    /// Heaters and fans have power.
+    has_supply: bool,
 }
 
 impl VirtualHeaters {
@@ -83,16 +86,19 @@ impl VirtualHeaters {
             fan_powers: [0; FanOutput::COUNT],
             fan_pulses: [0.0; FanOutput::COUNT],
             stuck_fans: [false; FanOutput::COUNT],
+            has_supply: true,
         }
     }
 
     /// Lets the heaters and what they heat run for a while, at most a second or so at a time.
     pub fn advance(&mut self, seconds: f32) {
+        let has_supply = self.has_supply;
+        let part_power = if has_supply { self.fan_powers[FanOutput::Part.index()] } else { 0 };
         for heater in &mut self.heaters {
-            heater.advance(self.fan_powers[FanOutput::Part.index()], seconds);
+            heater.advance(has_supply, part_power, seconds);
         }
         for ((pulses, power), is_stuck) in self.fan_pulses.iter_mut().zip(self.fan_powers).zip(self.stuck_fans) {
-            if !is_stuck {
+            if has_supply && !is_stuck {
                 let turns = f32::from(power) / 255.0 * FULL_RPM / 60.0 * seconds;
                 // As the count of a chip, and so that no turn is lost in a long print.
                 *pulses = (*pulses + 2.0 * turns) % 65_536.0;
@@ -125,6 +131,11 @@ impl VirtualHeaters {
         self.stuck_fans[fan.index()] = is_stuck;
     }
 
+    /// Whether the power supply is on: without it no heater heats, even one whose transistor has failed closed, and no fan turns.
+    pub const fn has_supply(&self) -> bool {
+        self.has_supply
+    }
+
     /// Power of a fan, 0 to 255.
     pub const fn fan_power(&self, fan: FanOutput) -> u8 {
         self.fan_powers[fan.index()]
@@ -138,6 +149,10 @@ impl ThermalBoard for VirtualHeaters {
 
     fn set_power(&mut self, heater: Heater, power: f32) {
         self.heaters[heater.index()].power = power.clamp(0.0, 1.0);
+    }
+
+    fn set_supply(&mut self, on: bool) {
+        self.has_supply = on;
     }
 }
 
@@ -204,6 +219,10 @@ mod tests {
         assert!(heaters.true_celsius(Heater::Nozzle) < start);
         let (start, heaters) = warm(HeaterFailure::StuckOn);
         assert!(heaters.true_celsius(Heater::Nozzle) > start + 20.0);
+        let mut without_supply = heaters.clone();
+        without_supply.set_supply(false);
+        (0..10).for_each(|_| without_supply.advance(1.0));
+        assert!(without_supply.true_celsius(Heater::Nozzle) < heaters.true_celsius(Heater::Nozzle));
         let (start, mut heaters) = warm(HeaterFailure::ThermistorFrozen);
         assert!((read(&mut heaters, Heater::Nozzle) - start).abs() < 0.1);
         assert!(heaters.true_celsius(Heater::Nozzle) > start + 20.0);

@@ -73,6 +73,11 @@ impl Rail {
         Self { config, target_mv, source_mv, at_ns: 0, load_ma: 0.0, on: true }
     }
 
+    /// A rail that is off, without voltage.
+    pub fn off(config: Config) -> Self {
+        Self { target_mv: 0.0, source_mv: 0.0, on: false, ..Self::new(config) }
+    }
+
     /// Cuts the rail: it falls to 0 with its time constant.
     pub fn cut(&mut self, now_ns: u64) {
         self.aim(now_ns, 0.0);

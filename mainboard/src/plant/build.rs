@@ -60,8 +60,12 @@ impl Plant {
         plant.connect_heat(board, printer, seed)?;
         plant.connect_accelerometer(board, printer, seed);
         plant.connect_eeprom(board, seed);
+        if let (Some(pin), Some(supply)) = (board.power_supply, printer.power_supply) {
+            plant.roles.insert(pin, Role::Supply(supply.on_is_low));
+            plant.motor_rail = Rail::off(supply::Config::motors_24_v());
+        }
         for driver in &mut plant.drivers {
-            driver.set_supply(0, true);
+            driver.set_supply(0, plant.motor_rail.on());
         }
         plant.driven = vec![None; plant.inputs.len()];
         Ok(plant)

@@ -52,6 +52,8 @@ pub struct Board {
     pub accelerometer: Option<Accelerometer>,
     /// The EEPROM, an AT24C32, if the board has one.
     pub eeprom: Option<Eeprom>,
+    /// The output that switches the supply of motors, heaters and fans.
+    pub power_supply: Option<Pin>,
 }
 
 /// The wires to an EEPROM (I2C).

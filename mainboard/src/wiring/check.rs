@@ -77,6 +77,8 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
     let usb = usb(&mut pins, &raw)?;
     let accelerometer = accelerometer(&mut pins, &raw)?;
     let eeprom = eeprom(&mut pins, &raw)?;
+    let power_supply =
+        pins.take_optional("power_supply.pin", raw.power_supply.as_ref().map(|table| table.pin.as_str()))?;
     if raw.virtual_sensors && !(heaters.is_empty() && thermistors.is_empty() && inputs.is_empty()) {
         return Err(Refusal::new(
             file,
@@ -107,6 +109,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         usb,
         accelerometer,
         eeprom,
+        power_supply,
     })
 }
 

@@ -31,6 +31,15 @@ pub struct Printer {
     pub drivers: [Option<DriverSettings>; 4],
     /// The frame along X and Y; `None` where the profile does not describe it.
     pub frame: [Option<FrameMode>; 2],
+    /// The supply of motors, heaters and fans, if the board switches it.
+    pub power_supply: Option<PowerSupply>,
+}
+
+/// A supply that a board switches. Without a level at its input it is off, as ATX supplies and relay modules are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, Deserialize)]
+pub struct PowerSupply {
+    /// A low level switches it on.
+    pub on_is_low: bool,
 }
 
 /// A frame along an axis, as the profile describes it.
@@ -318,6 +327,7 @@ impl Printer {
             },
             drivers,
             frame,
+            power_supply: raw.power_supply,
         })
     }
 }
@@ -398,6 +408,7 @@ struct RawPrinter {
     drivers: RawDrivers,
     #[serde(default)]
     frame: RawFrame,
+    power_supply: Option<PowerSupply>,
 }
 
 #[derive(Deserialize, Default)]

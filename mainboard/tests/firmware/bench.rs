@@ -45,6 +45,13 @@ impl Port for Line {
     }
 }
 
+/// An image with [`PatchedImage`]'s changes, and the code that they lead to.
+fn patched(facts: &BoardFacts, path: &Path) -> Vec<Image> {
+    let PatchedImage { image, stub, stub_address } = PatchedImage::of(path, facts.flash_end);
+    let image = Image::new(path, image, None).unwrap();
+    vec![image, Image::new(Path::new("stub"), stub, Some(u64::from(stub_address))).unwrap()]
+}
+
 /// A running board with a host connected to it.
 pub struct Bench {
     /// The host.
@@ -86,17 +93,31 @@ impl Bench {
 
     /// Switches a board on with [`PatchedImage`], for [`Self::execute`].
     pub fn switch_on_patched(facts: &'static BoardFacts) -> Self {
-        let path = image_of(facts.name);
-        let PatchedImage { image, stub, stub_address } = PatchedImage::of(&path, facts.flash_end);
-        let image = Image::new(&path, image, None).unwrap();
-        let stub = Image::new(Path::new("stub"), stub, Some(u64::from(stub_address))).unwrap();
-        Self::switch_on_with(facts, vec![image, stub], |_| {})
+        Self::switch_on_with(facts, patched(facts, &image_of(facts.name)), |_| {})
+    }
+
+    /// Boots a variant of a board, by its file and its profile's, with its image patched for [`Self::execute`].
+    pub fn boot_variant(facts: &'static BoardFacts, board: &Path, profile: &Path, image: &Path) -> Self {
+        let (board, printer) = (Board::read(board).unwrap(), Printer::read(profile).unwrap());
+        let mut bench = Self::switch_on_in(facts, &board, &printer, patched(facts, image), |_| {});
+        bench.host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", board.name));
+        bench
     }
 
     fn switch_on_with(facts: &'static BoardFacts, images: Vec<Image>, change: impl FnOnce(&mut Machine)) -> Self {
         let board = Board::read(&root().join(format!("boards/{}.toml", facts.name))).unwrap();
         let printer = Printer::read(&root().join(format!("profiles/{}.toml", facts.profile))).unwrap();
-        let mut machine = Machine::new(&board, &printer, SEED).unwrap();
+        Self::switch_on_in(facts, &board, &printer, images, change)
+    }
+
+    fn switch_on_in(
+        facts: &'static BoardFacts,
+        board: &Board,
+        printer: &Printer,
+        images: Vec<Image>,
+        change: impl FnOnce(&mut Machine),
+    ) -> Self {
+        let mut machine = Machine::new(board, printer, SEED).unwrap();
         machine.keep_stores();
         change(&mut machine);
         let boot = u64::from(facts.image_address);

@@ -32,5 +32,6 @@ mod real_hosts;
 mod rehearsal;
 mod same_steps;
 mod shipped;
+mod supply;
 mod timing;
 mod watchdog;

@@ -10,7 +10,7 @@ use crate::error::Failure;
 use crate::host::Host;
 use crate::paused::PauseAnswer;
 use crate::ports::{Motion, Ports, Replies};
-use crate::printer::Printer;
+use crate::printer::{Printer, Source};
 
 /// Something that hosts have sent while the card prints.
 pub enum HostText<'a> {
@@ -187,6 +187,11 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Whether a host's command would move the head or change how the lines of the file are read, while the card prints.
+    /// Whether a print from the card is under way, and the present line is none of it.
+    pub(crate) fn is_of_other_print(&self) -> bool {
+        self.card.job == Job::Printing && self.source != Source::Card
+    }
+
     pub(crate) fn disturbs_print(&self, command: &Command<'_>) -> bool {
         self.card.job == Job::Printing
             && match command {

@@ -62,3 +62,38 @@ fn m123_shows_powers_and_speeds() {
         "heaters that have no fans"
     );
 }
+
+#[test]
+fn outputs_have_numbers_of_their_own() {
+    let world = world();
+    let mut printer = world.printer();
+    execute(&world, &mut printer, "M42 P0 S255", |_| {});
+    let said = world.said();
+    assert!(said[0].contains("the profile has no outputs; no effect") && said.len() == 2, "{said:?}");
+    drop(printer);
+
+    let mut world = world;
+    world.change(|profile| {
+        let rule = FanRule::Output { number: Some(7), is_pwm: true, at_start: 0, at_halt: 0 };
+        profile.fans[3] = Some(FanSettings { name: "light", rule, ..FanSettings::PART });
+    });
+    let mut printer = world.printer();
+    let mut say = |line: &str| {
+        execute(&world, &mut printer, line, |_| {});
+        world.said()
+    };
+    for line in ["M42 P7 S255", "M42 P7 S0", "SET_PIN PIN=Light VALUE=0.5", "SET_PIN PIN=exhaust VALUE=0.5"] {
+        assert_eq!(say(line), ["ok"], "{line}");
+    }
+    // The fan P2 and the pin 0 are no outputs.
+    for line in ["M42 P2 S255", "M42 P0 S255", "M42 S255", "M42 P300 S1"] {
+        let said = say(line);
+        assert!(
+            said[0].ends_with("P: no output of the profile has this number") && said.len() == 2,
+            "{line}: {said:?}"
+        );
+    }
+    assert!(say("M42 P7")[0].contains("without S: no effect"));
+    // The number of an output is no fan's.
+    assert!(say("M106 P7 S1")[0].contains("no such fan"));
+}

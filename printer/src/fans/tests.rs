@@ -36,7 +36,13 @@ impl World {
         }
         // A count that wraps soon.
         let board = Board { powers: [0; FanOutput::COUNT], pulses: 65_500.0 };
-        let heated = Heated { nozzle_celsius: Some(25.0), bed_is_on: false, has_fault: false };
+        let heated = Heated {
+            nozzle_celsius: Some(25.0),
+            bed_is_on: false,
+            has_fault: false,
+            is_halted: false,
+            has_supply: true,
+        };
         Self { table, demand: FanDemand::default(), heated, control: FanControl::new(), board }
     }
 
@@ -171,4 +177,35 @@ fn without_a_bound_or_a_tachometer_nothing_is_judged() {
     world.demand = FanDemand::part(255);
     world.turn(0.0, 30.0);
     assert_eq!((world.control.stalled(), world.control.rpm(FanOutput::Part)), (None, None));
+}
+
+#[test]
+fn an_output_is_no_fan() {
+    let light = FanSettings {
+        name: "light",
+        rule: FanRule::Output { number: Some(1), is_pwm: true, at_start: 40, at_halt: 255 },
+        ..FanSettings::PART
+    };
+    let relay = FanSettings {
+        name: "relay",
+        rule: FanRule::Output { number: None, is_pwm: false, at_start: 0, at_halt: 0 },
+        ..light
+    };
+    let mut world = World::new(&[(FanOutput::Fan2, light), (FanOutput::Fan3, relay)]);
+    assert_eq!(start_powers(&world.table), [0, 0, 40, 0, 0, 0]);
+    world.demand.powers = [0, 0, 40, 7, 0, 0];
+    assert_eq!(world.powers(FanOutput::Fan2, 1), [40]);
+    assert_eq!(world.powers(FanOutput::Fan3, 1), [255], "a relay has no half");
+    world.demand.powers = [0; FanOutput::COUNT];
+    assert_eq!(world.powers(FanOutput::Fan3, 1), [0]);
+    // A fault lets fans blow, and not what is none.
+    (world.heated.is_halted, world.heated.has_fault) = (true, true);
+    world.demand.powers = [0, 0, 40, 255, 0, 0];
+    assert_eq!(world.powers(FanOutput::Fan2, 1), [255]);
+    assert_eq!(world.powers(FanOutput::Fan3, 1), [0]);
+    assert_eq!(world.powers(FanOutput::Part, 1), [255]);
+    // After M112 fans go on as they were.
+    world.heated.has_fault = false;
+    assert_eq!(world.powers(FanOutput::Part, 1), [0]);
+    assert_eq!(world.powers(FanOutput::Fan2, 1), [255]);
 }

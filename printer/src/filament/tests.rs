@@ -29,6 +29,8 @@ struct World {
 struct Hot(f32);
 
 impl Heating for Hot {
+    type Supply = crate::Present;
+
     fn set_target(&mut self, _: Heater, _: f32) {}
     fn status(&self, _: Heater) -> HeaterStatus {
         HeaterStatus { celsius: self.0, target_celsius: self.0, power: 0.3 }

@@ -3,6 +3,7 @@
 mod checks;
 mod failures;
 mod properties;
+mod supply;
 mod tuning;
 
 use ferrostep_thermistor::{Thermistor, ThermistorType};

@@ -27,7 +27,7 @@ pub enum Seeking {
 }
 
 /// Fan changes that take effect when the entries before them have been played.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct FanChanges {
     /// Slots that must have been played, modulo 2^32, the fan, and its power from then on.
     waiting: heapless::Deque<(u32, u8, u8), FAN_CHANGES>,
@@ -35,6 +35,11 @@ pub struct FanChanges {
 }
 
 impl FanChanges {
+    /// These powers, and no changes.
+    const fn new(powers: [u8; FanOutput::COUNT]) -> Self {
+        Self { waiting: heapless::Deque::new(), powers }
+    }
+
     /// Applies the changes that are due when this many slots have been played, modulo 2^32.
     pub fn advance(&mut self, played: u32) {
         while let Some(&(due, fan, power)) = self.waiting.front()
@@ -105,14 +110,14 @@ pub struct Feeder<Q, B> {
 }
 
 impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
-    /// Nothing queued; motors at 0.
-    pub fn new(geometry: &Geometry, queue: Q) -> Self {
+    /// Nothing queued; motors at 0, fans at these powers.
+    pub fn new(geometry: &Geometry, queue: Q, fan_powers: [u8; FanOutput::COUNT]) -> Self {
         Self {
             bed: B::new(geometry),
             queue,
             ledger: StepLedger::default(),
             timeline: Timeline::default(),
-            fan: FanChanges::default(),
+            fan: FanChanges::new(fan_powers),
             last_move_end: 0,
             last_block_end: 0,
             watched: WatchedLine::None,

@@ -11,7 +11,7 @@ use ferrostep_settings::hash_of;
 use super::place::Place;
 use crate::card::{Job, Selected};
 use crate::error::{CommandError, Failure};
-use crate::fans::{FanRule, FanSettings};
+use crate::fans::FanSettings;
 use crate::paused::Paused;
 use crate::ports::{Motion, Ports, Replies, Text};
 use crate::printer::{Printer, Source};
@@ -242,7 +242,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             3 => Command::Home(AxisFlags { x: true, y: true, z: false, e: false }),
             _ => match (self.profile.fans.get(step - 4), place.fans.get(step - 4)) {
-                (Some(&Some(FanSettings { name, rule: FanRule::Commanded { .. }, .. })), Some(&power)) => {
+                (Some(&Some(FanSettings { name, rule, .. })), Some(&power)) if rule.is_named() => {
                     Command::NamedFan { name, power }
                 }
                 (Some(_), _) => Command::Accepted,

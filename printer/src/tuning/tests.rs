@@ -72,6 +72,8 @@ pub(crate) type TestPrinter<'a> = Printer<'a, (RigMotion<'a>, Warm<'a>, Time<'a>
 pub(crate) struct Warm<'a>(&'a World);
 
 impl Heating for Warm<'_> {
+    type Supply = crate::Present;
+
     fn set_target(&mut self, heater: Heater, celsius: f32) {
         self.0.heat.borrow_mut().0.set_target(heater, celsius);
     }

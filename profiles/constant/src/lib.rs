@@ -26,7 +26,7 @@ mod names {
     pub use ferrostep_printer::{
         AxisHoming, BedScrew, BedScrews, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor,
         FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings,
-        PidGains, Profile, SafeHoming, Skew,
+        PidGains, PowerSupply, Profile, SafeHoming, Skew,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

@@ -1,7 +1,7 @@
 //! The fans of a profile.
 
 use ferrostep_hal_shim::FanOutput;
-use ferrostep_printer::{FanRule, FanSettings};
+use ferrostep_printer::{FanRule, FanSettings, PowerSupply};
 use ferrostep_profiles::{builtin_text, parse};
 
 fn with(fans: &str) -> Result<[Option<FanSettings>; 6], String> {
@@ -62,4 +62,63 @@ fn what_contradicts_itself_is_refused_by_its_key() {
         let refusal = with(fans).unwrap_err();
         assert!(refusal.contains(says), "{fans}: {refusal}");
     }
+}
+
+#[test]
+fn lights_and_relays_hang_at_outputs_for_fans() {
+    let outputs = with(
+        "[outputs.light]\noutput = \"fan4\"\nnumber = 0\npwm = true\nat_start = 0.5\nat_halt = 0.2\n\
+         [outputs.relay]\noutput = \"fan2\"\nat_start = 1",
+    )
+    .unwrap();
+    let rule = FanRule::Output { number: Some(0), is_pwm: true, at_start: 128, at_halt: 51 };
+    assert_eq!(outputs[4], Some(FanSettings { name: "light", rule, ..FanSettings::PART }));
+    let rule = FanRule::Output { number: None, is_pwm: false, at_start: 255, at_halt: 0 };
+    assert_eq!(outputs[2], Some(FanSettings { name: "relay", rule, ..FanSettings::PART }));
+    assert_eq!(outputs[..2], FanSettings::USUAL[..2]);
+    for (tables, says) in [
+        ("[outputs.light]", "outputs.light.output"),
+        ("[outputs.light]\noutput = \"nozzle1\"", "outputs.light.output"),
+        (
+            "[outputs.light]\noutput = \"fan2\"\nat_start = 0.5",
+            "outputs.light.at_start = 0.5: expected 0 or 1, or pwm = true",
+        ),
+        ("[outputs.light]\noutput = \"fan2\"\nat_halt = 2", "outputs.light.at_halt = 2: expected 0 to 1"),
+        (
+            "[outputs.light]\noutput = \"fan2\"\n[fans.a]\noutput = \"fan2\"",
+            "expected another output: fan2 is that of a",
+        ),
+        (
+            "[outputs.a]\noutput = \"fan2\"\n[outputs.b]\noutput = \"fan2\"",
+            "expected another output: fan2 is that of a",
+        ),
+        ("[outputs.part]\noutput = \"fan2\"\n[fans.part]\nleast_power = 0.1", "a name that no fan has"),
+        ("[outputs.\"a b\"]\noutput = \"fan2\"", "a name of letters, digits and _"),
+        (
+            "[outputs.a]\noutput = \"fan2\"\nnumber = 3\n[outputs.b]\noutput = \"fan3\"\nnumber = 3",
+            "outputs.b.number = 3: expected another number: 3 is that of a",
+        ),
+        (
+            "[outputs.a]\noutput = \"part\"",
+            "outputs.a.output = \"part\": expected another output, or a fan with number = 0",
+        ),
+        ("[outputs.a]\noutput = \"hotend\"", "expected \"hotend\" for one fan"),
+    ] {
+        let refusal = with(tables).unwrap_err();
+        assert!(refusal.contains(says), "{tables}: {refusal}");
+    }
+}
+
+#[test]
+fn a_supply_has_a_level_and_a_state_at_the_start() {
+    let supply = |keys: &str| {
+        let text = format!("{}\n[power_supply]\n{keys}\n", builtin_text("cartesian").unwrap());
+        parse(&text, "test.toml").map(|profile| profile.power_supply).map_err(|error| error.to_string())
+    };
+    assert_eq!(supply("on_is_low = true"), Ok(Some(PowerSupply { on_is_low: true, on_at_start: true })));
+    let off = PowerSupply { on_is_low: false, on_at_start: false };
+    assert_eq!(supply("on_is_low = false\non_at_start = false"), Ok(Some(off)));
+    assert!(supply("").unwrap_err().contains("power_supply.on_is_low"));
+    assert!(supply("on_is_low = 1").unwrap_err().contains("power_supply.on_is_low"));
+    assert!(supply("on_is_low = true\npin = \"PE11\"").unwrap_err().contains("power_supply.pin"));
 }

@@ -65,6 +65,8 @@ impl ColdHeaters {
 const ROOM_CELSIUS: f32 = 22.0;
 
 impl Heating for ColdHeaters {
+    type Supply = ferrostep_printer::Present;
+
     fn set_target(&mut self, heater: Heater, celsius: f32) {
         *self.target(heater) = celsius;
     }

@@ -1,9 +1,10 @@
 //! Fans by number and by name, in prints and prepared jobs.
 
 use ferrostep_gpre::Encoding;
-use ferrostep_hal_shim::FanOutput;
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
+use ferrostep_virtual_board::HeaterFailure;
 
 use crate::desk::{rehearse_from, rehearse_traced};
 use crate::entries::entries;
@@ -16,6 +17,9 @@ const FANS: &str = "\n[fans.exhaust]\noutput = \"fan2\"\nnumber = 2\n[fans.elect
 fn with_fans() -> Profile {
     parse(&format!("{}{FANS}", builtin_text("cartesian").unwrap()), "fans.toml").unwrap()
 }
+
+const OUTPUTS: &str = "\n[outputs.light]\noutput = \"fan3\"\nnumber = 1\npwm = true\nat_start = 0.2\nat_halt = 1\n\
+                       [outputs.relay]\noutput = \"fan2\"\nnumber = 0\nat_start = 1\n";
 
 fn powers(machine: &Machine) -> [u8; FanOutput::COUNT] {
     FanOutput::ALL.map(|fan| machine.heaters().fan_power(fan))
@@ -67,4 +71,42 @@ fn a_prepared_job_sets_every_fan_also_when_it_is_entered() {
     let (frame, _) = *entries(&job).last().unwrap();
     assert!(frame > 0);
     assert_eq!(rehearse_from(&profile, frame, &mut &job[..]).fan_powers, printed.fan_powers);
+}
+
+#[test]
+fn lights_and_relays_are_as_the_profile_says_until_a_command() {
+    let profile = parse(&format!("{}{OUTPUTS}", builtin_text("cartesian").unwrap()), "outputs.toml").unwrap();
+    let machine = machine(&profile);
+    let mut conversation = Conversation::new(&machine);
+    let mut say = |line: &str| {
+        let replies = conversation.say(line);
+        assert_eq!(replies.last().map(String::as_str), Some("ok"), "{line}: {replies:?}");
+        conversation.say("G4 P100");
+        (powers(&machine)[2], powers(&machine)[3])
+    };
+    assert_eq!(say("G4 P100"), (255, 51));
+    assert_eq!(say("M42 P1 S200"), (255, 200));
+    assert_eq!(say("M42 P0 S0"), (0, 200));
+    assert_eq!(say("SET_PIN PIN=relay VALUE=0.1"), (255, 200), "a relay has no half");
+    // Motion comes first.
+    say("G28");
+    let replies = say("G1 X100 F3000");
+    assert_eq!(replies, (255, 200));
+    say("M42 P1 S7");
+    assert_eq!(say("M400"), (255, 7));
+    // What ends a print lets them be.
+    assert_eq!(say("M107"), (255, 7));
+    assert_eq!(say("M84"), (255, 7));
+}
+
+#[test]
+fn a_halt_has_its_own_light() {
+    let profile = parse(&format!("{}{OUTPUTS}", builtin_text("cartesian").unwrap()), "outputs.toml").unwrap();
+    let machine = machine(&profile);
+    let mut conversation = Conversation::new(&machine);
+    conversation.say("G4 P100");
+    assert_eq!(powers(&machine)[2..4], [255, 51]);
+    machine.set_heater_failure(Heater::Bed, Some(HeaterFailure::ThermistorOpen));
+    conversation.say("G4 P100");
+    assert_eq!(powers(&machine)[..4], [255, 255, 0, 255]);
 }

@@ -234,6 +234,8 @@ impl Replies for Places {
 struct Cold;
 
 impl Heating for Cold {
+    type Supply = ferrostep_printer::Present;
+
     fn set_target(&mut self, _: Heater, _: f32) {}
     fn status(&self, _: Heater) -> HeaterStatus {
         HeaterStatus { celsius: 22.0, ..HeaterStatus::default() }

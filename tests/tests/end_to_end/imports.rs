@@ -274,6 +274,39 @@ fn marlins_first_version_is_read() {
 }
 
 #[test]
+fn a_switched_supply_is_kept_and_other_outputs_are_named() {
+    let imported = marlin(
+        "#define PSU_CONTROL\n#define PSU_ACTIVE_STATE HIGH\n#define PSU_DEFAULT_OFF\n#define PSU_POWERUP_DELAY 250\n",
+    );
+    says(&imported, "power_supply = { on_is_low = false, on_at_start = false }");
+    assert!(lost(&imported, "PSU_POWERUP_DELAY").unwrap().contains("only M80 switches it on"));
+    let imported =
+        marlin("#define PSU_CONTROL\n#define CASE_LIGHT_ENABLE\n#define CASE_LIGHT_DEFAULT_BRIGHTNESS 105\n");
+    says(&imported, "power_supply.on_is_low = true");
+    for key in ["CASE_LIGHT_ENABLE", "CASE_LIGHT_DEFAULT_BRIGHTNESS"] {
+        assert!(lost(&imported, key).unwrap().contains("write a table outputs.NAME"));
+    }
+    assert!(!profile(&marlin("#define PSU_ACTIVE_STATE LOW\n")).contains_key("power_supply"));
+
+    let klipper = |text: &str| {
+        let text = format!("[printer]\nkinematics: corexy\n[stepper_x]\nrotation_distance: 40\nmicrosteps: 16\n{text}");
+        serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+    };
+    let imported = klipper(
+        "[output_pin ps_on_pin]\npin: !PE11\nvalue: 1\nshutdown_value: 0\n[output_pin caselight]\npin: PD12\npwm: True\n",
+    );
+    says(&imported, "power_supply = { on_is_low = true, on_at_start = true }");
+    assert!(
+        lost(&imported, "[output_pin ps_on_pin] shutdown_value").unwrap().contains("a halt switches the supply off")
+    );
+    for key in ["[output_pin caselight] pin", "[output_pin caselight] pwm"] {
+        assert!(lost(&imported, key).unwrap().contains("write a table outputs.NAME"));
+    }
+    says(&klipper("[output_pin PSU]\npin: PE11\n"), "power_supply = { on_is_low = false, on_at_start = false }");
+    assert!(!profile(&klipper("[output_pin beeper]\npin: PC5\n")).contains_key("power_supply"));
+}
+
+#[test]
 fn a_value_that_cannot_be_worked_out_is_said() {
     let imported = marlin(
         "#define DEFAULT_MAX_FEEDRATE { 300, FAST(2), 5, 25 }\n#define X_MAX_POS SIZE\n#define Y_MAX_POS double(190)\n",

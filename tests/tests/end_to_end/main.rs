@@ -59,6 +59,7 @@ mod slaved_extruder;
 mod slicer_printers;
 mod slicer_profiles;
 mod stall;
+mod supply;
 mod sweeps;
 mod towers;
 mod waits;

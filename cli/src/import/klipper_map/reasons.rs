@@ -20,8 +20,9 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         "bed_mesh" => {
             "a profile's mesh has corners that the probe reaches, points, an interpolation, a fade and a lift"
         }
-        "mcu" | "board_pins" | "static_digital_output" | "output_pin" | "multi_pin" | "duplicate_pin_override" => {
-            "the board's"
+        "mcu" | "board_pins" | "static_digital_output" | "multi_pin" | "duplicate_pin_override" => "the board's",
+        "output_pin" => {
+            "lights and relays hang at the board's outputs for fans: write a table outputs.NAME with that output"
         }
         "stepper_z1" | "stepper_z2" | "stepper_z3" | "stepper_x1" | "stepper_y1" | "z_tilt" | "quad_gantry_level" => {
             "one driver an axis: several motors on one driver turn together"

@@ -15,6 +15,12 @@ pub(super) fn reason(name: &str) -> &'static str {
         "S_CURVE_ACCELERATION" => {
             "acceleration = \"s-curve\" with jerk_mm_per_s3, whose value Marlin does not have: set both by hand"
         }
+        _ if name.starts_with("CASE_LIGHT") => {
+            "a light hangs at one of the board's outputs for fans: write a table outputs.NAME with that output"
+        }
+        _ if name.starts_with("PSU_") || name.starts_with("AUTO_POWER") => {
+            "a profile's supply has a level and a state at the start; only M80 switches it on"
+        }
         _ if name.starts_with("FILAMENT_RUNOUT") || name.starts_with("FIL_RUNOUT") => {
             "a profile's sensor pauses a print when it says that filament is missing"
         }

@@ -349,6 +349,8 @@ impl Cold {
 }
 
 impl Heating for Cold {
+    type Supply = crate::Present;
+
     fn gains(&self, heater: Heater) -> PidGains {
         self.gains[heater.index()]
     }

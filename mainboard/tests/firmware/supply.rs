@@ -1,0 +1,168 @@
+//! A power supply that the Octopus switches, and a light at one of its outputs for fans: by command, at every halt, and after a crash
+//! of the firmware.
+
+use ferrostep_mainboard::parts::heat::HeaterFault;
+
+use crate::bench::Bench;
+use crate::board_pins::{force_panic, jump_nowhere};
+use crate::boards::{BOARDS, BoardFacts, pin};
+use crate::images::{Variant, variant};
+
+/// The output PS-ON.
+const SUPPLY: &str = "E11";
+
+/// Long enough for the supply to fall, and for the image's last message, ms.
+const A_WHILE_MS: u64 = 300;
+
+fn octopus() -> &'static BoardFacts {
+    BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
+}
+
+/// What the profile says of both: a supply that is on while its input is low, as ATX supplies are.
+const TABLES: &str = "\n[power_supply]\non_is_low = true\n\n[outputs.light]\noutput = \"fan2\"\nnumber = 0\npwm = true\nat_start = 0.5\nat_halt = 1\n";
+
+fn with_supply() -> Variant {
+    variant("btt-octopus-1.1", "corexy", "octopus-with-supply", TABLES)
+}
+
+fn boot() -> Bench {
+    let Variant { board, profile, image } = with_supply();
+    Bench::boot_variant(octopus(), &board, &profile, &image)
+}
+
+/// Whether the pin switches the supply on, which it must drive; and whether motors and heaters have their voltage.
+fn supply(bench: &mut Bench) -> (bool, bool) {
+    let state = bench.state();
+    assert!(state.is_output(pin(SUPPLY)));
+    let has_voltage = bench.with(|machine, _| machine.plant.motor_rail.on());
+    (!state.is_high(pin(SUPPLY)), has_voltage)
+}
+
+#[test]
+fn m80_and_m81_switch_the_supply_and_the_drivers_are_set_up_again() {
+    let mut bench = boot();
+    assert_eq!(supply(&mut bench), (true, true));
+    // Only ever low or an input before the first command: the supply does not go off and on at the start.
+    assert!(!bench.port_writes().iter().any(|write| write.level(pin(SUPPLY)) == Some(true)));
+    assert_eq!(bench.host.ask("M115", "Cap:SOFTWARE_POWER").unwrap(), "Cap:SOFTWARE_POWER:1");
+    for line in ["G91", "G1 X1 F1200", "M400", "M104 S60"] {
+        bench.host.send(line).unwrap();
+    }
+    bench.host.send("M81").unwrap();
+    bench.pass(A_WHILE_MS);
+    assert_eq!(supply(&mut bench), (false, false));
+    assert!(!bench.any_heater_on() && bench.pins().motors_disabled());
+    assert_eq!(bench.host.ask("M80 S", "PS:").unwrap(), "PS:0");
+    for line in ["G1 X1", "M104 S60", "G28", "M17"] {
+        bench.host.send_raw(format!("{line}\n").as_bytes()).unwrap();
+        let refusal = bench.host.wait_for("a refusal", |text| text.contains("power supply")).unwrap();
+        assert!(refusal.ends_with("the power supply is off: M80 switches it on"), "{line}: {refusal}");
+    }
+    // The drivers are reset by their supply; a move waits until they have confirmed their settings.
+    bench.host.send("M80").unwrap();
+    assert_eq!(supply(&mut bench), (true, true));
+    for line in ["G91", "G1 X1 F1200", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    let report = bench.host.ask("M122", "echo:driver X").unwrap();
+    assert!(report.starts_with("echo:driver X: confirmed, "), "{report}");
+    bench.with(|machine, _| {
+        for driver in machine.plant.drivers.iter().take(2) {
+            assert!(driver.energized(), "no current");
+        }
+    });
+}
+
+#[test]
+fn every_halt_and_every_crash_switches_it_off() {
+    let mut bench = boot();
+    bench.host.send("M104 S60").unwrap();
+    bench.host.send_raw(b"M112\n").unwrap();
+    bench.host.wait_for("the end", |line| line.contains("kill() called!")).unwrap();
+    bench.pass(A_WHILE_MS);
+    assert_eq!(supply(&mut bench), (false, false));
+    bench.host.send_raw(b"M999\n").unwrap();
+    bench
+        .host
+        .wait_for("the supply's state", |line| line == "echo:the power supply is off: M80 switches it on")
+        .unwrap();
+    bench.pass(A_WHILE_MS);
+    assert_eq!(supply(&mut bench), (false, false), "M999 switches nothing on");
+    bench.host.send("M80").unwrap();
+    assert_eq!(supply(&mut bench), (true, true));
+
+    force_panic(octopus(), &mut bench);
+    bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
+    bench.pass(A_WHILE_MS);
+    assert_eq!(supply(&mut bench), (false, false));
+    bench.press_reset();
+    bench.host.wait_for("start", |line| line == "start").unwrap();
+    bench.pass(A_WHILE_MS);
+    assert_eq!(supply(&mut bench), (true, true), "as the profile says");
+
+    let mut bench = boot();
+    jump_nowhere(&mut bench);
+    bench.host.wait_for("the fault", |line| line.starts_with("Error:firmware fault")).unwrap();
+    bench.pass(A_WHILE_MS);
+    assert_eq!(supply(&mut bench), (false, false));
+}
+
+/// The transistor of the nozzle's heater fails closed: its own switch has no effect, the supply's has.
+#[test]
+fn a_transistor_that_has_failed_closed_is_without_power_when_it_is_noticed() {
+    let mut bench = boot();
+    let celsius = |bench: &mut Bench| {
+        let now_ns = bench.now_ns();
+        bench.with(move |machine, _| {
+            let heaters = machine.plant.heaters.iter_mut();
+            heaters.into_iter().find(|heater| heater.name == "nozzle").unwrap().heater.body_celsius(now_ns)
+        })
+    };
+    bench.change(|plant, now_ns| {
+        let heaters = plant.heaters.iter_mut();
+        heaters
+            .into_iter()
+            .find(|heater| heater.name == "nozzle")
+            .unwrap()
+            .heater
+            .set_fault(now_ns, Some(HeaterFault::StuckOn));
+    });
+    let error = bench.host.wait_for("a thermal error", |line| line.starts_with("Error:")).unwrap();
+    assert!(error.starts_with("Error:Thermal Runaway, system stopped! Heater_ID: E0"), "{error}");
+    bench.pass(A_WHILE_MS);
+    assert_eq!(supply(&mut bench), (false, false));
+    let noticed = celsius(&mut bench);
+    bench.pass(30_000);
+    let later = celsius(&mut bench);
+    assert!(noticed > 30.0 && later < noticed, "{noticed} {later}");
+}
+
+#[test]
+fn a_light_has_its_values_for_the_start_and_for_a_halt() {
+    let mut bench = boot();
+    let light = |bench: &mut Bench| {
+        // Longer than a sample of the heaters' control, and than a period of the fans' timers.
+        bench.pass(50);
+        bench.with(|machine, _| machine.plant.fans.iter().find(|fan| fan.name == "fan2").unwrap().power)
+    };
+    assert!((light(&mut bench) - 0.5).abs() < 0.01);
+    bench.host.send("M42 P0 S255").unwrap();
+    assert!((light(&mut bench) - 1.0).abs() < 0.01);
+    bench.host.send("SET_PIN PIN=light VALUE=0.2").unwrap();
+    assert!((light(&mut bench) - 0.2).abs() < 0.01);
+    bench.host.send_raw(b"M42 P5 S255\n").unwrap();
+    bench.host.wait_for("a refusal", |line| line.ends_with("P: no output of the profile has this number")).unwrap();
+    bench.host.send("M42 P0 S0").unwrap();
+    assert!(light(&mut bench) < 0.01);
+    bench.host.send_raw(b"M112\n").unwrap();
+    bench.host.wait_for("the end", |line| line.contains("kill() called!")).unwrap();
+    assert!((light(&mut bench) - 1.0).abs() < 0.01);
+    bench.host.send_raw(b"M999\n").unwrap();
+    bench.host.wait_for("ok", |line| line == "ok").unwrap();
+    assert!(light(&mut bench) < 0.01);
+    force_panic(octopus(), &mut bench);
+    bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
+    bench.pass(A_WHILE_MS);
+    let state = bench.state();
+    assert!(state.is_output(pin("D12")) && state.is_high(pin("D12")), "the safe state lights it");
+}

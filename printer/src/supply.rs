@@ -1,0 +1,108 @@
+//! M80 and M81, and what needs the power supply.
+
+use ferrostep_gcode::{Command, SupplyCommand};
+use ferrostep_hal_shim::Heater;
+
+use crate::error::CommandError;
+use crate::part::Part;
+use crate::ports::{Heating, Ports, Replies};
+use crate::printer::Printer;
+
+/// From M80 until a supply is taken to hold its voltage, ms: an ATX supply reports that within 500 ms (ATX12V Power Supply Design
+/// Guide 2.2, 3.3.1).
+const POWER_GOOD_MS: u64 = 500;
+
+/// Below this the nozzle does not need its fan any more, degrees Celsius: that fan goes off there, too.
+const COOL_CELSIUS: f32 = 45.0;
+
+/// Masks of all motors.
+const ALL_MOTORS: u8 = 0b1111;
+
+impl<P: Ports> Printer<'_, P> {
+    /// Whether the power supply can be switched.
+    pub(crate) fn has_supply(&self) -> bool {
+        <P::Heating as Heating>::Supply::PRESENT && self.profile.power_supply.is_some()
+    }
+
+    /// Whether heaters, motors and fans have power.
+    ///
+    /// # Errors
+    /// [`CommandError::SupplyOff`].
+    pub(crate) fn supplied(&self) -> Result<(), CommandError> {
+        let is_off = self.has_supply() && !self.heating.is_supply_on();
+        if is_off { Err(CommandError::SupplyOff) } else { Ok(()) }
+    }
+
+    /// Refuses a command that would have no effect while the supply is off. Targets are looked at where they are set.
+    // In a future the compiler would keep every value in memory.
+    #[inline(never)]
+    pub(crate) fn needs_supply(&self, command: &Command<'_>) -> Result<(), CommandError> {
+        if !<P::Heating as Heating>::Supply::PRESENT {
+            return Ok(());
+        }
+        match *command {
+            Command::Linear { .. }
+            | Command::Arc { .. }
+            | Command::Retract
+            | Command::Recover
+            | Command::Home(_)
+            | Command::EnableMotors(_)
+            | Command::Autotune { .. }
+            | Command::LoadFilament { .. }
+            | Command::Pause(_)
+            | Command::ChangeFilament { .. }
+            | Command::Fan { power: 1.., .. }
+            | Command::NamedFan { power: 1.., .. }
+            | Command::SetOutput { power: 1.., .. } => self.supplied(),
+            Command::Bed(bed) if self.has_bed() && bed.probes() => self.supplied(),
+            _ => Ok(()),
+        }
+    }
+
+    /// M80, M81, on a machine whose supply can be switched.
+    pub(crate) async fn supply(&mut self, command: SupplyCommand) -> Result<(), CommandError> {
+        match command {
+            SupplyCommand::Report => {
+                self.replies.say(format_args!("PS:{}", u8::from(self.heating.is_supply_on())));
+                Ok(())
+            }
+            SupplyCommand::On if self.heating.is_supply_on() => Ok(()),
+            SupplyCommand::On => {
+                self.heating.set_supply(true);
+                self.waits().for_ms(POWER_GOOD_MS).await?;
+                self.set_drivers_up_again()
+            }
+            SupplyCommand::Off { when_cool } => self.supply_off(when_cool).await,
+        }
+    }
+
+    /// The drivers have lost their settings with their supply.
+    fn set_drivers_up_again(&mut self) -> Result<(), CommandError> {
+        let Some(drivers) = self.drivers else { return Ok(()) };
+        for motor in 0..4 {
+            let Some(report) = drivers.report(motor) else { continue };
+            drivers.set(motor, report.settings).map_err(|error| CommandError::DriverSettings { motor, error })?;
+        }
+        Ok(())
+    }
+
+    /// M81: motion ends, then heaters, motors and fans go off, and then the supply.
+    async fn supply_off(&mut self, when_cool: bool) -> Result<(), CommandError> {
+        if self.is_paused() || self.is_of_other_print() {
+            return Err(CommandError::SupplyInUse);
+        }
+        self.disable_motors(ALL_MOTORS).await?;
+        for heater in Heater::ALL {
+            self.set_temperature(heater, 0.0)?;
+        }
+        if when_cool {
+            // An M108 from before this command is not meant for it.
+            self.signals.take_end_wait();
+            self.waits().for_cooling(Heater::Nozzle, COOL_CELSIUS, &self.heating).await?;
+        }
+        self.commanded_fans_off().await;
+        self.keep_statistics();
+        self.heating.set_supply(false);
+        Ok(())
+    }
+}
