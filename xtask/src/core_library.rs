@@ -100,8 +100,7 @@ const IMAGE_LEVELS: [(&str, &str); 6] = [
     ("ferrostep-gcode", "\"z\""),
     ("ferrostep-gpre", "\"s\""),
     ("ferrostep-planner", "\"s\""),
-    // Smaller frames on the stack than "s": texts are written within texts.
-    ("ferrostep-printer", "2"),
+    ("ferrostep-printer", "\"z\""),
     ("\"*\"", "\"s\""),
 ];
 
