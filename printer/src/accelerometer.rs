@@ -114,7 +114,6 @@ pub enum RecordFault {
 pub(crate) struct FaultText(pub AccelerometerFault);
 
 impl fmt::Display for FaultText {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str("the accelerometer ")?;
         match self.0 {
@@ -142,7 +141,6 @@ impl fmt::Display for Gravities {
 }
 
 impl fmt::Display for RecordEvent {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Begun => out.write_str("Sample,X,Y,Z"),

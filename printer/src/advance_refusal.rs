@@ -28,7 +28,6 @@ impl AdvanceRefusal {
 }
 
 impl fmt::Display for AdvanceRefusal {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ([least, most], unit, words) = match self.error {
             PressureAdvanceError::Seconds => ([0.0, PressureAdvance::MAX_SECONDS], "s", "M900 K, M572 S or L, ADVANCE"),

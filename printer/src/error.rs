@@ -247,8 +247,6 @@ impl From<MotionError> for CommandError {
 }
 
 impl fmt::Display for CommandError {
-    // As every `Display` of a text here: compiled with the image that prints it, and so for size.
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooFar => write!(out, "the target is too far away, expected coordinates within 5 m"),
@@ -475,7 +473,6 @@ impl fmt::Display for CommandError {
 struct Place([i32; 3]);
 
 impl fmt::Display for Place {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y, z] = self.0.map(|length_10nm| mm(length_10nm.into(), 3));
         write!(out, "X{x} Y{y} Z{z}")
@@ -497,7 +494,6 @@ pub enum Failure {
 }
 
 impl fmt::Display for Failure {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Parse(error) => fmt::Display::fmt(error, out),

@@ -58,7 +58,6 @@ pub struct HeatFault {
 
 impl fmt::Display for HeatFault {
     /// The line that hosts take for a thermal error; `kill() called` must follow it.
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self.heater {
             Heater::Nozzle => "E0",

@@ -28,7 +28,6 @@ pub enum HeaterRest {
 }
 
 impl fmt::Display for HeaterRest {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Warning { rested_s, left_s } => write!(

@@ -11,7 +11,6 @@ use crate::z_offset::mm;
 pub(crate) struct MeshRefusal<'a>(pub &'a MeshError);
 
 impl fmt::Display for MeshRefusal<'_> {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self.0 {
             MeshError::Incomplete => out.write_str("there is no mesh of the bed: G29 measures one"),

@@ -10,7 +10,6 @@ use ferrostep_planner::look_ahead::PlanFault;
 pub(crate) struct PlanFaultText<'a>(pub &'a PlanFault);
 
 impl fmt::Display for PlanFaultText<'_> {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mm_per_s = |speed: Speed| Real::fixed(speed.mm_per_s(), 1);
         match *self.0 {

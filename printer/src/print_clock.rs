@@ -17,7 +17,6 @@ const CENTIMETRE_100PM: i64 = 100_000_000;
 pub(crate) struct Duration(pub u32);
 
 impl fmt::Display for Duration {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(seconds) = *self;
         let parts =

@@ -11,7 +11,6 @@ use crate::axis_names::AXIS_NAMES;
 pub(crate) struct KnownShapers;
 
 impl fmt::Display for KnownShapers {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (name, _) in ShaperKind::NAMED {
             out.write_str(name)?;
@@ -35,7 +34,6 @@ pub struct ShaperRefusal {
 }
 
 impl fmt::Display for ShaperRefusal {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let axis = AXIS_NAMES.get(usize::from(self.axis)).copied().unwrap_or('?');
         write!(out, "input shaper of {axis}: ")?;

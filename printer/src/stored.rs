@@ -39,7 +39,6 @@ struct Stored {
 }
 
 impl fmt::Display for Stored {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { known, foreign, faults, mesh, .. } = self;
         write!(out, "{known} values, {faults} faults")?;

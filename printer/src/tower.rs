@@ -42,7 +42,6 @@ pub enum TowerRefusal {
 }
 
 impl fmt::Display for TowerRefusal {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotLive(command) => write!(
@@ -155,7 +154,6 @@ impl Tower {
 
 impl fmt::Display for Tower {
     /// The command that sets it.
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (command, parameter) = self.prefix.split_at_checked(self.command_bytes).unwrap_or_default();
         let quote = if command.contains('"') { '\'' } else { '"' };

@@ -83,7 +83,6 @@ impl From<ReadError> for Stop {
 }
 
 impl fmt::Display for Stop {
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Read(error) => fmt::Display::fmt(error, out),

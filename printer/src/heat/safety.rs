@@ -88,7 +88,6 @@ impl Trip {
 
 impl fmt::Display for Trip {
     /// The words by which hosts recognise a thermal error.
-    #[inline]
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
             Self::TooHot(_) | Self::Sensor(SensorError::Shorted) => "MAXTEMP triggered",

@@ -29,7 +29,6 @@ enum NoWay {
 }
 
 impl core::fmt::Display for NoWay {
-    #[inline]
     fn fmt(&self, out: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Card(failure) => write!(out, "{failure}"),

@@ -313,7 +313,6 @@ pub(crate) struct Key<'a> {
 }
 
 impl Display for Key<'_> {
-    #[inline]
     fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
         match self.name.split_once('*') {
             Some((before, after)) => write!(out, "{before}{}{after}", self.axis),
