@@ -25,9 +25,14 @@ pub(super) fn set(words: &NamedWords<'_>) -> Result<SkewCommand, ParseError> {
     let mut planes = [None; 3];
     for (plane, key) in planes.iter_mut().zip(["XY", "XZ", "YZ"]) {
         let Some(text) = words.value(key) else { continue };
-        let mut lengths = text.split(|byte| *byte == b',').map(|length| length_10nm(length.trim_ascii()));
-        let lengths = (lengths.next().flatten(), lengths.next().flatten(), lengths.next().flatten(), lengths.next());
-        let (Some(ac_10nm), Some(bd_10nm), Some(ad_10nm), None) = lengths else { return Err(words.expected()) };
+        let mut texts = text.split(|byte| *byte == b',');
+        let mut lengths = [None; 3];
+        for length in &mut lengths {
+            *length = texts.next().and_then(|text| length_10nm(text.trim_ascii()));
+        }
+        let ([Some(ac_10nm), Some(bd_10nm), Some(ad_10nm)], None) = (lengths, texts.next()) else {
+            return Err(words.expected());
+        };
         *plane = Some(Diagonals { ac_10nm, bd_10nm, ad_10nm });
     }
     let measures = planes != [None; 3];
