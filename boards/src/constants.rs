@@ -128,7 +128,8 @@ fn thermal(board: &Board) -> String {
         number: pin.number,
         on_is_low: settings.on_is_low,
     });
-    let supply = format!("{supply:?}");
+    // Most machines have none, and the name of its type would be imported for nothing.
+    let supply = supply.map_or("None".to_owned(), |pin| format!("Some(ferrostep_stm32f4::{pin:?})"));
     let pins = match (heater("nozzle"), heater("bed")) {
         (Some((nozzle, nozzle_sensor)), Some((bed, bed_sensor))) => {
             let number = match board.thermistors.first().map(|thermistor| thermistor.channel.converter) {
@@ -136,7 +137,7 @@ fn thermal(board: &Board) -> String {
                 _ => "One",
             };
             format!(
-                "{{ use ferrostep_stm32f4::{{ConverterNumber, FanPins, OutputPin, SupplyPin, TimerChannel}}; \
+                "{{ use ferrostep_stm32f4::{{ConverterNumber, FanPins, OutputPin, TimerChannel}}; \
                  Some(ThermalPins {{ converter: ConverterNumber::{number}, channels: &{channels:?}, \
                  sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], fans: [{fans}], supply: {supply} }}) }}"
             )
