@@ -219,8 +219,10 @@ fn the_octopus_alone_can_switch_a_supply_and_only_for_a_profile_that_has_one() {
         }
         let heaters_first = all_off(&with).first().is_some_and(|store| store.address == 0x4002_0018);
         assert!(heaters_first, "a heater's own switch comes before the supply's");
-        let pin =
-            format!("supply: Some(SupplyPin {{ port: 4, number: 11, on_is_low: {} }})", keys.contains("low = true"));
+        let pin = format!(
+            "supply: Some(ferrostep_stm32f4::SupplyPin {{ port: 4, number: 11, on_is_low: {} }})",
+            keys.contains("low = true")
+        );
         assert!(constants::rust(&with).contains(&pin), "{keys}");
     }
 }
