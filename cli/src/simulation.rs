@@ -18,7 +18,7 @@ use std::sync::Arc;
 use ferrostep_oracle::reference::{InterpretError, InterpretOptions, Job, interpret, plan};
 use ferrostep_oracle::trace::{TraceError, TraceReader};
 use ferrostep_planner::AxisShaper;
-use ferrostep_printer::Profile;
+use ferrostep_printer::{Profile, Skew};
 use ferrostep_simulator::klipper::{self, KlipperSettings};
 use ferrostep_simulator::measures::{Measures, Report, Snapshots};
 use ferrostep_simulator::plan::{Filters, Machine, MachineError, MoveSpeeds, Plan, simulate};
@@ -54,6 +54,8 @@ pub enum SimulationError {
     Filters(FilterError),
     /// `--compare` needs G-code to plan by other rules.
     NothingToCompare,
+    /// The profile's axes are not at right angles, and a frame's are.
+    Skew,
 }
 
 impl fmt::Display for SimulationError {
@@ -71,6 +73,12 @@ impl fmt::Display for SimulationError {
             Self::Steps(error) => error.fmt(out),
             Self::Machine(error) => error.fmt(out),
             Self::Filters(error) => error.fmt(out),
+            Self::Skew => {
+                write!(
+                    out,
+                    "the profile has a table skew, and the simulated frame is at right angles: take a profile without it"
+                )
+            }
             Self::NothingToCompare => {
                 write!(
                     out,
@@ -150,6 +158,7 @@ impl Simulation {
         path: Option<&Path>,
         path_of_steps: bool,
     ) -> Result<Self, SimulationError> {
+        right_angles(&profile)?;
         let steps = steps_of(file)?;
         let mut text = None;
         let source = match &steps {
@@ -187,6 +196,7 @@ impl Simulation {
     /// # Errors
     /// The path cannot be read from it.
     pub fn of_text(text: Vec<u8>, profile: Profile) -> Result<Self, SimulationError> {
+        right_angles(&profile)?;
         let path = Some(planned(&text, &profile).map_err(SimulationError::Interpret)?);
         let filament_mm2 = crate::show::filament_mm2(&profile);
         let steps = Steps::Job(text.into());
@@ -315,6 +325,10 @@ impl Simulation {
         }
         Ok(((report, snapshots), stopped))
     }
+}
+
+fn right_angles(profile: &Profile) -> Result<(), SimulationError> {
+    if profile.skew == Skew::NONE { Ok(()) } else { Err(SimulationError::Skew) }
 }
 
 fn trace_error(error: TraceError) -> SimulationError {

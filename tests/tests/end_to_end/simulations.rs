@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::command::{directory, ferrostep, file};
+use crate::command::{directory, ferrostep, file, repository};
 
 /// A square with corners, a travel and retractions.
 const JOB: &str = "G28\nM104 S210\nM109 S210\nG90\nM83\nG1 Z.2 F600\nG1 X20 Y20 F6000\nG1 X60 E1.5 F3600\nG1 Y60 E1.5\nG1 X20 E1.5\n\
@@ -178,7 +178,9 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
     let cut = named("cut.trace", &bytes[..header + 12 * 100 + 5]);
     let text = String::from_utf8(bytes[..header].to_vec()).unwrap();
     let delta = named("delta.trace", text.replace("cartesian", "delta").as_bytes());
-    let rows: [(&[&str], &str); 20] = [
+    let profile = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let skew = named("skew.toml", format!("{profile}\n[skew]\nxy = {{ factor = 0.01 }}\n").as_bytes());
+    let rows: [(&[&str], &str); 21] = [
         (&[&cut], "trace ends inside the record at byte"),
         (&[&delta], "trace header: kinematics is missing or not supported"),
         (&[trace, "--path", other], "is the trace of this file?"),
@@ -211,6 +213,7 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
         (&[job, "--input-shaper", "mzv(4,1.5)"], "which does not exist, expected in mzv(N,T) N from 3 to 5"),
         (&[job, "--input-shaper", "zv", "--shaper-frequency", "5,40"], "expected at least 5.03 Hz"),
         (&[job, "--shaper-frequency", "50,40"], "--input-shaper"),
+        (&[job, "--profile", &skew], "the simulated frame is at right angles"),
     ];
     for (arguments, expected) in rows {
         let outcome = ferrostep(["simulate"].iter().chain(arguments));
