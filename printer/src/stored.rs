@@ -4,6 +4,7 @@
 //! values come into force wherever no others were set.
 
 mod groups;
+mod in_force;
 mod mesh;
 mod values;
 
@@ -11,15 +12,13 @@ use core::fmt;
 
 use ferrostep_gcode::{Reply, SettingsCommand};
 use ferrostep_hal_shim::Heater;
-use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
+use ferrostep_planner::MotionChoice;
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 use ferrostep_tmc2209::DriverSettings;
 
-use crate::axis_names::AXIS_NAMES;
 use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
 use crate::print_clock::Statistics;
 use crate::printer::Printer;
-use crate::skew::Skew;
 
 use groups::{GROUPS, Group, Setting, Shown};
 use values::{Values, advance_numbers};
@@ -409,98 +408,6 @@ impl<'a, P: Ports> Printer<'a, P> {
             ));
         }
     }
-
-    /// Sets what belongs together, and does not fit together, to the profile's values.
-    fn check(&self, stored: &mut Stored) {
-        let Stored { values, faults, .. } = stored;
-        let of_profile = self.profile_values();
-        let smooth_time_s = self.motion.motion_choice().smooth_time_s;
-        let mut mend = |what: &str, name: char| {
-            self.replies
-                .say(format_args!("echo:settings: {what}{name} as stored is not possible: the profile's is used"));
-            *faults = faults.saturating_add(1);
-        };
-        if !self.are_extruder_steps(values.extruder_steps_per_mm) {
-            values.extruder_steps_per_mm = of_profile.extruder_steps_per_mm;
-            mend("steps_per_mm.", 'e');
-        }
-        for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
-            if !is_possible(shaper, smooth_time_s) {
-                *shaper = other;
-                mend("input_shaper.", AXIS_NAMES[axis].to_ascii_lowercase());
-            }
-        }
-        if values.pressure_advance().check().is_err() {
-            values.advance = of_profile.advance;
-            mend("pressure_advance", ' ');
-        }
-        for (motor, (driver, other)) in values.drivers.iter_mut().zip(of_profile.drivers).enumerate() {
-            if let (Some(settings), Some(drivers)) = (&*driver, self.drivers)
-                && drivers.check(motor, settings).is_err()
-            {
-                *driver = other;
-                mend("drivers.", AXIS_NAMES[motor].to_ascii_lowercase());
-            }
-        }
-        if values.probe_offset_10nm.is_some_and(|offset_10nm| self.probe_finds_home(offset_10nm).is_err()) {
-            values.probe_offset_10nm = of_profile.probe_offset_10nm;
-            mend("homing.probe_offset_mm", ' ');
-        }
-        let offsets = values.probe_offset_10nm.as_mut().zip(of_profile.probe_offset_10nm);
-        if let Some((offset_10nm, other_10nm)) = offsets {
-            for (axis, (length_10nm, other_10nm)) in offset_10nm.iter_mut().zip(other_10nm).enumerate() {
-                let [least, most] = self.probe_range_10nm(axis);
-                // What the profile says is not judged.
-                if !(least..=most).contains(length_10nm) && *length_10nm != other_10nm {
-                    *length_10nm = other_10nm;
-                    mend("homing.probe_offset_mm.", AXIS_NAMES[axis].to_ascii_lowercase());
-                }
-            }
-        }
-    }
-
-    /// At standstill: puts settings in force, all of them checked, but for filters and advance: it returns them if they change.
-    // Its parts need much of the stack, one after the other.
-    #[inline(always)]
-    fn put_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
-        self.put_drivers_in_force(values);
-        if let Some(gains) = &values.gains {
-            for (heater, gains) in Heater::ALL.iter().zip(gains) {
-                self.heating.set_gains(*heater, *gains);
-            }
-        }
-        self.put_motion_in_force(values)
-    }
-
-    #[inline(never)]
-    fn put_drivers_in_force(&mut self, values: &Values) {
-        let Some(bank) = self.drivers else { return };
-        for (motor, settings) in values.drivers.iter().enumerate() {
-            let before = bank.report(motor).map(|report| report.settings);
-            if let Some(settings) = settings.filter(|settings| Some(*settings) != before)
-                && bank.set(motor, settings).is_err()
-            {
-                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", AXIS_NAMES[motor]));
-            }
-        }
-    }
-
-    #[inline(never)]
-    fn put_motion_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
-        // At standstill it cannot fail.
-        let _always_works = self.motion.set_extruder_steps_per_mm(StepsPerMm::nearest(values.extruder_steps_per_mm));
-        self.motion.set_limits(values.limits);
-        self.interpreter.modal.retraction = values.retraction;
-        self.interpreter.modal.set_home_offset(values.home_offset_10nm);
-        self.set_skew(Skew::of_factors(values.skew_factors));
-        self.filament_10nm = values.filament_10nm;
-        if let Some(offset_10nm) = values.probe_offset_10nm {
-            self.interpreter.modal.probe_offset_10nm = offset_10nm;
-        }
-        let choice = self.motion.motion_choice();
-        let wanted = MotionChoice { shapers: values.shapers, pressure_advance: values.pressure_advance(), ..choice };
-        (wanted != choice).then_some(wanted)
-    }
 }
 
 /// The keys of a profile that M500 stores, with `*` for the axis, and the command of each.
@@ -514,11 +421,6 @@ fn all_values() -> impl Iterator<Item = (&'static Setting, usize)> {
     GROUPS.iter().flat_map(|group| {
         group.settings.iter().flat_map(|setting| (0..group.values_of(setting)).map(move |index| (setting, index)))
     })
-}
-
-/// Whether the filter can be made; one that is off is there for its numbers.
-fn is_possible(shaper: &AxisShaper, smooth_time_s: Option<f64>) -> bool {
-    shaper.kind == ShaperKind::None || smooth_ticks(smooth_time_s).and_then(|ticks| shaper.kernel_beside(ticks)).is_ok()
 }
 
 #[cfg(test)]
