@@ -10,6 +10,7 @@
 mod bed_command;
 mod card_command;
 mod command;
+mod command_words;
 mod decimal;
 mod emergency;
 mod line;
@@ -29,9 +30,10 @@ mod tower_words;
 
 pub use bed_command::{BedArea, BedCommand};
 pub use card_command::{CardCommand, InterruptedPrint};
-pub use command::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, DriverWords, FeedWords, GainWords, PrintClockCommand,
-    RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,
+pub use command::Command;
+pub use command_words::{
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, DriverWords, FeedWords, GainWords, PrintClockCommand, RetractionWords,
+    SettingsCommand, ShaperWords, Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};

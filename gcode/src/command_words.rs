@@ -1,0 +1,182 @@
+//! What the words of commands say, as types.
+
+use crate::Decimal;
+
+/// The X, Y, Z and E words of a line; `None` where the word is absent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AxisWords {
+    /// The X word.
+    pub x: Option<Decimal>,
+    /// The Y word.
+    pub y: Option<Decimal>,
+    /// The Z word.
+    pub z: Option<Decimal>,
+    /// The E word.
+    pub e: Option<Decimal>,
+}
+
+/// Which axes a line names, with or without a value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AxisFlags {
+    /// X is named.
+    pub x: bool,
+    /// Y is named.
+    pub y: bool,
+    /// Z is named.
+    pub z: bool,
+    /// E is named.
+    pub e: bool,
+}
+
+impl AxisFlags {
+    /// Whether no axis is named (which most commands take as "all").
+    pub const fn is_empty(self) -> bool {
+        !(self.x || self.y || self.z || self.e)
+    }
+}
+
+/// How G2 and G3 name the circle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArcForm {
+    /// I and J: the centre, relative to the start. An absent word is zero.
+    Centre {
+        /// The I word: X offset of the centre.
+        i: Decimal,
+        /// The J word: Y offset of the centre.
+        j: Decimal,
+    },
+    /// R: the radius; negative asks for the longer arc.
+    Radius(Decimal),
+}
+
+/// Length unit of the coordinates that follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Units {
+    /// G21.
+    Millimetres,
+    /// G20.
+    Inches,
+}
+
+/// Parameters of firmware retraction (M207, M208).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RetractionWords {
+    /// S: filament length (M207) or extra length on recovery (M208).
+    pub length: Option<Decimal>,
+    /// F: feed rate, per minute.
+    pub feed: Option<Decimal>,
+    /// Z: lift (M207 only).
+    pub lift: Option<Decimal>,
+}
+
+/// A whole number for each motor that is named (M906, M914). On a CoreXY machine X and Y name the motors A and B.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriverWords {
+    /// X.
+    pub x: Option<u16>,
+    /// Y.
+    pub y: Option<u16>,
+    /// Z.
+    pub z: Option<u16>,
+    /// E.
+    pub e: Option<u16>,
+}
+
+impl DriverWords {
+    /// In the order of the motors.
+    pub const fn all(self) -> [Option<u16>; 4] {
+        [self.x, self.y, self.z, self.e]
+    }
+}
+
+/// What M593 or SET_INPUT_SHAPER changes of an axis's filter; `None` where it stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShaperWords<'a> {
+    /// P, SHAPER_TYPE: the kind's name, for the machine to know.
+    pub kind: Option<&'a str>,
+    /// F, SHAPER_FREQ: Hz; 0: no filter.
+    pub frequency: Option<Decimal>,
+    /// D, S, DAMPING_RATIO.
+    pub damping: Option<Decimal>,
+}
+
+/// What M900, M572 or SET_PRESSURE_ADVANCE sets; without any of them it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AdvanceWords {
+    /// K, S, ADVANCE: seconds. It takes the place of both K.
+    pub slow: Option<Decimal>,
+    /// L: seconds, for the flow beyond `speed`; both or neither.
+    pub fast: Option<Decimal>,
+    /// T: mm/s of filament.
+    pub speed: Option<Decimal>,
+    /// W, SMOOTH_TIME: over how many seconds it is averaged.
+    pub smooth_time: Option<Decimal>,
+}
+
+/// What is done with the settings that survive the power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SettingsCommand {
+    /// M500: those in force are stored.
+    Store,
+    /// M501: the stored ones come into force.
+    Load,
+    /// M502: those of the profile come into force.
+    Reset,
+    /// M503: those in force are reported as commands.
+    Report {
+        /// Not with S0: above each of them a line says what it is.
+        headings: bool,
+    },
+    /// M504: the stored ones are checked.
+    Validate,
+}
+
+/// What M220 does: first B, then R, then S. Without a word it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FeedWords {
+    /// S: percent.
+    pub percent: Option<Decimal>,
+    /// B: the present percentage is kept.
+    pub keeps: bool,
+    /// R: the kept percentage comes back.
+    pub restores: bool,
+}
+
+/// What M75 to M78 do with the clock of the print and with what it has counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PrintClockCommand {
+    /// M75: it starts, or goes on.
+    Start,
+    /// M76: it pauses.
+    Pause,
+    /// M77: the print is complete.
+    Stop,
+    /// M78: reports all prints together.
+    Report,
+    /// M78 S78: counts anew.
+    Clear,
+}
+
+/// What M301 or M304 sets of a heater's gains, in Marlin's units: power is 0 to 255. Without any of them it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GainWords {
+    /// P: per degree.
+    pub proportional: Option<Decimal>,
+    /// I: per degree and second.
+    pub integral: Option<Decimal>,
+    /// D: seconds per degree.
+    pub derivative: Option<Decimal>,
+    /// F (M301): what the part-cooling fan takes, for each degree between 25 degrees Celsius and the target.
+    pub fan: Option<Decimal>,
+}
+
+/// Target of M104, M109, M140 and M190.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WaitTarget {
+    /// S: wait only while heating.
+    Heating(Decimal),
+    /// R: wait for cooling as well.
+    HeatingOrCooling(Decimal),
+    /// Neither: wait for the target that is already set.
+    Current,
+}
