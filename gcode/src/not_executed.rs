@@ -264,8 +264,8 @@ mod tests {
             for number in 0..2000 {
                 let text = format!("{letter}{number}");
                 let listed = NotExecuted::find(letter.as_bytes()[0], number).map(|(_, entry)| entry.outcome);
-                // Without words they are queries, or ask for what is so.
-                if ["M149", "M155", "M200"].contains(&text.as_str()) {
+                // Without words they are queries, ask for what is so, or say that a word is missing.
+                if ["M42", "M149", "M155", "M200"].contains(&text.as_str()) {
                     continue;
                 }
                 assert_eq!(parse(&text) == Ok(Command::Accepted), listed == Some(Outcome::Accepted), "{text}");
