@@ -21,7 +21,7 @@ pub const PAGE_BYTES: usize = 32;
 /// Bytes that are erased together: room for a record.
 pub const SECTOR_BYTES: usize = 1024;
 
-/// The slowest bus on which [`MAX_ASKED`] is meant, and the fastest that every 24C32 knows at 3.3 V, Hz.
+/// The slowest bus on which `MAX_ASKED` is meant, and the fastest that every 24C32 knows at 3.3 V, Hz.
 pub const BUS_HZ: u32 = 100_000;
 
 /// How often an EEPROM that does not acknowledge its address is asked: each takes at least 10 clocks, so that together they take twice
