@@ -9,6 +9,7 @@ use ferrostep_mainboard::decode::Event;
 use crate::bench::Bench;
 use crate::board_pins::force_panic;
 use crate::boards::{BOARDS, BoardFacts};
+use crate::images::image_of;
 use crate::prepared::{Line, PATIENCE};
 use crate::watchdog::NO_PLANNER;
 
@@ -125,7 +126,7 @@ fn texts<'a>(report: &'a BlackBoxReport, kind: &str) -> Vec<&'a str> {
 fn after_a_panic_the_last_steps_are_those_of_the_pins() {
     for board in &BOARDS {
         let mut bench = moving(board, 2600);
-        force_panic(board, &mut bench);
+        force_panic(&image_of(board.name), &mut bench);
         bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
         bench.pass(50);
         let events = events(&mut bench);

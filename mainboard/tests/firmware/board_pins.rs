@@ -1,6 +1,8 @@
 //! The image's effect on heaters, fans and motors: none before the first command, the right pins on command, and off
 //! with the heaters first after a failure of the firmware.
 
+use std::path::Path;
+
 use ferrostep_image_code::code::Code;
 use ferrostep_mainboard::parts::wire::LineFault;
 
@@ -341,10 +343,10 @@ fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
 const JUMP: u16 = 0x4710;
 
 /// Lets the image panic with an overflow at an invented source position.
-pub fn force_panic(board: &BoardFacts, bench: &mut Bench) {
-    let code = Code::of(&image_of(board.name)).unwrap();
+pub fn force_panic(image: &Path, bench: &mut Bench) {
+    let code = Code::of(image).unwrap();
     let overflow = code.functions_named("panic_const_add_overflow");
-    let &[overflow] = overflow.as_slice() else { panic!("{}: {overflow:x?}", board.name) };
+    let &[overflow] = overflow.as_slice() else { panic!("{}: {overflow:x?}", image.display()) };
     // The source position: a file's name, its length, line and column, in memory that the stack does not reach.
     let name = ["nowh", "ere.", "rs\0\0"].map(|part| u32::from_le_bytes(part.as_bytes().try_into().unwrap()));
     bench.write_memory(RAM, &[&[RAM + 16, 10, 1, 1][..], &name].concat());
@@ -359,7 +361,7 @@ pub fn jump_nowhere(bench: &mut Bench) {
 #[test]
 fn a_panic_switches_heaters_off_first() {
     for board in &BOARDS {
-        assert_ends_safely(board, "firmware panic", |bench| force_panic(board, bench));
+        assert_ends_safely(board, "firmware panic", |bench| force_panic(&image_of(board.name), bench));
     }
 }
 

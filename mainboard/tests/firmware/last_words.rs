@@ -4,6 +4,7 @@ use crate::bench::Bench;
 use crate::board_pins::{force_panic, jump_nowhere};
 use crate::boards::{BOARDS, BoardFacts};
 use crate::foreign_code::{STAND_STILL, load};
+use crate::images::image_of;
 
 /// AIRCR and the value that requests a software reset (PM0214, 4.4.5).
 const AIRCR: u32 = 0xe000_ed0c;
@@ -38,7 +39,7 @@ fn boot(board: &'static BoardFacts) -> Bench {
 fn a_panic_is_reported_once_after_the_reset() {
     for board in &BOARDS {
         let mut bench = boot(board);
-        force_panic(board, &mut bench);
+        force_panic(&image_of(board.name), &mut bench);
         bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
         bench.pass(50);
         bench.press_reset();

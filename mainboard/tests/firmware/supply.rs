@@ -57,6 +57,7 @@ fn m80_and_m81_switch_the_supply_and_the_drivers_are_set_up_again() {
         bench.host.send_raw(format!("{line}\n").as_bytes()).unwrap();
         let refusal = bench.host.wait_for("a refusal", |text| text.contains("power supply")).unwrap();
         assert!(refusal.ends_with("the power supply is off: M80 switches it on"), "{line}: {refusal}");
+        bench.host.wait_for("its ok", |text| text == "ok").unwrap();
     }
     // The drivers are reset by their supply; a move waits until they have confirmed their settings.
     bench.host.send("M80").unwrap();
@@ -91,7 +92,7 @@ fn every_halt_and_every_crash_switches_it_off() {
     bench.host.send("M80").unwrap();
     assert_eq!(supply(&mut bench), (true, true));
 
-    force_panic(octopus(), &mut bench);
+    force_panic(&with_supply().image, &mut bench);
     bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
     bench.pass(A_WHILE_MS);
     assert_eq!(supply(&mut bench), (false, false));
@@ -160,7 +161,7 @@ fn a_light_has_its_values_for_the_start_and_for_a_halt() {
     bench.host.send_raw(b"M999\n").unwrap();
     bench.host.wait_for("ok", |line| line == "ok").unwrap();
     assert!(light(&mut bench) < 0.01);
-    force_panic(octopus(), &mut bench);
+    force_panic(&with_supply().image, &mut bench);
     bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
     bench.pass(A_WHILE_MS);
     let state = bench.state();

@@ -4,6 +4,7 @@ use crate::bench::Bench;
 use crate::board_pins::force_panic;
 use crate::boards::BOARDS;
 use crate::foreign_code::STAND_STILL;
+use crate::images::image_of;
 
 /// Replaces the idle task: masks interrupts of RTIC's priority 4 and below, the planner and all lower tasks, for ever.
 /// `movs r0, #0xc0; msr basepri, r0; b .`
@@ -89,7 +90,7 @@ fn a_stuck_processor_starves_the_watchdog() {
 fn a_panic_keeps_the_watchdog_fed() {
     let board = &BOARDS[0];
     let mut bench = Bench::boot_patched(board);
-    force_panic(board, &mut bench);
+    force_panic(&image_of(board.name), &mut bench);
     bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
     bench.pass(100);
     let fed = bench.stored(KEY, FEED);
