@@ -8,6 +8,6 @@ mod memory_flash;
 mod record;
 mod store;
 
-pub use memory_flash::{Cut, MemoryFlash, PowerIsOff};
+pub use memory_flash::{Cut, MemoryFlash, PowerIsOff, next_random};
 pub use record::{Entry, MAX_BYTES, MAX_VALUES, Record, RecordError, RecordWriter, hash_of, id_of};
 pub use store::{NOT_WORKING, SLOT_BYTES, Slot, Store, StoreError};

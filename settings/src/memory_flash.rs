@@ -99,8 +99,8 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> MemoryFlash<B, SECTOR> {
     }
 }
 
-/// The next of pseudo-random numbers (Marsaglia 2003, xorshift of 32 bits).
-fn next(seed: &mut u32) -> u32 {
+/// The next of pseudo-random numbers (Marsaglia 2003, xorshift of 32 bits), for what a cut leaves.
+pub fn next_random(seed: &mut u32) -> u32 {
     let mut x = (*seed).max(1);
     x ^= x << 13;
     x ^= x >> 17;
@@ -143,10 +143,10 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> NorFlash for MemoryFlash
                 Ok(()) => bytes.fill(0xff),
                 Err(Some(mut seed)) => {
                     for word in bytes.chunks_mut(WORD_BYTES) {
-                        match next(&mut seed) >> 8 & 3 {
+                        match next_random(&mut seed) >> 8 & 3 {
                             0 => word.fill(0xff),
                             1 => word.fill(0),
-                            2 => word.iter_mut().for_each(|cell| *cell |= next(&mut seed) as u8),
+                            2 => word.iter_mut().for_each(|cell| *cell |= next_random(&mut seed) as u8),
                             _ => {}
                         }
                     }
@@ -168,7 +168,7 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> NorFlash for MemoryFlash
             match operation {
                 Ok(()) => cells.iter_mut().zip(word).for_each(|(cell, byte)| *cell &= byte),
                 Err(Some(mut seed)) => {
-                    cells.iter_mut().zip(word).for_each(|(cell, byte)| *cell &= byte | next(&mut seed) as u8);
+                    cells.iter_mut().zip(word).for_each(|(cell, byte)| *cell &= byte | next_random(&mut seed) as u8);
                     return Err(PowerIsOff);
                 }
                 Err(None) => return Err(PowerIsOff),

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use ferrostep_eeprom::{BUS_HZ, BYTES, Eeprom, EepromFault, PAGE_BYTES, SECTOR_BYTES};
-use ferrostep_settings::{Entry, MAX_BYTES, MAX_VALUES, RecordWriter, SLOT_BYTES, Store, StoreError};
+use ferrostep_settings::{Entry, MAX_BYTES, MAX_VALUES, RecordWriter, SLOT_BYTES, Store, StoreError, next_random};
 
 /// Longest write of any 24C32, s.
 const WRITE_S: f64 = 0.010;
@@ -84,12 +84,12 @@ impl Chip {
                 for place in page..page + PAGE_BYTES {
                     let old = self.bytes[place];
                     let new = places.iter().position(|to| *to == place).map_or(old, |byte| data[byte]);
-                    self.bytes[place] = match next(&mut seed) >> 8 & 7 {
+                    self.bytes[place] = match next_random(&mut seed) >> 8 & 7 {
                         0 => old,
                         1 => 0xff,
                         2 => 0,
-                        3 => next(&mut seed) as u8,
-                        4 => new & next(&mut seed) as u8,
+                        3 => next_random(&mut seed) as u8,
+                        4 => new & next_random(&mut seed) as u8,
                         _ => new,
                     };
                 }
@@ -103,16 +103,6 @@ impl Chip {
         self.busy = self.cycle;
         Ok(())
     }
-}
-
-/// The next of pseudo-random numbers (Marsaglia 2003, xorshift of 32 bits).
-fn next(seed: &mut u32) -> u32 {
-    let mut x = (*seed).max(1);
-    x ^= x << 13;
-    x ^= x >> 17;
-    x ^= x << 5;
-    *seed = x;
-    x
 }
 
 struct Bus<'a>(&'a RefCell<Chip>);
@@ -239,7 +229,7 @@ fn faults_are_named_and_bounded() {
         assert_eq!(save(&chip, &record(2)).unwrap_err().to_string(), words);
         assert!(chip.borrow().is_asked < 400, "{words}: {} transfers", chip.borrow().is_asked);
     }
-    // The longest write is waited for: so many transfers of an address alone pass in twice its time.
+    // The longest write is waited for: the transfers of an address alone that are allowed take twice its time.
     let chip = RefCell::new(Chip::erased());
     chip.borrow_mut().cycle = (2.0 * WRITE_S * f64::from(BUS_HZ) / 11.0) as u32;
     save(&chip, &record(2)).unwrap();
