@@ -13,6 +13,7 @@ pub mod black_box;
 pub mod board;
 pub mod card;
 pub mod clock;
+mod core_pace;
 pub mod driver_line;
 pub mod eeprom;
 pub mod fault;
