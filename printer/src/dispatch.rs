@@ -233,11 +233,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::Progress { percent, minutes_left } => self.progress(percent, minutes_left),
             Command::Layer { current, total } => self.layer(current, total),
             Command::FilamentSensor(on) => self.filament_sensor(on),
-            Command::PromptAnswer(0) if self.power_loss.is_offered() && !self.is_paused() => {
-                return waiting(Waiting::Card(&RESUME));
-            }
-            Command::PromptAnswer(1) if self.power_loss.is_offered() && !self.is_paused() => {
-                return waiting(Waiting::Card(&FORGET));
+            Command::PromptAnswer(button @ (0 | 1)) if self.power_loss.is_offered() && !self.is_paused() => {
+                return waiting(Waiting::Card(if button == 0 { &RESUME } else { &FORGET }));
             }
             // Else it was acted on as its bytes arrived; pressed once, a button counts once.
             Command::PromptAnswer(button) if !self.emergency_parser => self.signals.answer_prompt(button),
