@@ -1,6 +1,8 @@
 //! A power supply that the Octopus switches, and a light at one of its outputs for fans: by command, at every halt, and after a crash
 //! of the firmware.
 
+use std::sync::OnceLock;
+
 use ferrostep_mainboard::parts::heat::HeaterFault;
 
 use crate::bench::Bench;
@@ -21,13 +23,15 @@ fn octopus() -> &'static BoardFacts {
 /// What the profile says of both: a supply that is on while its input is low, as ATX supplies are.
 const TABLES: &str = "\n[power_supply]\non_is_low = true\n\n[outputs.light]\noutput = \"fan2\"\nnumber = 0\npwm = true\nat_start = 0.5\nat_halt = 1\n";
 
-fn with_supply() -> Variant {
-    variant("btt-octopus-1.1", "corexy", "octopus-with-supply", TABLES)
+/// Its image, which is built once.
+fn with_supply() -> &'static Variant {
+    static BUILT: OnceLock<Variant> = OnceLock::new();
+    BUILT.get_or_init(|| variant("btt-octopus-1.1", "corexy", "octopus-with-supply", TABLES))
 }
 
 fn boot() -> Bench {
     let Variant { board, profile, image } = with_supply();
-    Bench::boot_variant(octopus(), &board, &profile, &image)
+    Bench::boot_variant(octopus(), board, profile, image)
 }
 
 /// Whether the pin switches the supply on, which it must drive; and whether motors and heaters have their voltage.
