@@ -116,7 +116,7 @@ pub struct Mesh {
     /// Into how many parts their distance along X and along Y is divided.
     parts: [u8; 2],
     interpolation: MeshInterpolation,
-    /// Row by row, um: of all points, of which every so many-th is a measured one.
+    /// Row by row, um: of all points, the measured ones and those between them.
     heights_um: [i16; MAX_POINTS],
     fade_10nm: i32,
 }
@@ -342,7 +342,7 @@ impl Mesh {
     }
 }
 
-/// Points in a row or a column, of which every so many-th is a measured one.
+/// Points in a row or a column, the measured ones and those between them.
 struct Line {
     /// Where the height of the first is, and how far it is to that of the next.
     first: usize,

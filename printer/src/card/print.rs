@@ -187,7 +187,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Whether a host's command would move the head or change how the lines of the file are read, while the card prints.
-    /// Whether a print from the card is under way, and the present line is none of it.
+    /// Whether a print from the card is under way, and the present line comes from elsewhere.
     pub(crate) fn is_of_other_print(&self) -> bool {
         self.card.job == Job::Printing && self.source != Source::Card
     }

@@ -198,7 +198,7 @@ fn an_output_is_no_fan() {
     assert_eq!(world.powers(FanOutput::Fan3, 1), [255], "a relay has no half");
     world.demand.powers = [0; FanOutput::COUNT];
     assert_eq!(world.powers(FanOutput::Fan3, 1), [0]);
-    // A fault lets fans blow, and not what is none.
+    // A fault lets fans blow; outputs have their values for a halt.
     (world.heated.is_halted, world.heated.has_fault) = (true, true);
     world.demand.powers = [0, 0, 40, 255, 0, 0];
     assert_eq!(world.powers(FanOutput::Fan2, 1), [255]);

@@ -131,7 +131,7 @@ impl Held {
         stage.leg = self.forwards(stage.leg);
         let filament_100pm = filament.part_100pm(filament_mm, done_100pm, number == 1);
         let own = LineEnd { line: filament.line, ends_move: number == 1 };
-        // Seen from its end, it begins where it ends in time. The line of the last leg ends before the recovery's does, if that is told.
+        // Seen from its end, it begins where it ends in time. The line of the last leg ends before the recovery's does, where the recovery's end is reported.
         let line_end = if stage.leg + 1 < self.travels || !filament.ends_move {
             self.line_of(&stage, stage.begins_leg)
         } else if stage.ends_leg {
