@@ -1,6 +1,7 @@
 //! Decimal numbers as G-code writes them, kept exact.
 
 use core::fmt;
+use core::num::NonZeroU64;
 
 /// Units of a [`Decimal`] in one.
 const NANOS_PER_UNIT: i64 = 1_000_000_000;
@@ -8,6 +9,8 @@ const NANOS_PER_UNIT: i64 = 1_000_000_000;
 const FRACTION_DIGITS: usize = 9;
 /// Largest whole part that leaves room for the fraction.
 const MAX_WHOLE: u64 = (i64::MAX / NANOS_PER_UNIT) as u64;
+/// Turns units of 1e-9 into what is stored.
+const SIGN: u64 = 1 << 63;
 /// Factors that turn a fraction with this many digits into units of 1e-9.
 const FRACTION_SCALE: [u32; FRACTION_DIGITS + 1] =
     [1_000_000_000, 100_000_000, 10_000_000, 1_000_000, 100_000, 10_000, 1_000, 100, 10, 1];
@@ -16,8 +19,22 @@ const FRACTION_SCALE: [u32; FRACTION_DIGITS + 1] =
 ///
 /// Slicers write three to five fractional digits; digits after the ninth are dropped. Whether the number means
 /// millimetres, inches or seconds depends on the command.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Decimal(i64);
+// The units plus 2^63, which keeps their order and leaves zero for `None`: a command has up to seven numbers that may be missing, and
+// each takes 8 bytes so, not 16.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Decimal(NonZeroU64);
+
+impl fmt::Debug for Decimal {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Decimal({})", self.nanos())
+    }
+}
+
+impl Default for Decimal {
+    fn default() -> Self {
+        Decimal::ZERO
+    }
+}
 
 /// Why a text is not a [`Decimal`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,16 +58,19 @@ impl core::error::Error for NumberError {}
 
 impl Decimal {
     /// Zero.
-    pub const ZERO: Decimal = Decimal(0);
+    pub const ZERO: Decimal = Decimal::from_nanos(0);
 
-    /// The number with this many units of 1e-9.
+    /// The number with this many units of 1e-9; `i64::MIN` counts as its neighbour.
     pub const fn from_nanos(nanos: i64) -> Self {
-        Decimal(nanos)
+        Decimal(match NonZeroU64::new(nanos.cast_unsigned() ^ SIGN) {
+            Some(biased) => biased,
+            None => NonZeroU64::MIN,
+        })
     }
 
     /// The number in units of 1e-9.
     pub const fn nanos(self) -> i64 {
-        self.0
+        (self.0.get() ^ SIGN).cast_signed()
     }
 
     /// Reads a number that fills `text` from its first byte to its last: `5`, `-.8`, `1.`, `+3`.
@@ -107,8 +127,8 @@ impl Decimal {
         let fraction_nanos = u64::from(fraction) * u64::from(FRACTION_SCALE[kept]);
         let nanos = whole * NANOS_PER_UNIT as u64 + fraction_nanos;
         let number = match i64::try_from(nanos) {
-            Ok(nanos) if negative => Ok(Decimal(-nanos)),
-            Ok(nanos) => Ok(Decimal(nanos)),
+            Ok(nanos) if negative => Ok(Decimal::from_nanos(-nanos)),
+            Ok(nanos) => Ok(Decimal::from_nanos(nanos)),
             Err(_) => Err(NumberError::TooLarge),
         };
         (at, number)
@@ -120,12 +140,12 @@ impl Decimal {
         const RECIPROCAL: u64 = u64::MAX / DIVISOR;
         // Every coordinate is converted here, and the board divides 64 bits in software. The truncated
         // reciprocal makes the quotient right or one short.
-        let magnitude = self.0.unsigned_abs() + DIVISOR / 2;
+        let magnitude = self.nanos().unsigned_abs() + DIVISOR / 2;
         let mut quotient = upper_half_of_product(magnitude, RECIPROCAL);
         if magnitude - quotient * DIVISOR >= DIVISOR {
             quotient += 1;
         }
-        if self.0 < 0 { -(quotient as i64) } else { quotient as i64 }
+        if self.nanos() < 0 { -(quotient as i64) } else { quotient as i64 }
     }
 
     /// A length in inches (25.4 mm) as units of 10 nm, halves away from zero.
@@ -133,7 +153,7 @@ impl Decimal {
     /// Every number in range fits; with the `Option`, callers need not know the range.
     pub const fn to_10nm_from_inches(self) -> Option<i64> {
         // nanos * 25.4 / 10^4 = nanos * 254 / 10^5, in two parts so that 64 bits are enough.
-        let (quotient, remainder) = (self.0 / 100_000, self.0 % 100_000);
+        let (quotient, remainder) = (self.nanos() / 100_000, self.nanos() % 100_000);
         match quotient.checked_mul(254) {
             Some(whole) => whole.checked_add(divide_half_away(remainder * 254, 100_000)),
             None => None,
@@ -142,34 +162,34 @@ impl Decimal {
 
     /// The nearest `f64` (within 9e6 of zero; beyond, one unit in the last place may be off).
     pub fn to_f64(self) -> f64 {
-        self.0 as f64 / NANOS_PER_UNIT as f64
+        self.nanos() as f64 / NANOS_PER_UNIT as f64
     }
 
     /// The number as an integer; `None` if it has a fraction.
     pub const fn to_i64_exact(self) -> Option<i64> {
-        if self.0 % NANOS_PER_UNIT == 0 { Some(self.0 / NANOS_PER_UNIT) } else { None }
+        if self.nanos() % NANOS_PER_UNIT == 0 { Some(self.nanos() / NANOS_PER_UNIT) } else { None }
     }
 
     /// The number without its fraction.
     pub const fn to_i64_towards_zero(self) -> i64 {
-        self.0 / NANOS_PER_UNIT
+        self.nanos() / NANOS_PER_UNIT
     }
 
     /// The nearest integer to `self * factor`, halves away from zero; `factor` is one of 1 and 1000.
     pub(crate) const fn round_scaled(self, factor: i64) -> i64 {
-        divide_half_away(self.0, NANOS_PER_UNIT / factor)
+        divide_half_away(self.nanos(), NANOS_PER_UNIT / factor)
     }
 
     /// Whether the number is below zero.
     pub const fn is_negative(self) -> bool {
-        self.0 < 0
+        self.nanos() < 0
     }
 }
 
 impl fmt::Display for Decimal {
     /// The shortest text that reads back as the same number.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let magnitude = self.0.unsigned_abs();
+        let magnitude = self.nanos().unsigned_abs();
         let (whole, mut fraction) = (magnitude / NANOS_PER_UNIT as u64, magnitude % NANOS_PER_UNIT as u64);
         let sign = if self.is_negative() { "-" } else { "" };
         write!(formatter, "{sign}{whole}")?;
