@@ -26,6 +26,12 @@ pub const EQUIPMENT: Equipment = Equipment {
 /// The power supply can be switched.
 const HAS_SUPPLY: bool = PROFILE.power_supply.is_some();
 
+/// Whether the chamber has a heater beside its thermometer; `None` without either.
+pub const CHAMBER_IS_HEATED: Option<bool> = match PROFILE.chamber {
+    Some(chamber) => Some(chamber.heater.is_some()),
+    None => None,
+};
+
 /// The machine has outputs that are no fans.
 pub const HAS_OUTPUTS: bool = {
     let (mut at, mut has) = (0, false);
@@ -116,7 +122,7 @@ impl Heat {
     /// Cold heaters with their first readings, so that the first command finds temperatures.
     pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
         Self(Parts::start(profile, converters, clock).map(|mut parts| {
-            let mut control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut parts);
+            let mut control = HeatControl::new(profile.heaters(), profile.fans, &mut parts);
             if let Some(supply) = profile.power_supply {
                 control.set_supply(supply.on_at_start);
             }

@@ -25,7 +25,7 @@ use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;
 
 use crate::clock::Mono;
-use crate::heat::{HAS_OUTPUTS, Heat, SupplyPart};
+use crate::heat::{CHAMBER_IS_HEATED, HAS_OUTPUTS, Heat, SupplyPart};
 use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
 use crate::profile::{PROFILE, StepSignals};
 
@@ -186,6 +186,10 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
     type Supply = SupplyPart;
 
     const HAS_OUTPUTS: bool = HAS_OUTPUTS;
+
+    fn chamber_is_heated(&self) -> Option<bool> {
+        CHAMBER_IS_HEATED
+    }
 
     fn set_supply(&mut self, on: bool) {
         self.0.get_mut().lock(|heat| heat.set_supply(on));

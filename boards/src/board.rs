@@ -1,6 +1,6 @@
 //! A board as its file describes it, every value checked.
 
-use ferrostep_hal_shim::FanOutput;
+use ferrostep_hal_shim::{FanOutput, SpareConnector};
 use ferrostep_printer::{FanRule, PowerSupply, Profile};
 
 use crate::chip::Chip;
@@ -102,6 +102,8 @@ pub struct Board {
     pub safe_outputs: Vec<(Pin, bool)>,
     /// How the machine's profile uses that output ([`Self::for_machine`]).
     pub used_supply: Option<SupplyOutput>,
+    /// Which connectors the machine's chamber uses: for its thermistor, and for its heater.
+    pub used_chamber: Option<(SpareConnector, Option<SpareConnector>)>,
     /// What a user of the board should know: one sentence each.
     pub notes: Vec<String>,
 }
@@ -266,7 +268,13 @@ impl Board {
         };
         let safe_outputs =
             self.fans.iter().filter_map(|fan| of_profile(fan).or_else(|| blows_when_safe(fan))).collect();
-        Self { used_supply: used.map(|(pin, settings)| SupplyOutput { pin, settings }), safe_outputs, ..self }
+        let used_chamber = profile.chamber.map(|chamber| (chamber.thermistor, chamber.heater));
+        Self {
+            used_chamber,
+            used_supply: used.map(|(pin, settings)| SupplyOutput { pin, settings }),
+            safe_outputs,
+            ..self
+        }
     }
 
     /// Ports that carry step and direction signals of the motors that move, in the order of the alphabet.

@@ -110,11 +110,14 @@ fn thermal(board: &Board) -> String {
         format!("{:?}", OutputPin { port: pin.port, number: pin.number, channel })
     };
     let channels: Vec<u8> = board.thermistors.iter().map(|thermistor| thermistor.channel.channel).collect();
+    let sensor = |name: &str| board.thermistors.iter().position(|thermistor| thermistor.name == name);
     let heater = |name: &str| {
         let heater = board.heaters.iter().find(|heater| heater.name == name)?;
-        let sensor = board.thermistors.iter().position(|thermistor| thermistor.name == heater.sensor)?;
-        Some((output(heater.pin, &heater.timer), sensor))
+        Some((output(heater.pin, &heater.timer), sensor(&heater.sensor)?))
     };
+    let chamber_sensor = board.used_chamber.and_then(|(thermistor, _)| sensor(thermistor.name()));
+    let chamber = board.used_chamber.and_then(|(_, used)| heater(used?.name()));
+    let chamber = chamber.map_or("None".to_owned(), |(output, _)| format!("Some({output})"));
     let fans = FanOutput::ALL.map(|of| {
         let fan = board.fans.iter().find(|fan| fan.name == of.name());
         fan.map_or("None".to_owned(), |fan| {
@@ -139,7 +142,8 @@ fn thermal(board: &Board) -> String {
             format!(
                 "{{ use ferrostep_stm32f4::{{ConverterNumber, FanPins, OutputPin, TimerChannel}}; \
                  Some(ThermalPins {{ converter: ConverterNumber::{number}, channels: &{channels:?}, \
-                 sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], fans: [{fans}], supply: {supply} }}) }}"
+                 sensors: [Some({nozzle_sensor}), Some({bed_sensor}), {chamber_sensor:?}], \
+                 heaters: [Some({nozzle}), Some({bed}), {chamber}], fans: [{fans}], supply: {supply} }}) }}"
             )
         }
         _ => "None".to_owned(),

@@ -1,13 +1,13 @@
 //! Whether a board has what a profile needs.
 
 use ferrostep_checked_toml::FileError;
-use ferrostep_hal_shim::FanOutput;
-use ferrostep_printer::{FanRule, FanSettings, HeaterSettings, HomeSensor, Profile};
+use ferrostep_hal_shim::{FanOutput, SpareConnector};
+use ferrostep_printer::{ChamberSettings, FanRule, FanSettings, HeaterSettings, HomeSensor, Profile};
 use ferrostep_profiles::refuse;
 use ferrostep_thermistor::ThermistorType;
 use ferrostep_tmc2209::{CurrentScale, DriverWiring};
 
-use crate::board::{Board, Driver, DriverUart, Motor};
+use crate::board::{Board, Driver, DriverUart, Motor, Thermistor};
 use crate::pin::Pin;
 
 impl Driver {
@@ -118,6 +118,7 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             check_heater(board, name, settings, profile_name)?;
         }
     }
+    check_chamber(board, profile, profile_name)?;
     check_fans(board, profile, profile_name)?;
     if profile.power_supply.is_some() && board.power_supply.is_none() {
         let expected = format!("no such table: the board {} has no output `power_supply`", board.name);
@@ -174,6 +175,31 @@ const fn type_name(kind: &ThermistorType) -> &'static str {
     }
 }
 
+/// The chamber's thermistor and heater are the board's.
+fn check_chamber(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
+    let Some(ChamberSettings { thermistor, heater, settings }) = &profile.chamber else { return Ok(()) };
+    let refuse = |key: &str, value: &str, what: &str, names: Vec<&str>| {
+        let there = names.iter().filter(|name| SpareConnector::THERMISTORS.iter().any(|spare| spare.name() == **name));
+        let there: Vec<&str> = there.copied().collect();
+        let expected = match there.is_empty() {
+            true => format!("no table [chamber]: the board {} has no {what} to spare", board.name),
+            false => format!("{what} of the board {}: {}", board.name, there.join(", ")),
+        };
+        Err(refuse(profile_name, &format!("chamber.{key}"), value, &expected))
+    };
+    let Some(input) = board.thermistors.iter().find(|input| input.name == thermistor.name()) else {
+        let names = board.thermistors.iter().map(|input| input.name).collect();
+        return refuse("thermistor", thermistor.name(), "input for a thermistor", names);
+    };
+    if let Some(heater) = heater
+        && !board.heaters.iter().any(|output| output.name == heater.name())
+    {
+        let names = board.heaters.iter().map(|output| output.name).collect();
+        return refuse("heater", heater.name(), "output for a heater", names);
+    }
+    check_thermistor(board, "chamber", input, settings, profile_name)
+}
+
 /// A heater and its thermistor are the board's.
 fn check_heater(board: &Board, name: &str, settings: &HeaterSettings, profile_name: &str) -> Result<(), FileError> {
     let refuse = |key: &str, value: &str, expected: String| {
@@ -187,6 +213,21 @@ fn check_heater(board: &Board, name: &str, settings: &HeaterSettings, profile_na
         let heaters: Vec<&str> = board.heaters.iter().map(|heater| heater.name).collect();
         return refuse("sensor", &kind, format!("one of the heaters {}", heaters.join(", ")));
     };
+    check_thermistor(board, name, thermistor, settings, profile_name)
+}
+
+/// A thermistor is of the kind that the board's input is for.
+fn check_thermistor(
+    board: &Board,
+    name: &str,
+    thermistor: &Thermistor,
+    settings: &HeaterSettings,
+    profile_name: &str,
+) -> Result<(), FileError> {
+    let refuse = |key: &str, value: &str, expected: String| {
+        Err(refuse(profile_name, &format!("{name}.{key}"), value, &format!("{expected} of the board {}", board.name)))
+    };
+    let kind = format!("{:?}", type_name(&settings.thermistor.kind));
     if let Some(of_board) = &thermistor.kind
         && *of_board != type_name(&settings.thermistor.kind)
     {

@@ -138,6 +138,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         eeprom,
         power_supply,
         used_supply: None,
+        used_chamber: None,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);

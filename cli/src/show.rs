@@ -203,7 +203,7 @@ fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<
     let state = session.desk().state();
     let (tick, fan_power) = (state.tick(), state.fan_demand().powers[FanOutput::Part.index()]);
     let heating = session.heating();
-    let status = Heater::ALL.map(|heater| heating.status(heater));
+    let status = [Heater::Nozzle, Heater::Bed].map(|heater| heating.status(heater));
     let temperature = Temperature {
         time_s: now_s,
         celsius: status.map(|status| status.celsius),

@@ -59,6 +59,7 @@ impl<'a> Watch<'a> {
                 let (name, code) = match heater {
                     Heater::Nozzle => ("nozzle", "M104"),
                     Heater::Bed => ("bed", "M140"),
+                    Heater::Chamber => ("chamber", "M141"),
                 };
                 let message = format!("the {name} is still on at the end, at {celsius} C: end the job with {code} S0");
                 self.remarks.note(RemarkKind::HeaterOn, None, message);

@@ -77,6 +77,10 @@ pub enum Command<'a> {
     SetBed(Option<Decimal>),
     /// M190.
     WaitBed(WaitTarget),
+    /// M141 S.
+    SetChamber(Option<Decimal>),
+    /// M191.
+    WaitChamber(WaitTarget),
     /// M105.
     ReportTemperatures,
     /// M122: the motor drivers.

@@ -301,7 +301,11 @@ mod tests {
         for text in ["0", "5", "-0.8", "300", "0.000000001", "-12.03", "9223372036.854775807"] {
             assert_eq!(Decimal::parse(text.as_bytes()).unwrap().to_string(), text);
         }
-        assert_eq!(Decimal::from_nanos(i64::MIN).to_string(), "-9223372036.854775808");
+        let (lowest, next) = (Decimal::from_nanos(i64::MIN), Decimal::from_nanos(-i64::MAX));
+        assert_eq!(lowest, next);
+        assert_eq!(next.to_string(), "-9223372036.854775807");
+        assert!(lowest < Decimal::ZERO && Decimal::ZERO < Decimal::from_nanos(1));
+        assert_eq!(size_of::<Option<Decimal>>(), 8);
     }
 
     /// Rounds `numerator / denominator` half away from zero in 128 bits.

@@ -116,7 +116,6 @@ const NO_DISPLAY: &str = "there is no display";
 const NO_UNIT: &str = "there is no such unit: change filament by hand";
 const NO_STORE: &str = "the profile says where home is";
 const NO_OUTPUT: &str = "there is no such output";
-const NO_CHAMBER: &str = "there is no chamber heater";
 const NO_TWIN: &str = "this machine has one extruder";
 
 /// All of them, by letter and number; at most 128, a bit each in [`crate::Remarks`].
@@ -156,13 +155,12 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'M', 120, 121), "M120 and M121", "watch the end stops", "they are read while homing"),
     unknown(m(132), "M132", "load the stored home position", NO_STORE),
     unknown(m(136), "M136", "begin a job (MakerBot)", "a job needs no such beginning"),
-    accepted(m(141), "M141", "chamber temperature", NO_CHAMBER),
     accepted(m(142), "M142", "temperature of the heat break", "its fan is not controlled"),
     unknown(m(145), "M145", "temperatures of materials", "give temperatures with M104 and M140"),
     unknown(m(150), "M150", "colour of the light", NO_OUTPUT),
     unknown(m(154), "M154", "report the position by itself", "ask with M114"),
     unknown((b'M', 163, 165), "M163 to M165", "mix filaments", NO_TWIN),
-    unknown((b'M', 191, 192), "M191 and M192", "wait for the chamber, or for the probe's temperature", "there is no such thermometer: nothing is waited for"),
+    unknown(m(192), "M192", "wait for the probe's temperature", "there is no such thermometer: nothing is waited for"),
     unknown(m(209), "M209", "retract by itself", "write G10 and G11"),
     unknown((b'M', 217, 218), "M217 and M218", "tool change", NO_TWIN),
     unknown(m(240), "M240", "trigger a camera", NO_OUTPUT),

@@ -57,6 +57,8 @@ pub enum Remark {
     NoOutputs,
     /// M80 and M81 on a machine whose power supply cannot be switched.
     NoSupply,
+    /// M141 and M191 on a machine that does not know its chamber's temperature.
+    NoChamber,
 }
 
 /// What of a line was ignored or changed, so that the host learns how the line was read.
@@ -78,7 +80,7 @@ pub struct Remarks {
 }
 
 /// Texts of the bits of `about_line`.
-const ABOUT_LINE: [&str; 18] = [
+const ABOUT_LINE: [&str; 19] = [
     "one command a line: the second and everything after it is ignored",
     "without P or S: waits until all motion has ended",
     "MAXIMUM: cooling is not waited for; no effect",
@@ -92,11 +94,12 @@ const ABOUT_LINE: [&str; 18] = [
     "P: drivers are named by X, Y, Z and E here; no effect",
     "not checked: the profile does not say (nozzle_diameter_mm, model_names)",
     "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J",
-    "this machine has the heaters extruder and heater_bed; no effect",
+    "heaters and thermometers are extruder, heater_bed and chamber; no effect",
     "this machine has no probe, its bed must be level by itself; no effect",
     "of the mesh's words MESH_MIN and MESH_MAX have an effect",
     "the profile has no outputs; no effect",
     "the profile has no power_supply; no effect",
+    "the profile has no chamber; no effect, and nothing is waited for",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -149,6 +152,7 @@ impl Remarks {
             Remark::MeshWords => self.about_line |= 1 << 15,
             Remark::NoOutputs => self.about_line |= 1 << 16,
             Remark::NoSupply => self.about_line |= 1 << 17,
+            Remark::NoChamber => self.about_line |= 1 << 18,
         }
     }
 
@@ -270,7 +274,8 @@ mod tests {
             (Remark::DriverByNumber, "P: drivers are named by X, Y, Z and E here; no effect"),
             (Remark::MachineUnknown, "not checked: the profile does not say (nozzle_diameter_mm, model_names)"),
             (Remark::CornerLimits, "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J"),
-            (Remark::OtherHeater, "this machine has the heaters extruder and heater_bed; no effect"),
+            (Remark::OtherHeater, "heaters and thermometers are extruder, heater_bed and chamber; no effect"),
+            (Remark::NoChamber, "the profile has no chamber; no effect, and nothing is waited for"),
             (Remark::WaitsForHeatOnly, "MAXIMUM: cooling is not waited for; no effect"),
             (Remark::NoBed, "this machine has no probe, its bed must be level by itself; no effect"),
             (Remark::MeshWords, "of the mesh's words MESH_MIN and MESH_MAX have an effect"),

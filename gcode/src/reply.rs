@@ -17,6 +17,19 @@ pub struct Temperatures {
     pub nozzle_power: u8,
     /// Bed power, 0 to 127.
     pub bed_power: u8,
+    /// The chamber, if the machine knows its temperature.
+    pub chamber: Option<ChamberTemperature>,
+}
+
+/// A chamber's part of [`Temperatures`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChamberTemperature {
+    /// Now, degrees Celsius.
+    pub celsius: f32,
+    /// Target; 0 = off.
+    pub target: f32,
+    /// Power, 0 to 127; `None` without a heater.
+    pub power: Option<u8>,
 }
 
 /// Where the machine stands (M114): logical coordinates in units of 10 nm, and motor step counters.
@@ -145,6 +158,8 @@ pub struct FirmwareInfo<'a> {
     pub filament_sensor: bool,
     /// The power supply can be switched (M80, M81).
     pub power_supply: bool,
+    /// The chamber's temperature is known.
+    pub chamber: bool,
 }
 
 /// One answer.

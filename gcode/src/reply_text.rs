@@ -4,8 +4,8 @@ use core::fmt::{self, Display, Formatter, Write};
 
 use crate::decimal::divide_half_away;
 use crate::{
-    AdvanceState, FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, ShaperState, Temperatures,
-    TimingFigures,
+    AdvanceState, ChamberTemperature, FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, ShaperState,
+    Temperatures, TimingFigures,
 };
 
 /// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER stands between the two
@@ -42,6 +42,9 @@ const RUNOUT: &str = "RUNOUT";
 /// The capability of a machine whose power supply can be switched.
 const POWER_SUPPLY: &str = "SOFTWARE_POWER";
 
+/// The capability of a machine that knows its chamber's temperature.
+const CHAMBER: &str = "CHAMBER_TEMPERATURE";
+
 /// The capability of a machine that watches its heaters.
 const THERMAL_PROTECTION: &str = "THERMAL_PROTECTION";
 
@@ -68,7 +71,7 @@ const CAPABILITIES_AFTER: [(&str, bool); 19] = [
     ("ARCS", true),
     ("BABYSTEPPING", true),
     ("EP_BABYSTEP", false),
-    ("CHAMBER_TEMPERATURE", false),
+    (CHAMBER, false),
     ("COOLER_TEMPERATURE", false),
     (MEATPACK, false),
     ("CONFIG_EXPORT", false),
@@ -211,18 +214,21 @@ fn write_hundredths(formatter: &mut Formatter<'_>, hundredths: i64) -> fmt::Resu
 }
 
 fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures) -> fmt::Result {
-    let fields = [
-        (" T:", temperatures.nozzle),
-        (" /", temperatures.nozzle_target),
-        (" B:", temperatures.bed),
-        (" /", temperatures.bed_target),
-    ];
-    for (label, value) in fields {
-        formatter.write_str(label)?;
+    let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber } = *temperatures;
+    let mut pair = |label, celsius, target| {
         // A value that is not finite is written as such, so that hosts find no temperature instead of a wrong one.
-        write!(formatter, "{}", Real::fixed(value, 2))?;
+        write!(formatter, " {label}:{} /{}", Real::fixed(celsius, 2), Real::fixed(target, 2))
+    };
+    pair('T', nozzle, nozzle_target)?;
+    pair('B', bed, bed_target)?;
+    if let Some(ChamberTemperature { celsius, target, .. }) = chamber {
+        pair('C', celsius, target)?;
     }
-    write!(formatter, " @:{} B@:{}", temperatures.nozzle_power, temperatures.bed_power)
+    write!(formatter, " @:{nozzle_power} B@:{bed_power}")?;
+    match chamber.and_then(|chamber| chamber.power) {
+        Some(power) => write!(formatter, " C@:{power}"),
+        None => Ok(()),
+    }
 }
 
 fn write_position(formatter: &mut Formatter<'_>, position: &Position) -> fmt::Result {
@@ -279,6 +285,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
         stores_settings,
         filament_sensor,
         power_supply,
+        chamber,
     } = info;
     write!(formatter, "FIRMWARE_NAME:Ferrostep {version}")?;
     if !source_code_url.is_empty() {
@@ -299,6 +306,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
             EEPROM => *stores_settings,
             RUNOUT => *filament_sensor,
             POWER_SUPPLY => *power_supply,
+            CHAMBER => *chamber,
             name => *has || *card && CARD.contains(&name),
         };
         write!(formatter, "\nCap:{name}:{}", u8::from(has))?;

@@ -17,25 +17,62 @@ pub enum Heater {
     Nozzle,
     /// The heated bed.
     Bed,
+    /// The chamber: its thermometer, and the heater that some have.
+    Chamber,
 }
 
 impl Heater {
-    /// All heaters, in the order of their index.
-    pub const ALL: [Self; 2] = [Self::Nozzle, Self::Bed];
+    /// Number of heaters that a machine may have.
+    pub const COUNT: usize = 3;
 
-    /// 0 for the nozzle, 1 for the bed.
+    /// All heaters, in the order of their index. Every machine has the first two.
+    pub const ALL: [Self; Self::COUNT] = [Self::Nozzle, Self::Bed, Self::Chamber];
+
+    /// Its place in [`Self::ALL`].
     pub const fn index(self) -> usize {
-        match self {
-            Self::Nozzle => 0,
-            Self::Bed => 1,
-        }
+        self as usize
     }
 
-    /// Its name in texts: `nozzle`, `bed`.
+    /// Its name in texts: `nozzle`, `bed`, `chamber`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nozzle => "nozzle",
             Self::Bed => "bed",
+            Self::Chamber => "chamber",
+        }
+    }
+}
+
+/// A board's connector for a heater or thermistor other than the nozzle's and the bed's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpareConnector {
+    /// A second nozzle's.
+    Nozzle1,
+    /// A third nozzle's.
+    Nozzle2,
+    /// A fourth nozzle's.
+    Nozzle3,
+    /// A thermistor beside the probe.
+    Probe,
+    /// A thermistor on the board.
+    Board,
+}
+
+impl SpareConnector {
+    /// All that have a heater's output and a thermistor's input.
+    pub const HEATERS: [Self; 3] = [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3];
+
+    /// All that have a thermistor's input.
+    pub const THERMISTORS: [Self; 5] = [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3, Self::Probe, Self::Board];
+
+    /// Its name in a board's file: `nozzle1` ...
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nozzle1 => "nozzle1",
+            Self::Nozzle2 => "nozzle2",
+            Self::Nozzle3 => "nozzle3",
+            Self::Probe => "probe",
+            Self::Board => "board",
         }
     }
 }
@@ -58,7 +95,7 @@ pub trait Clock {
 /// Thermometers and heaters.
 pub trait ThermalBoard {
     /// The converter's reading of a heater's thermistor: the sum of 16 conversions of 12 bits, taken now or since the
-    /// reading before (`ferrostep-thermistor` makes a temperature of it).
+    /// reading before (`ferrostep-thermistor` makes a temperature of it). 0 for a heater that the machine does not have.
     fn reading(&mut self, heater: Heater) -> u16;
     /// Heater power from 0 to 1; anything else is cut to that.
     fn set_power(&mut self, heater: Heater, power: f32);

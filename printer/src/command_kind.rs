@@ -66,7 +66,9 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         Command::DisableMotors(_) | Command::HeatersOff | Command::Supply(SupplyCommand::Off { .. }) => {
             WhileHalted::IsOff
         }
-        Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) if celsius.nanos() <= 0 => {
+        Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) | Command::SetChamber(Some(celsius))
+            if celsius.nanos() <= 0 =>
+        {
             WhileHalted::IsOff
         }
         _ => WhileHalted::Refused,

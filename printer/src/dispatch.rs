@@ -216,11 +216,13 @@ impl<P: Ports> Printer<'_, P> {
             Command::RelativeExtrusion => self.interpreter.modal.relative_extruder = true,
             Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
             Command::SetBed(Some(celsius)) => self.set_temperature(Heater::Bed, celsius.to_f64())?,
+            Command::SetChamber(Some(celsius)) => self.set_chamber(celsius)?,
             Command::NozzleGains(ref words) => self.heater_gains(Heater::Nozzle, words)?,
             Command::BedGains(ref words) => self.heater_gains(Heater::Bed, words)?,
             Command::HeatersOff => {
                 self.set_temperature(Heater::Nozzle, 0.0)?;
                 self.set_temperature(Heater::Bed, 0.0)?;
+                self.set_chamber(Decimal::ZERO)?;
             }
             Command::ReportTemperatures => {
                 self.needs(self.equipment.heaters, "thermometers")?;
@@ -317,6 +319,9 @@ impl<P: Ports> Printer<'_, P> {
             Command::DisableMotors(axes) => return waiting(Waiting::DisableMotors { mask: mask(axes) }),
             Command::WaitNozzle(target) => return waiting(Waiting::Heat(Heater::Nozzle, target)),
             Command::WaitBed(target) => return waiting(Waiting::Heat(Heater::Bed, target)),
+            Command::WaitChamber(target) if self.has_chamber() => {
+                return waiting(Waiting::Heat(Heater::Chamber, target));
+            }
             Command::Autotune { of_bed, target, cycles, uses } => {
                 let heater = if of_bed { Heater::Bed } else { Heater::Nozzle };
                 return waiting(Waiting::Autotune { heater, target, cycles, uses });
@@ -376,6 +381,8 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Bed(_)
             | Command::SetNozzle(None)
             | Command::SetBed(None)
+            | Command::SetChamber(None)
+            | Command::WaitChamber(_)
             | Command::Accepted => {}
         }
         Ok(Dispatched::Done(Answer::Ok))

@@ -62,6 +62,7 @@ impl fmt::Display for HeatFault {
         let name = match self.heater {
             Heater::Nozzle => "E0",
             Heater::Bed => "bed",
+            Heater::Chamber => "chamber",
         };
         write!(out, "Error:{}, system stopped! Heater_ID: {name}", self.trip)?;
         match self.trip {
@@ -114,13 +115,16 @@ impl Channel {
         let celsius = self.thermometer.celsius();
         self.celsius = celsius.ok().or(self.celsius);
         let is_tuned = matches!(self.control, Loop::Relay(_));
-        self.safety.check(&self.settings, celsius, self.target, self.power, is_tuned)
+        // A thermometer alone has no heater that could fail to reach its target.
+        let target = if self.settings.is_heated { self.target } else { 0.0 };
+        self.safety.check(&self.settings, celsius, target, self.power, is_tuned)
     }
 
     /// Works out the power for the next sample. A heater without a temperature has none.
     fn control(&mut self, fan_power: u8) {
         self.power = match (self.celsius, &mut self.control) {
             (None, _) => 0.0,
+            (Some(_), _) if !self.settings.is_heated => 0.0,
             (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
             (Some(celsius), Loop::Relay(relay)) => {
                 let power = relay.power(celsius, self.target);
@@ -145,7 +149,8 @@ impl Channel {
 /// Control of all heaters and fans.
 #[derive(Clone, Copy, Debug)]
 pub struct HeatControl {
-    channels: [Channel; 2],
+    /// `None` for a heater that the machine does not have.
+    channels: [Option<Channel>; Heater::COUNT],
     fault: Option<HeatFault>,
     fan_table: FanTable,
     fans: FanControl,
@@ -161,18 +166,19 @@ impl HeatControl {
     /// All heaters off. Takes as many readings as the median needs, so that temperatures are known from the start. The hot
     /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
     pub fn new(
-        nozzle: HeaterSettings,
-        bed: HeaterSettings,
+        heaters: [Option<HeaterSettings>; Heater::COUNT],
         fan_table: FanTable,
         board: &mut (impl ThermalBoard + Fans),
     ) -> Self {
         board.set_fan_power(FanOutput::HotEnd, u8::MAX);
-        let mut channel = |heater, settings| {
-            board.set_power(heater, 0.0);
-            Channel::new(settings, core::array::from_fn(|_| board.reading(heater)))
-        };
+        let channels = Heater::ALL.map(|heater| {
+            heaters[heater.index()].map(|settings| {
+                board.set_power(heater, 0.0);
+                Channel::new(settings, core::array::from_fn(|_| board.reading(heater)))
+            })
+        });
         Self {
-            channels: [channel(Heater::Nozzle, nozzle), channel(Heater::Bed, bed)],
+            channels,
             fault: None,
             fan_table,
             fans: FanControl::new(),
@@ -189,20 +195,24 @@ impl HeatControl {
     /// switched is off, until [`Self::set_supply`]. Reported once.
     pub fn update(&mut self, board: &mut (impl ThermalBoard + Fans)) -> Result<(), HeatFault> {
         let mut found = None;
-        for heater in Heater::ALL {
-            let outcome = self.channels[heater.index()].sample(board.reading(heater));
+        for (heater, channel) in channels(&mut self.channels) {
+            let outcome = channel.sample(board.reading(heater));
             found = found.or(outcome.err().map(|trip| HeatFault { heater, trip }));
         }
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
         let mut demand = self.fan_demand;
-        if self.channels.iter().any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan())) {
+        if self
+            .channels
+            .iter()
+            .flatten()
+            .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+        {
             demand.powers[FanOutput::Part.index()] = u8::MAX;
         }
-        let [nozzle, bed] = &self.channels;
         let heated = Heated {
-            nozzle_celsius: nozzle.thermometer.celsius().ok(),
-            bed_is_on: bed.target > 0.0,
+            nozzle_celsius: self.channel(Heater::Nozzle).and_then(|nozzle| nozzle.thermometer.celsius().ok()),
+            bed_is_on: self.channel(Heater::Bed).is_some_and(|bed| bed.target > 0.0),
             // A transistor that has failed closed cannot be switched off; without a supply that can, only moving air can cool its heater.
             has_fault: self.fault.is_some(),
             is_halted: self.is_halted || self.fault.is_some(),
@@ -211,10 +221,10 @@ impl HeatControl {
         let fan_power = self.fans.update(&self.fan_table, &demand, &heated, board);
         match self.fault {
             Some(_) => self.halt(),
-            None => self.channels.iter_mut().for_each(|channel| channel.control(fan_power)),
+            None => self.channels.iter_mut().flatten().for_each(|channel| channel.control(fan_power)),
         }
-        for heater in Heater::ALL {
-            board.set_power(heater, self.channels[heater.index()].power);
+        for (heater, channel) in channels(&mut self.channels) {
+            board.set_power(heater, channel.power);
         }
         if let Some(on) = self.supply {
             board.set_supply(on);
@@ -236,7 +246,7 @@ impl HeatControl {
         if self.fault.is_some() || !self.has_supply() {
             return;
         }
-        let channel = &mut self.channels[heater.index()];
+        let Some(channel) = self.channel_mut(heater) else { return };
         if matches!(channel.control, Loop::Relay(_)) {
             channel.off();
         }
@@ -245,26 +255,31 @@ impl HeatControl {
 
     /// The gains of a heater.
     pub fn gains(&self, heater: Heater) -> PidGains {
-        self.channels[heater.index()].settings.gains
+        self.channel(heater).map_or_else(PidGains::default, |channel| channel.settings.gains)
     }
 
     /// Sets the gains of a heater, from the next [`Self::update`] on. The caller keeps them within their ranges.
     pub fn set_gains(&mut self, heater: Heater, gains: PidGains) {
-        self.channels[heater.index()].settings.gains = gains;
+        if let Some(channel) = self.channel_mut(heater) {
+            channel.settings.gains = gains;
+        }
     }
 
     /// Tunes a heater at a target by a relay that counts `cycles`, and as many again with the part-cooling fan at full power if
     /// `has_fan`. All checks go on; after its last cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         self.set_target(heater, celsius);
-        if self.fault.is_none() && self.has_supply() {
-            self.channels[heater.index()].control = Loop::Relay(Relay::new(cycles, has_fan));
+        if self.fault.is_none()
+            && self.has_supply()
+            && let Some(channel) = self.channel_mut(heater)
+        {
+            channel.control = Loop::Relay(Relay::new(cycles, has_fan));
         }
     }
 
     /// How far the autotune of a heater has come; `None` without one.
     pub fn relay(&self, heater: Heater) -> Option<RelayProgress> {
-        match &self.channels[heater.index()].control {
+        match &self.channel(heater)?.control {
             Loop::Pid(_) => None,
             Loop::Relay(relay) => Some(relay.progress()),
         }
@@ -287,7 +302,7 @@ impl HeatControl {
 
     /// Switches all heaters off; the next [`Self::update`] sets the board's outputs.
     pub fn all_off(&mut self) {
-        self.channels.iter_mut().for_each(Channel::off);
+        self.channels.iter_mut().flatten().for_each(Channel::off);
     }
 
     /// Switches the power supply; off switches all heaters off as well. The next [`Self::update`] sets the board's output. A fault keeps
@@ -331,8 +346,7 @@ impl HeatControl {
         }
         self.fault = None;
         self.is_halted = false;
-        for heater in Heater::ALL {
-            let channel = &mut self.channels[heater.index()];
+        for (heater, channel) in channels(&mut self.channels) {
             channel.safety = Safety::new();
             if let Err(trip) = channel.safety.check(&channel.settings, channel.thermometer.celsius(), 0.0, 0.0, false) {
                 self.fault = self.fault.or(Some(HeatFault { heater, trip }));
@@ -343,10 +357,28 @@ impl HeatControl {
 
     /// Temperature, target and power of a heater. The temperature is the last one; 0, too cold to extrude, before the first.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
-        let channel = &self.channels[heater.index()];
+        let Some(channel) = self.channel(heater) else { return HeaterStatus::default() };
         let celsius = channel.celsius.unwrap_or(0.0);
         HeaterStatus { celsius, target_celsius: channel.target, power: channel.power }
     }
+
+    /// Whether the chamber has a heater beside its thermometer; `None` without either.
+    pub fn chamber_is_heated(&self) -> Option<bool> {
+        self.channel(Heater::Chamber).map(|chamber| chamber.settings.is_heated)
+    }
+
+    fn channel(&self, heater: Heater) -> Option<&Channel> {
+        self.channels[heater.index()].as_ref()
+    }
+
+    fn channel_mut(&mut self, heater: Heater) -> Option<&mut Channel> {
+        self.channels[heater.index()].as_mut()
+    }
+}
+
+/// The heaters that the machine has.
+fn channels(channels: &mut [Option<Channel>; Heater::COUNT]) -> impl Iterator<Item = (Heater, &mut Channel)> {
+    Heater::ALL.into_iter().zip(channels).filter_map(|(heater, channel)| Some((heater, channel.as_mut()?)))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that have an effect on other machines
 //! only.
 
-use ferrostep_gcode::{AxisWords, Command, Decimal, Remark, Remarks};
+use ferrostep_gcode::{AxisWords, Command, Decimal, Remark, Remarks, WaitTarget};
 
 use crate::error::CommandError;
 use crate::ports::{Motion, Ports};
@@ -9,6 +9,17 @@ use crate::printer::Printer;
 
 /// Nozzles are drilled in steps of 0.05 mm; slicers write two decimals.
 const SAME_NOZZLE_MM: f64 = 0.01;
+
+/// Whether a command wants a chamber without heat, as every chamber that has no heater is.
+fn asks_for_cold(command: &Command<'_>) -> bool {
+    match command {
+        Command::SetChamber(target) => target.is_none_or(|celsius| celsius <= Decimal::ZERO),
+        Command::WaitChamber(WaitTarget::Heating(celsius) | WaitTarget::HeatingOrCooling(celsius)) => {
+            *celsius <= Decimal::ZERO
+        }
+        _ => false,
+    }
+}
 
 impl<P: Ports> Printer<'_, P> {
     /// Adds to the parser's remarks what depends on the machine.
@@ -20,6 +31,11 @@ impl<P: Ports> Printer<'_, P> {
                 remarks.add(Remark::OtherFan);
             }
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
+            Command::SetChamber(_) | Command::WaitChamber(_)
+                if self.profile.chamber.is_none() && !asks_for_cold(command) =>
+            {
+                remarks.add(Remark::NoChamber);
+            }
             Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
             Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),
             Command::CheckNozzle(_) if self.profile.nozzle_diameter_mm.is_none() => remarks.add(Remark::MachineUnknown),

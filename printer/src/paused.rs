@@ -1,6 +1,7 @@
 //! A paused print, and its reason.
 
 use ferrostep_gcode::{AxisWords, Decimal};
+use ferrostep_hal_shim::Heater;
 
 use crate::modal::Modal;
 
@@ -59,7 +60,7 @@ pub(crate) struct Paused {
     /// Where the motors stood, units of 10 nm.
     pub(crate) place_10nm: [i64; 3],
     /// The heaters' targets, degrees Celsius.
-    pub(crate) targets_celsius: [f32; 2],
+    pub(crate) targets_celsius: [f32; Heater::COUNT],
     /// Filament drawn back, units of 0.1 nm.
     pub(crate) drawn_100pm: i64,
     /// New filament to push in before the nozzle goes back, units of 0.1 nm.

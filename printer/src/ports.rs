@@ -4,7 +4,7 @@ use core::fmt;
 use core::future::Future;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
+use ferrostep_gcode::{ChamberTemperature, MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
@@ -166,6 +166,10 @@ impl Equipment {
 pub trait Heating {
     /// Sets a target, degrees Celsius; 0 switches the heater off.
     fn set_target(&mut self, heater: Heater, celsius: f32);
+    /// Whether the chamber has a heater beside its thermometer; `None` without either.
+    fn chamber_is_heated(&self) -> Option<bool> {
+        None
+    }
     /// Temperature, target and power of a heater.
     fn status(&self, heater: Heater) -> HeaterStatus;
     /// Switches all heaters off.
@@ -294,7 +298,12 @@ pub fn temperatures(heating: &impl Heating) -> Temperatures {
     let nozzle = heating.status(Heater::Nozzle);
     let bed = heating.status(Heater::Bed);
     let power = |share: f32| (share * 127.0) as u8;
+    let chamber = heating.chamber_is_heated().map(|is_heated| {
+        let HeaterStatus { celsius, target_celsius, power: share } = heating.status(Heater::Chamber);
+        ChamberTemperature { celsius, target: target_celsius, power: is_heated.then(|| power(share)) }
+    });
     Temperatures {
+        chamber,
         nozzle: nozzle.celsius,
         nozzle_target: nozzle.target_celsius,
         bed: bed.celsius,

@@ -5,7 +5,7 @@ use core::pin::pin;
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{BedArea, Command, Remarks, Reply};
-use ferrostep_hal_shim::Clock;
+use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::accelerometer::Accelerometer;
 use crate::black_box::BlackBox;
@@ -95,7 +95,7 @@ pub struct Printer<'a, P: Ports> {
     /// Progress by M73: percent, and minutes left.
     pub(crate) progress: (Option<u8>, Option<u16>),
     /// Targets that commands have set, degrees Celsius. A heater that is off against them was switched off by its timeout.
-    pub(crate) targets_celsius: [f32; 2],
+    pub(crate) targets_celsius: [f32; Heater::COUNT],
     /// Whether the hosts know that their prints end because the machine is halted.
     pub(crate) told_halted: bool,
     /// A print pauses when its filament has run out (M412).
@@ -143,7 +143,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             source: Source::File,
             paused: None,
             progress: (None, None),
-            targets_celsius: [0.0; 2],
+            targets_celsius: [0.0; Heater::COUNT],
             told_halted: false,
             pauses_at_runout: profile.filament_sensor.is_some(),
             filament_10nm: profile.pause.filament_10nm(),
@@ -354,7 +354,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if !self.signals.is_halted() {
             return Ok(());
         }
-        self.targets_celsius = [0.0; 2];
+        self.targets_celsius = [0.0; Heater::COUNT];
         self.end_tower("the machine was halted");
         self.stop_print_clock(false);
         self.stop_motion();

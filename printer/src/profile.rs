@@ -1,5 +1,6 @@
 //! The machine as numbers, from a profile file or a board's constants.
 
+use ferrostep_hal_shim::{Heater, SpareConnector};
 use ferrostep_planner::surface::MeshInterpolation;
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 use ferrostep_step_player::Signals;
@@ -158,6 +159,9 @@ impl HeaterWatch {
     pub const NOZZLE: Self = Self { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 };
     /// The bed's defaults.
     pub const BED: Self = Self { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 };
+    /// The chamber's defaults: it warms slowly, and a door may be opened for a moment.
+    pub const CHAMBER: Self =
+        Self { watch_ms: 300_000, watch_celsius: 2.0, runaway_ms: 300_000, runaway_celsius: 10.0 };
 }
 
 /// Range and control of a heater; temperatures in degrees Celsius, powers from 0 to 1.
@@ -181,6 +185,21 @@ pub struct HeaterSettings {
     pub residency_ms: u32,
     /// The model of it on the virtual board; control and checks do not use it.
     pub mass: HeatedMass,
+    /// There is a heater, and not only a thermometer.
+    pub is_heated: bool,
+    /// Others heat it, too: without power of its own it may become hotter, and stay hot.
+    pub is_warmed_by_others: bool,
+}
+
+/// The chamber around the printer: its thermometer, and its heater if it has one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChamberSettings {
+    /// The board's input for the thermometer.
+    pub thermistor: SpareConnector,
+    /// The board's output for the heater.
+    pub heater: Option<SpareConnector>,
+    /// Range and control.
+    pub settings: HeaterSettings,
 }
 
 /// A screw that the bed stands on.
@@ -375,6 +394,8 @@ pub struct Profile {
     pub nozzle: HeaterSettings,
     /// The bed's heater.
     pub bed: HeaterSettings,
+    /// The chamber, if its temperature is known.
+    pub chamber: Option<ChamberSettings>,
     /// What a pause does.
     pub pause: PauseSettings,
     /// The fans.
@@ -406,9 +427,27 @@ impl Profile {
     }
 
     /// This machine's heaters on the virtual board, cold.
-    pub const fn virtual_heaters(&self) -> VirtualHeaters {
-        let HeaterSettings { mass, thermistor, .. } = self.nozzle;
-        VirtualHeaters::new((mass, thermistor), (self.bed.mass, self.bed.thermistor))
+    pub fn virtual_heaters(&self) -> VirtualHeaters {
+        let heated = |settings: &HeaterSettings| (settings.mass, settings.thermistor);
+        let chamber = self.chamber.as_ref().map(|chamber| heated(&chamber.settings));
+        VirtualHeaters::new(heated(&self.nozzle), heated(&self.bed), chamber)
+    }
+
+    /// The settings of all heaters, by their index.
+    pub fn heaters(&self) -> [Option<HeaterSettings>; Heater::COUNT] {
+        Heater::ALL.map(|heater| self.heater(heater).copied())
+    }
+
+    /// The settings of a heater, or of a chamber's thermometer; `None` for a chamber that the machine does not have.
+    pub const fn heater(&self, heater: Heater) -> Option<&HeaterSettings> {
+        match heater {
+            Heater::Nozzle => Some(&self.nozzle),
+            Heater::Bed => Some(&self.bed),
+            Heater::Chamber => match &self.chamber {
+                Some(chamber) => Some(&chamber.settings),
+                None => None,
+            },
+        }
     }
 
     /// Mask of the axes that home by a stall.

@@ -2,7 +2,7 @@
 
 use ferrostep_gcode::{EndStopState, FirmwareInfo, Position, Reply};
 
-use crate::ports::{Motion, Ports, Replies};
+use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::{HomeEnd, HomeSensor};
 
@@ -34,6 +34,7 @@ impl<P: Ports> Printer<'_, P> {
             stores_settings: self.settings_memory.is_some(),
             filament_sensor: self.profile.filament_sensor.is_some(),
             power_supply: self.has_supply(),
+            chamber: self.heating.chamber_is_heated().is_some(),
         }));
     }
 

@@ -205,7 +205,10 @@ impl<'a, P: Ports> Printer<'a, P> {
             shapers,
             advance: advance_numbers(&pressure_advance),
             drivers: self.live_drivers(),
-            gains: self.equipment.heaters.then(|| Heater::ALL.map(|heater| self.heating.gains(heater))),
+            gains: self
+                .equipment
+                .heaters
+                .then(|| [Heater::Nozzle, Heater::Bed].map(|heater| self.heating.gains(heater))),
         }
     }
 

@@ -1,6 +1,6 @@
 //! M80 and M81, and what needs the power supply.
 
-use ferrostep_gcode::{Command, SupplyCommand};
+use ferrostep_gcode::{Command, Decimal, SupplyCommand};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
@@ -92,9 +92,9 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::SupplyInUse);
         }
         self.disable_motors(ALL_MOTORS).await?;
-        for heater in Heater::ALL {
-            self.set_temperature(heater, 0.0)?;
-        }
+        self.set_temperature(Heater::Nozzle, 0.0)?;
+        self.set_temperature(Heater::Bed, 0.0)?;
+        self.set_chamber(Decimal::ZERO)?;
         if when_cool {
             // An M108 from before this command is not meant for it.
             self.signals.take_end_wait();

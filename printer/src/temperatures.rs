@@ -1,6 +1,6 @@
-//! M104, M109, M140 and M190.
+//! M104, M109, M140, M141, M190 and M191.
 
-use ferrostep_gcode::{Real, Reply, WaitTarget};
+use ferrostep_gcode::{Decimal, Real, Reply, WaitTarget};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
@@ -10,16 +10,17 @@ use crate::profile::HeaterSettings;
 use crate::waits::WaitReport;
 
 impl<'a, P: Ports> Printer<'a, P> {
-    pub(crate) fn heater_settings(&self, heater: Heater) -> &'a HeaterSettings {
-        match heater {
-            Heater::Nozzle => &self.profile.nozzle,
-            Heater::Bed => &self.profile.bed,
-        }
+    /// The settings of a heater.
+    ///
+    /// # Errors
+    /// The machine has no such heater.
+    pub(crate) fn heater_settings(&self, heater: Heater) -> Result<&'a HeaterSettings, CommandError> {
+        self.profile.heater(heater).ok_or(CommandError::NotEquipped(heater.name()))
     }
 
-    /// M104, M140.
+    /// M104, M140, M141.
     pub(crate) fn set_temperature(&mut self, heater: Heater, celsius: f64) -> Result<(), CommandError> {
-        let settings = self.heater_settings(heater);
+        let settings = self.heater_settings(heater)?;
         // In the control's precision: rounding must not take it to the maximum.
         let target = celsius as f32;
         if target >= settings.max_celsius || target > settings.max_target_celsius {
@@ -36,38 +37,49 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
+    /// Whether the machine knows its chamber's temperature.
+    pub(crate) fn has_chamber(&self) -> bool {
+        self.heating.chamber_is_heated().is_some()
+    }
+
+    /// M141. Without a chamber the line has its remark.
+    pub(crate) fn set_chamber(&mut self, celsius: Decimal) -> Result<(), CommandError> {
+        if self.has_chamber() { self.set_temperature(Heater::Chamber, celsius.to_f64()) } else { Ok(()) }
+    }
+
     /// Whether the nozzle of a host's print was switched off as unused: commands have set a target, and it is gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
-        let [nozzle_celsius, _] = self.targets_celsius;
+        let [nozzle_celsius, ..] = self.targets_celsius;
         self.has_host() && nozzle_celsius > 0.0 && self.heating.status(Heater::Nozzle).target_celsius <= 0.0
     }
 
     /// A new print begins: it sets its own temperatures.
     pub(crate) fn forget_rested_heaters(&mut self) {
         if self.have_heaters_rested() {
-            self.targets_celsius = [0.0; 2];
+            self.targets_celsius = [0.0; Heater::COUNT];
         }
     }
 
     /// Waits until heaters are as hot as a print has left them; those that were switched off meanwhile (M86) heat up again.
-    pub(crate) async fn heat_again(&mut self, targets_celsius: [f32; 2]) -> Result<(), CommandError> {
-        for (heater, celsius) in Heater::ALL.into_iter().zip(targets_celsius) {
-            if celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0 {
+    pub(crate) async fn heat_again(&mut self, targets_celsius: [f32; Heater::COUNT]) -> Result<(), CommandError> {
+        let is_meant = |(heater, celsius): &(Heater, f32)| *celsius > 0.0 && self.profile.heater(*heater).is_some();
+        let targets = Heater::ALL.into_iter().zip(targets_celsius).filter(is_meant);
+        for (heater, celsius) in targets.clone() {
+            if self.heating.status(heater).target_celsius <= 0.0 {
                 self.set_temperature(heater, f64::from(celsius))?;
             }
         }
-        for (heater, celsius) in Heater::ALL.into_iter().zip(targets_celsius) {
+        for (heater, _) in targets {
             let status = self.heating.status(heater);
-            let is_cold =
-                status.celsius < status.target_celsius - self.heater_settings(heater).residency_window_celsius;
-            if celsius > 0.0 && is_cold {
+            let window_celsius = self.heater_settings(heater)?.residency_window_celsius;
+            if status.celsius < status.target_celsius - window_celsius {
                 self.wait_until_hot(heater).await?;
             }
         }
         Ok(())
     }
 
-    /// M109, M190: until the temperature has stayed near its target for the profile's residency time. S waits only
+    /// M109, M190, M191: until the temperature has stayed near its target for the profile's residency time. S waits only
     /// if it has to heat. M108 ends the wait, not the heating.
     pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
         let cooling_counts = match target {
@@ -95,8 +107,9 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     async fn stay_until_near(&mut self, heater: Heater, cooling_counts: bool) -> Result<(), CommandError> {
+        let settings = self.heater_settings(heater)?;
         self.signals.set_waiting_for_heat(true);
-        let (mut waits, settings) = (self.waits(), self.heater_settings(heater));
+        let mut waits = self.waits();
         let (heating, replies, line) = (&self.heating, self.replies, self.line);
         let outcome = waits
             .for_heat(heater, settings, cooling_counts, heating, |report| match report {

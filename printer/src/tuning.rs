@@ -67,7 +67,7 @@ impl<P: Ports> Printer<'_, P> {
         let [p, i, d, f] = [gains.proportional, gains.integral, gains.derivative, gains.fan].map(marlins);
         match heater {
             Heater::Nozzle => self.replies.say(format_args!("echo:M301 P{p} I{i} D{d} F{f}")),
-            Heater::Bed => self.replies.say(format_args!("echo:M304 P{p} I{i} D{d}")),
+            Heater::Bed | Heater::Chamber => self.replies.say(format_args!("echo:M304 P{p} I{i} D{d}")),
         }
     }
 
@@ -131,9 +131,9 @@ impl<P: Ports> Printer<'_, P> {
     fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
         let (usual, margin, has_fan) = match heater {
             Heater::Nozzle => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
-            Heater::Bed => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
+            Heater::Bed | Heater::Chamber => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
         };
-        let settings = self.heater_settings(heater);
+        let settings = self.heater_settings(heater)?;
         let highest = settings.max_target_celsius.min(settings.max_celsius - margin);
         let celsius = in_range('S', target.map_or(usual, Decimal::to_f64), MIN_CELSIUS, highest.into())?;
         Ok((celsius as f32, has_fan))
@@ -144,7 +144,7 @@ impl<P: Ports> Printer<'_, P> {
     fn tuned(&mut self, heater: Heater, gains: &PidGains, uses: bool) {
         let (name, marlins_name) = match heater {
             Heater::Nozzle => ("nozzle", ""),
-            Heater::Bed => ("bed", "bed"),
+            Heater::Bed | Heater::Chamber => ("bed", "bed"),
         };
         self.replies.send(Reply::Text("PID Autotune finished!"));
         for (letter, gain) in [('p', gains.proportional), ('i', gains.integral), ('d', gains.derivative)] {

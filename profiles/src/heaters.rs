@@ -1,13 +1,15 @@
 //! Range, control and checks of the heaters, and their models on the virtual board.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_printer::{HeaterSettings, HeaterWatch, PidGains};
+use ferrostep_hal_shim::SpareConnector;
+use ferrostep_printer::{ChamberSettings, HeaterSettings, HeaterWatch, PidGains};
 use ferrostep_thermistor::{Thermistor, ThermistorType};
 use ferrostep_virtual_board::HeatedMass;
 
 const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
 const NOZZLE_MAX: Range = range(60.0, 500.0, "degrees Celsius");
 const BED_MAX: Range = range(60.0, 200.0, "degrees Celsius");
+const CHAMBER_MAX: Range = range(50.0, 150.0, "degrees Celsius");
 const PROPORTIONAL: Range = gain(PidGains::PROPORTIONAL, "per degree");
 const INTEGRAL: Range = gain(PidGains::INTEGRAL, "per degree and second");
 const DERIVATIVE: Range = gain(PidGains::DERIVATIVE, "seconds per degree");
@@ -24,7 +26,10 @@ const PULL_UP: Range = range(100.0, 100_000.0, "ohms");
 const WATCH: Range = range(5.0, 120.0, "s");
 const BED_WATCH: Range = range(5.0, 300.0, "s");
 const WATCH_RISE: Range = range(1.0, 20.0, "degrees");
+// A chamber gains a degree in minutes, and its door is opened.
+const CHAMBER_WATCH: Range = range(30.0, 1_200.0, "s");
 const RUNAWAY: Range = range(5.0, 120.0, "s");
+const CHAMBER_RUNAWAY: Range = range(5.0, 1_200.0, "s");
 const RUNAWAY_HYSTERESIS: Range = range(1.0, 20.0, "degrees");
 const BED_RUNAWAY_HYSTERESIS: Range = range(1.0, 30.0, "degrees");
 const POWER: Range = range(1.0, 3_000.0, "W");
@@ -37,10 +42,11 @@ const fn gain([low, high]: [f64; 2], unit: &'static str) -> Range {
     range(low, high, unit)
 }
 
-/// In what the nozzle's heater and the bed's differ.
+/// In what the heaters of nozzle, bed and chamber differ.
 struct Kind {
     max_celsius: Range,
     watch_s: Range,
+    runaway_s: Range,
     hysteresis: Range,
     /// If the profile does not say.
     watch: HeaterWatch,
@@ -51,6 +57,7 @@ struct Kind {
 const NOZZLE: Kind = Kind {
     max_celsius: NOZZLE_MAX,
     watch_s: WATCH,
+    runaway_s: RUNAWAY,
     hysteresis: RUNAWAY_HYSTERESIS,
     watch: HeaterWatch::NOZZLE,
     mass: HeatedMass::NOZZLE,
@@ -60,11 +67,42 @@ const NOZZLE: Kind = Kind {
 const BED: Kind = Kind {
     max_celsius: BED_MAX,
     watch_s: BED_WATCH,
+    runaway_s: RUNAWAY,
     hysteresis: BED_RUNAWAY_HYSTERESIS,
     watch: HeaterWatch::BED,
     mass: HeatedMass::BED,
     mass_in_words: "250 W on 500 J/K",
 };
+
+const CHAMBER: Kind = Kind {
+    max_celsius: CHAMBER_MAX,
+    watch_s: CHAMBER_WATCH,
+    runaway_s: CHAMBER_RUNAWAY,
+    hysteresis: BED_RUNAWAY_HYSTERESIS,
+    watch: HeaterWatch::CHAMBER,
+    mass: HeatedMass::CHAMBER,
+    mass_in_words: "200 W on 4000 J/K, and what the bed loses",
+};
+
+/// The chamber, if its temperature is known.
+pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
+    let table = keys.optional_section(
+        "chamber",
+        "its temperature is not known",
+        "the chamber around the printer: [M141 and M191](heaters.md#a-chamber)",
+    )?;
+    let names = |connectors: [SpareConnector; 3]| connectors.map(|connector| (connector.name(), connector));
+    let thermistor = table
+        .word("thermistor", SpareConnector::THERMISTORS.map(|connector| (connector.name(), connector)))
+        .required("the board's input that its thermistor is connected to");
+    let heater = table
+        .word("heater", names(SpareConnector::HEATERS))
+        .optional("no heater: the bed warms it", "the board's output that its heater is connected to");
+    let mut settings = heater_of(&table, "chamber", &CHAMBER);
+    settings.is_heated = heater.is_some();
+    settings.is_warmed_by_others = true;
+    Some(ChamberSettings { thermistor, heater, settings })
+}
 
 /// Nozzle and bed.
 pub(crate) fn heaters(keys: &Section<'_>) -> [HeaterSettings; 2] {
@@ -73,7 +111,10 @@ pub(crate) fn heaters(keys: &Section<'_>) -> [HeaterSettings; 2] {
 
 /// Range and control of one heater. A prepared job sets its targets, so that it is bound to their end; the rest is apart.
 fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings {
-    let table = keys.section(name, "");
+    heater_of(&keys.section(name, ""), name, kind)
+}
+
+fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings {
     let apart = table.apart();
     let thermistor = thermistor(&apart);
     let min_celsius = apart
@@ -96,7 +137,7 @@ fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings
     let target = range(HEATER_MIN.high, kind.max_celsius.high, "degrees Celsius");
     let max_target_celsius = apart
         .number("max_target_celsius", target.at_most(max_celsius.into(), "at most max_celsius"))
-        .optional("`max_celsius`", "higher targets are refused (M104, M140)");
+        .optional("`max_celsius`", "higher targets are refused (M104, M140, M141)");
     let watch = watch(&apart, kind);
     let residency_window_celsius = apart
         .number("residency_window_celsius", RESIDENCY_WINDOW)
@@ -117,6 +158,8 @@ fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings
         residency_window_celsius,
         residency_ms: milliseconds(apart.number("residency_s", RESIDENCY).required("for this long")),
         mass: mass(&apart, kind),
+        is_heated: true,
+        is_warmed_by_others: false,
     }
 }
 
@@ -223,7 +266,7 @@ fn watch(heater: &Section<'_>, kind: &Kind) -> HeaterWatch {
             as f32,
         runaway_ms: milliseconds(
             heater
-                .number("runaway_s", RUNAWAY)
+                .number("runaway_s", kind.runaway_s)
                 .or(seconds(default.runaway_ms), "once at its target, the temperature may for no longer than this ..."),
         ),
         runaway_celsius: heater.number("runaway_celsius", kind.hysteresis).or(

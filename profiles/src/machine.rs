@@ -127,6 +127,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,
         bed,
+        chamber: heaters::chamber(&apart),
         pause: pause::pause(&apart, &travel),
         fans: fans::fans(&apart),
         filament_sensor: pause::filament_sensor(&apart),

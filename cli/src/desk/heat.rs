@@ -28,7 +28,7 @@ impl DeskHeat {
     pub fn new(profile: &Profile, steps_at_rest: bool) -> Self {
         let mut heaters = profile.virtual_heaters();
         // The first temperatures are there before the first command.
-        let mut control = HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut heaters);
+        let mut control = HeatControl::new(profile.heaters(), profile.fans, &mut heaters);
         if let Some(supply) = profile.power_supply {
             control.set_supply(supply.on_at_start);
             heaters.set_supply(supply.on_at_start);
@@ -120,6 +120,10 @@ impl Heating for DeskHeating<'_> {
         if heat.control.status(heater).target_celsius != before {
             heat.at_rest.disturb();
         }
+    }
+
+    fn chamber_is_heated(&self) -> Option<bool> {
+        self.0.borrow().control.chamber_is_heated()
     }
 
     fn status(&self, heater: Heater) -> HeaterStatus {

@@ -1,5 +1,7 @@
 //! Detects that the heaters' model need not be stepped.
 
+use ferrostep_hal_shim::Heater;
+
 /// Samples over which the temperatures must have stayed: 5 s.
 const REST_SAMPLES: u32 = 500;
 
@@ -25,17 +27,17 @@ pub struct HeaterSample {
 /// Watches the heaters until all are at rest for [`REST_SAMPLES`]: off and no longer cooling, or held at their targets.
 ///
 /// From there on the model would only repeat itself: until a target is changed no check can trip, no wait can end, and all
-/// temperatures stay within [`HELD_CELSIUS`].
+/// temperatures stay within [`HELD_CELSIUS`]; but for a chamber that only the bed warms: it still gains up to 4 degrees in the hours after.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HeatAtRest {
     samples: u32,
-    lowest: [f32; 2],
-    highest: [f32; 2],
+    lowest: [f32; Heater::COUNT],
+    highest: [f32; Heater::COUNT],
 }
 
 impl HeatAtRest {
     /// Takes the heaters as they are after a sample.
-    pub fn note(&mut self, heaters: [HeaterSample; 2]) {
+    pub fn note(&mut self, heaters: [HeaterSample; Heater::COUNT]) {
         self.samples = self.samples.saturating_add(1);
         let mut stays = self.samples > 1;
         for (heater, (lowest, highest)) in heaters.iter().zip(self.lowest.iter_mut().zip(&mut self.highest)) {
@@ -72,7 +74,8 @@ mod tests {
     fn after(samples: impl IntoIterator<Item = [(f32, f32); 2]>) -> HeatAtRest {
         let mut rest = HeatAtRest::default();
         for heaters in samples {
-            rest.note(heaters.map(|(celsius, target_celsius)| HeaterSample { celsius, target_celsius }));
+            let [nozzle, bed] = heaters.map(|(celsius, target_celsius)| HeaterSample { celsius, target_celsius });
+            rest.note([nozzle, bed, HeaterSample { celsius: 22.0, target_celsius: 0.0 }]);
         }
         rest
     }

@@ -45,6 +45,9 @@ impl Passed {
                     | Command::SoftLimits(_)
                     | Command::FilamentSensor(Some(_))
                     | Command::ColdExtrusion { .. }
+                    // The frame has nozzle and bed only.
+                    | Command::SetChamber(_)
+                    | Command::WaitChamber(_)
                     | Command::NozzleGains(_)
                     | Command::BedGains(_)
                     | Command::MotionChoice { .. }

@@ -8,7 +8,7 @@ use ferrostep_host_line::damage::{LineFault, share};
 use ferrostep_virtual_board::HeaterFailure;
 
 /// The kinds of faults, for help and errors.
-pub const KINDS: &str = "nozzle-HOW or bed-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
+pub const KINDS: &str = "nozzle-HOW, bed-HOW or chamber-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
                          drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out, \
                          filament-back, hotend-fan-stuck or hotend-fan-turns";
 
@@ -86,6 +86,7 @@ impl FromStr for FaultKind {
         let heater = match heater {
             "nozzle" => Heater::Nozzle,
             "bed" => Heater::Bed,
+            "chamber" => Heater::Chamber,
             _ => return Err(format!("unknown fault, expected {KINDS}")),
         };
         let failure = match how {

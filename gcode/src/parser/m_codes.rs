@@ -104,7 +104,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         86 => Ok(Command::HeaterTimeout(code.words(remarks)?.whole_up_to(b'S', u16::MAX)?)),
         87 => code.without_words(Command::HeaterTimeout(Some(0)), remarks),
         92 => Ok(Command::StepsPerMm(code.words(remarks)?.axis_limits())),
-        104 | 109 | 140 | 190 => temperature(code, remarks),
+        104 | 109 | 140 | 141 | 190 | 191 => temperature(code, remarks),
         106 | 107 => fan(code, remarks),
         105 => Ok(Command::ReportTemperatures),
         108 => Ok(Command::EndWait),
@@ -261,19 +261,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         999 => Ok(Command::Restart),
         73 => progress(code, remarks),
-        _ if switches_off(code) => Ok(Command::Accepted),
         _ => code.not_executed(remarks),
     }
-}
-
-/// Whether a command that is not executed asks for just that: it switches off what is not there.
-fn switches_off(code: Code<'_>) -> bool {
-    let letter = match code.number {
-        141 => b'S',
-        _ => return false,
-    };
-    let mut remarks = Remarks::default();
-    code.words(&mut remarks).is_ok_and(|mut words| words.value(letter) == Some(Decimal::ZERO))
 }
 
 /// M301 and M304. C and L of M301, what the filament takes, have no effect; its H is RepRapFirmware's, 0 is the bed.
@@ -318,19 +307,24 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
         return Ok(Command::Accepted);
     }
     let target = words.not_negative(b'S')?;
-    if target.is_none() && matches!(code.number, 104 | 140) {
+    if target.is_none() && matches!(code.number, 104 | 140 | 141) {
         words.remark(Remark::WithoutS);
     }
     Ok(match code.number {
         104 => Command::SetNozzle(target),
         140 => Command::SetBed(target),
+        141 => Command::SetChamber(target),
         _ => {
             let wait = match (target, words.not_negative(b'R')?) {
                 (Some(target), _) => WaitTarget::Heating(target),
                 (None, Some(target)) => WaitTarget::HeatingOrCooling(target),
                 (None, None) => WaitTarget::Current,
             };
-            if is_nozzle { Command::WaitNozzle(wait) } else { Command::WaitBed(wait) }
+            match code.number {
+                109 => Command::WaitNozzle(wait),
+                190 => Command::WaitBed(wait),
+                _ => Command::WaitChamber(wait),
+            }
         }
     })
 }

@@ -20,6 +20,7 @@ const ONE: i64 = 1_000_000_000;
 enum Heater {
     Nozzle,
     Bed,
+    Chamber,
 }
 
 /// The words after a name: `KEY=VALUE`.
@@ -124,8 +125,10 @@ impl<'a> NamedWords<'a> {
     /// The heater that a word names; `None`: the machine has no such one, which is remarked.
     #[inline(never)]
     fn heater(&self, key: &str, remarks: &mut Remarks) -> Result<Option<Heater>, ParseError> {
-        let name = self.value(key).ok_or(self.expected())?;
-        for (known, heater) in [("extruder", Heater::Nozzle), ("heater_bed", Heater::Bed)] {
+        // Klipper's chamber is a `heater_generic chamber` or a `temperature_sensor chamber`.
+        let name = self.value(key).and_then(|name| name.rsplit(|byte| *byte == b' ').next()).ok_or(self.expected())?;
+        let known = [("extruder", Heater::Nozzle), ("heater_bed", Heater::Bed), ("chamber", Heater::Chamber)];
+        for (known, heater) in known {
             if is_one_of(known.as_bytes(), name) {
                 return Ok(Some(heater));
             }
@@ -142,8 +145,8 @@ impl<'a> NamedWords<'a> {
 /// The names that are executed, each with how its words are written.
 const EXECUTED: [(&str, &str); 19] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
-    ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
-    ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
+    ("SET_HEATER_TEMPERATURE", "HEATER=extruder, heater_bed or chamber, and TARGET with a number"),
+    ("TEMPERATURE_WAIT", "SENSOR=extruder, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
     ("SET_PRINT_STATS_INFO", "TOTAL_LAYER or CURRENT_LAYER with a number"),
     (
         "SET_INPUT_SHAPER",
@@ -185,6 +188,7 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
             match words.heater("HEATER", remarks)? {
                 Some(Heater::Nozzle) => Command::SetNozzle(target),
                 Some(Heater::Bed) => Command::SetBed(target),
+                Some(Heater::Chamber) => Command::SetChamber(target),
                 None => Command::Accepted,
             }
         }
@@ -264,6 +268,7 @@ fn temperature_wait(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Com
     Ok(match heater.filter(|_| minimum.is_some()) {
         Some(Heater::Nozzle) => Command::WaitNozzle(WaitTarget::Current),
         Some(Heater::Bed) => Command::WaitBed(WaitTarget::Current),
+        Some(Heater::Chamber) => Command::WaitChamber(WaitTarget::Current),
         None => Command::Accepted,
     })
 }

@@ -18,9 +18,14 @@ fn limits_heat_layers_and_pauses_are_executed() {
     reads("SET_HEATER_TEMPERATURE HEATER=extruder TARGET=210", Command::SetNozzle(some("210")));
     reads("SET_HEATER_TEMPERATURE HEATER=heater_bed TARGET=60.5", Command::SetBed(some("60.5")));
     reads("SET_HEATER_TEMPERATURE HEATER=EXTRUDER", Command::SetNozzle(some("0")));
-    let other = "this machine has the heaters extruder and heater_bed; no effect";
-    reads_with("SET_HEATER_TEMPERATURE HEATER=chamber TARGET=40", Command::Accepted, other);
-    reads_with("TEMPERATURE_WAIT SENSOR=chamber MINIMUM=40", Command::Accepted, other);
+    let other = "heaters and thermometers are extruder, heater_bed and chamber; no effect";
+    reads_with("SET_HEATER_TEMPERATURE HEATER=dryer TARGET=40", Command::Accepted, other);
+    reads_with("TEMPERATURE_WAIT SENSOR=raspberry_pi MINIMUM=40", Command::Accepted, other);
+    reads("SET_HEATER_TEMPERATURE HEATER=chamber TARGET=40", Command::SetChamber(some("40")));
+    for name in ["chamber", "'heater_generic chamber'", "\"temperature_sensor Chamber\""] {
+        let text = format!("TEMPERATURE_WAIT SENSOR={name} MINIMUM=40");
+        reads(&text, Command::WaitChamber(WaitTarget::Current));
+    }
     reads("TEMPERATURE_WAIT SENSOR=extruder MINIMUM=200", Command::WaitNozzle(WaitTarget::Current));
     let cooling = "MAXIMUM: cooling is not waited for; no effect";
     let wait = Command::WaitBed(WaitTarget::Current);
@@ -45,12 +50,15 @@ fn what_is_missing_or_malformed_is_refused() {
         ("SET_VELOCITY_LIMIT ACCEL=0", "VELOCITY or ACCEL with a number above 0"),
         ("SET_VELOCITY_LIMIT ACCEL=fast VELOCITY=10", "VELOCITY or ACCEL with a number above 0"),
         ("SET_VELOCITY_LIMIT ACCEL=1e4", "VELOCITY or ACCEL with a number above 0"),
-        ("SET_HEATER_TEMPERATURE TARGET=200", "HEATER=extruder or heater_bed, and TARGET with a number"),
+        ("SET_HEATER_TEMPERATURE TARGET=200", "HEATER=extruder, heater_bed or chamber, and TARGET with a number"),
         (
             "SET_HEATER_TEMPERATURE HEATER=extruder TARGET={t}",
-            "HEATER=extruder or heater_bed, and TARGET with a number",
+            "HEATER=extruder, heater_bed or chamber, and TARGET with a number",
         ),
-        ("TEMPERATURE_WAIT SENSOR=extruder", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
+        (
+            "TEMPERATURE_WAIT SENSOR=extruder",
+            "SENSOR=extruder, heater_bed or chamber, and MINIMUM or MAXIMUM with a number",
+        ),
         ("SET_FAN_SPEED SPEED=1", "FAN with a name, and SPEED with a number from 0 to 1"),
         ("SET_FAN_SPEED FAN=a SPEED=-0.1", "FAN with a name, and SPEED with a number from 0 to 1"),
         ("SET_PIN PIN=light", "PIN with a name, and VALUE with a number from 0 to 1"),

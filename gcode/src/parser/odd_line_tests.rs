@@ -19,7 +19,6 @@ fn commands_without_effect_say_why() {
         assert!(remarks.to_string().ends_with(says) && !remarks.is_unknown(), "{text}: {remarks}");
     }
     // What they ask for is so.
-    reads("M141 S0", Command::Accepted);
     reads("M862.1 P0.4 A0", Command::CheckNozzle(some("0.4")));
     reads_with("M862.1 Q", Command::CheckNozzle(None), "Q has no effect");
     for text in ["M862.3 P \"MK4\"", "M862.3 PMK4", "M862.3 P MK4 "] {

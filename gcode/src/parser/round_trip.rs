@@ -128,6 +128,8 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::WaitNozzle(target) => (109, wait(target)),
         Command::SetBed(target) => (140, given([('S', target)])),
         Command::WaitBed(target) => (190, wait(target)),
+        Command::SetChamber(target) => (141, given([('S', target)])),
+        Command::WaitChamber(target) => (191, wait(target)),
         Command::AutoReportTemperatures { seconds } => (155, given([('S', Some(whole(seconds.into())))])),
         Command::Fan { number, power } => {
             (106, given([('P', Some(whole(number.into()))), ('S', Some(whole(power.into())))]))
@@ -459,6 +461,8 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         of(not_negative()).prop_map(Command::SetBed),
         any_wait().prop_map(Command::WaitNozzle),
         any_wait().prop_map(Command::WaitBed),
+        of(not_negative()).prop_map(Command::SetChamber),
+        any_wait().prop_map(Command::WaitChamber),
         (0u32..1_000_000_000, 0u16..=3600).prop_map(|(size, silence_s)| Command::ReceiveJob { size, silence_s }),
         (0u8..=60).prop_map(|seconds| Command::AutoReportTemperatures { seconds }),
         of(0u8..=60).prop_map(Command::KeepAlive),

@@ -117,6 +117,10 @@ fn heaters_and_fans() {
     reads("M109 R40", Command::WaitNozzle(WaitTarget::HeatingOrCooling(number("40"))));
     reads("M190 R40 S60", Command::WaitBed(WaitTarget::Heating(number("60"))));
     reads("M190", Command::WaitBed(WaitTarget::Current));
+    reads("M141 S50", Command::SetChamber(some("50")));
+    reads_with("M141", Command::SetChamber(None), "without S: no effect");
+    reads("M191 S50", Command::WaitChamber(WaitTarget::Heating(number("50"))));
+    reads("M191 R30", Command::WaitChamber(WaitTarget::HeatingOrCooling(number("30"))));
     assert_eq!(refused("M104 S-5"), "S: -5 is out of range, expected 0 or more");
     assert_eq!(refused("M190 R-0.5"), "R: -0.5 is out of range, expected 0 or more");
     reads("M106", Command::Fan { number: 0, power: 255 });

@@ -8,12 +8,24 @@ fn says(reply: Reply<'_>, text: &str) {
 
 #[test]
 fn temperatures() {
-    let temperatures =
-        Temperatures { nozzle: 21.3, nozzle_target: 0.0, bed: 22.0, bed_target: 60.0, nozzle_power: 0, bed_power: 127 };
+    let temperatures = Temperatures {
+        nozzle: 21.3,
+        nozzle_target: 0.0,
+        bed: 22.0,
+        bed_target: 60.0,
+        nozzle_power: 0,
+        bed_power: 127,
+        chamber: None,
+    };
     says(Reply::OkTemperatures(temperatures), "ok T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127");
     says(Reply::Temperatures(temperatures), " T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127");
     says(Reply::Waiting(temperatures, None), " T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127 W:?");
     says(Reply::Waiting(temperatures, Some(9)), " T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127 W:9");
+    let mut chamber = ChamberTemperature { celsius: 45.0, target: 50.0, power: Some(99) };
+    let with = |chamber| Reply::Temperatures(Temperatures { chamber: Some(chamber), ..temperatures });
+    says(with(chamber), " T:21.30 /0.00 B:22.00 /60.00 C:45.00 /50.00 @:0 B@:127 C@:99");
+    chamber.power = None;
+    says(with(chamber), " T:21.30 /0.00 B:22.00 /60.00 C:45.00 /50.00 @:0 B@:127");
     let odd = Temperatures {
         nozzle: f32::NAN,
         nozzle_target: f32::INFINITY,
@@ -143,7 +155,10 @@ fn firmware() {
         stores_settings: false,
         filament_sensor: false,
         power_supply: false,
+        chamber: false,
     };
+    let warm = Reply::Firmware(FirmwareInfo { chamber: true, ..info }).to_string();
+    assert_eq!(warm, Reply::Firmware(info).to_string().replace("CHAMBER_TEMPERATURE:0", "CHAMBER_TEMPERATURE:1"));
     let switched = Reply::Firmware(FirmwareInfo { power_supply: true, ..info }).to_string();
     assert_eq!(switched, Reply::Firmware(info).to_string().replace("SOFTWARE_POWER:0", "SOFTWARE_POWER:1"));
     let sensed = Reply::Firmware(FirmwareInfo { filament_sensor: true, ..info }).to_string();

@@ -1,6 +1,7 @@
 //! Thermistors: an ADC that converts without end, and a DMA stream that stores its conversions.
 
 use core::sync::atomic::{AtomicU16, Ordering};
+use ferrostep_hal_shim::Heater;
 
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
@@ -125,9 +126,9 @@ pub struct Converter {
     /// Its address, as DMA knows it.
     memory_address: u32,
     /// The last readings that were whole, of the nozzle's and the bed's sensor.
-    last: [u16; 2],
+    last: [u16; Heater::COUNT],
     /// Readings since then.
-    old: [u8; 2],
+    old: [u8; Heater::COUNT],
 }
 
 impl Converter {
@@ -142,7 +143,14 @@ impl Converter {
     ) -> Self {
         registers.switch_clocks_on(RCC_AHB1ENR, 1 << 22);
         registers.switch_clocks_on(RCC_APB2ENR, number.clock());
-        let converter = Self { number, channels, memory, memory_address, last: [u16::MAX; 2], old: [MAX_OLD; 2] };
+        let converter = Self {
+            number,
+            channels,
+            memory,
+            memory_address,
+            last: [u16::MAX; Heater::COUNT],
+            old: [MAX_OLD; Heater::COUNT],
+        };
         converter.begin(registers);
         let is_new = |conversion: &AtomicU16| conversion.load(Ordering::Relaxed) != TAKEN;
         let _comes = (0..FIRST_READING_LOOKS).any(|_| converter.memory.last().is_some_and(is_new));

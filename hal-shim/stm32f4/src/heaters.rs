@@ -16,10 +16,10 @@ pub struct ThermalPins {
     pub converter: ConverterNumber,
     /// Its channels in their turn.
     pub channels: &'static [u8],
-    /// Which of them, by its place, watches the nozzle, and which the bed.
-    pub sensors: [u8; 2],
-    /// Heaters of nozzle and bed.
-    pub heaters: [OutputPin; 2],
+    /// Which of them, by its place, watches which heater; `None` for a heater that the machine does not have.
+    pub sensors: [Option<u8>; Heater::COUNT],
+    /// The heaters' outputs; a chamber may have a thermometer and no heater.
+    pub heaters: [Option<OutputPin>; Heater::COUNT],
     /// The fans by their outputs.
     pub fans: [Option<FanPins>; FanOutput::COUNT],
     /// What switches the power supply of all these, if the machine's can be switched.
@@ -51,8 +51,8 @@ pub struct FanPins {
 pub struct BoardHeaters<R> {
     registers: R,
     converter: Converter,
-    sensors: [u8; 2],
-    heaters: [PwmOutput; 2],
+    sensors: [Option<u8>; Heater::COUNT],
+    heaters: [Option<PwmOutput>; Heater::COUNT],
     fans: [Option<PwmOutput>; FanOutput::COUNT],
     /// The fans' last powers; heaters are set in each sample.
     fan_powers: [u8; FanOutput::COUNT],
@@ -74,7 +74,7 @@ impl<R: Registers> BoardHeaters<R> {
         mut registers: R,
     ) -> Self {
         let mut output = |pin, hz| PwmOutput::start(pin, hz, clocks, &mut registers);
-        let heaters = pins.heaters.map(|pin| output(pin, HEATER_HZ));
+        let heaters = pins.heaters.map(|pin| pin.map(|pin| output(pin, HEATER_HZ)));
         let fans = pins.fans.map(|fan| fan.map(|fan| output(fan.power, FAN_HZ)));
         let has_tachometer = pins.fans.map(|fan| fan.is_some_and(|fan| fan.tachometer.is_some()));
         let converter = Converter::start(pins.converter, pins.channels, memory, memory_address, &mut registers);
@@ -88,7 +88,8 @@ impl<R: Registers> BoardHeaters<R> {
     pub fn tick(&mut self) {
         self.heaters
             .iter_mut()
-            .chain(self.fans.iter_mut().flatten())
+            .chain(self.fans.iter_mut())
+            .flatten()
             .for_each(|output| output.tick(&mut self.registers));
     }
 }
@@ -96,11 +97,13 @@ impl<R: Registers> BoardHeaters<R> {
 impl<R: Registers> ThermalBoard for BoardHeaters<R> {
     fn reading(&mut self, heater: Heater) -> u16 {
         let place = heater.index();
-        self.converter.reading_of_sensor(place, self.sensors[place], &mut self.registers)
+        self.sensors[place].map_or(0, |sensor| self.converter.reading_of_sensor(place, sensor, &mut self.registers))
     }
 
     fn set_power(&mut self, heater: Heater, power: f32) {
-        self.heaters[heater.index()].set(power, &mut self.registers);
+        if let Some(output) = &mut self.heaters[heater.index()] {
+            output.set(power, &mut self.registers);
+        }
     }
 
     fn set_supply(&mut self, on: bool) {
@@ -142,8 +145,8 @@ mod tests {
         let pins = ThermalPins {
             converter: ConverterNumber::Three,
             channels: &[14, 9],
-            sensors: [0, 1],
-            heaters: [pin(0, 2), pin(0, 1)],
+            sensors: [Some(0), Some(1), None],
+            heaters: [Some(pin(0, 2)), Some(pin(0, 1)), None],
             fans: [
                 Some(fan(OutputPin { channel: TimerChannel::named("TIM1_CH1"), ..pin(0, 8) })),
                 Some(fan(pin(4, 5))),
@@ -169,7 +172,7 @@ mod tests {
         for (place, conversion) in memory.iter().enumerate() {
             conversion.store(if place % 2 == 0 { 100 } else { 200 }, Ordering::Relaxed);
         }
-        assert_eq!(Heater::ALL.map(|heater| board.reading(heater)), [1600, 3200]);
+        assert_eq!(Heater::ALL.map(|heater| board.reading(heater)), [1600, 3200, 0]);
         board.set_power(Heater::Bed, 1.0);
         board.set_power(Heater::Nozzle, 0.0);
         board.registers.stores.clear();

@@ -65,10 +65,11 @@ impl VirtualHeater {
     }
 }
 
-/// Two heaters with a thermal model each, and the fans. The hot end's own fan cools neither.
+/// Heaters with a thermal model each, and the fans. The hot end's own fan cools none. What the bed loses warms the chamber.
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
     heaters: [VirtualHeater; 2],
+    chamber: Option<VirtualHeater>,
     fan_powers: [u8; FanOutput::COUNT],
     /// Half turns of the fans so far.
     fan_pulses: [f32; FanOutput::COUNT],
@@ -78,11 +79,19 @@ pub struct VirtualHeaters {
 }
 
 impl VirtualHeaters {
-    /// Heaters that are off and cold: what the nozzle's and the bed's heat, and their thermistors.
-    pub const fn new(nozzle: (HeatedMass, Thermistor), bed: (HeatedMass, Thermistor)) -> Self {
+    /// Heaters that are off and cold: what the nozzle's, the bed's and the chamber's heat, and their thermistors.
+    pub const fn new(
+        nozzle: (HeatedMass, Thermistor),
+        bed: (HeatedMass, Thermistor),
+        chamber: Option<(HeatedMass, Thermistor)>,
+    ) -> Self {
         let heaters = [VirtualHeater::new(nozzle), VirtualHeater::new(bed)];
         Self {
             heaters,
+            chamber: match chamber {
+                Some(chamber) => Some(VirtualHeater::new(chamber)),
+                None => None,
+            },
             fan_powers: [0; FanOutput::COUNT],
             fan_pulses: [0.0; FanOutput::COUNT],
             stuck_fans: [false; FanOutput::COUNT],
@@ -97,6 +106,11 @@ impl VirtualHeaters {
         for heater in &mut self.heaters {
             heater.advance(has_supply, part_power, seconds);
         }
+        if let Some(chamber) = &mut self.chamber {
+            let [_, bed] = &self.heaters;
+            chamber.model.warm(bed.model.loss_w(), seconds);
+            chamber.advance(has_supply, 0, seconds);
+        }
         for ((pulses, power), is_stuck) in self.fan_pulses.iter_mut().zip(self.fan_powers).zip(self.stuck_fans) {
             if has_supply && !is_stuck {
                 let turns = f32::from(power) / 255.0 * FULL_RPM / 60.0 * seconds;
@@ -108,22 +122,43 @@ impl VirtualHeaters {
 
     /// Lets a heater fail, or mends it. A thermistor that was mended reads right from the next moment on.
     pub fn set_failure(&mut self, heater: Heater, failure: Option<HeaterFailure>) {
-        self.heaters[heater.index()].failure = failure;
+        if let Some(heater) = self.heater_mut(heater) {
+            heater.failure = failure;
+        }
     }
 
-    /// True temperature of what a heater heats, whatever its thermistor says, degrees Celsius.
-    pub const fn true_celsius(&self, heater: Heater) -> f32 {
-        self.heaters[heater.index()].model.celsius()
+    /// A heater; `None` for a chamber that the machine does not have.
+    const fn heater(&self, heater: Heater) -> Option<&VirtualHeater> {
+        let [nozzle, bed] = &self.heaters;
+        match heater {
+            Heater::Nozzle => Some(nozzle),
+            Heater::Bed => Some(bed),
+            Heater::Chamber => self.chamber.as_ref(),
+        }
+    }
+
+    const fn heater_mut(&mut self, heater: Heater) -> Option<&mut VirtualHeater> {
+        let [nozzle, bed] = &mut self.heaters;
+        match heater {
+            Heater::Nozzle => Some(nozzle),
+            Heater::Bed => Some(bed),
+            Heater::Chamber => self.chamber.as_mut(),
+        }
+    }
+
+    /// True temperature of what a heater heats, whatever its thermistor says, degrees Celsius; the air's without such a heater.
+    pub fn true_celsius(&self, heater: Heater) -> f32 {
+        self.heater(heater).map_or(AMBIENT_CELSIUS, |heater| heater.model.celsius())
     }
 
     /// Temperature of a heater's thermistor, degrees Celsius: what an exact converter would read.
-    pub const fn thermistor_celsius(&self, heater: Heater) -> f32 {
-        self.heaters[heater.index()].thermistor_celsius
+    pub fn thermistor_celsius(&self, heater: Heater) -> f32 {
+        self.heater(heater).map_or(AMBIENT_CELSIUS, |heater| heater.thermistor_celsius)
     }
 
     /// Last power set for a heater, 0 to 1.
-    pub const fn power(&self, heater: Heater) -> f32 {
-        self.heaters[heater.index()].power
+    pub fn power(&self, heater: Heater) -> f32 {
+        self.heater(heater).map_or(0.0, |heater| heater.power)
     }
 
     /// Lets a fan stand still whatever its power, or mends it.
@@ -144,11 +179,13 @@ impl VirtualHeaters {
 
 impl ThermalBoard for VirtualHeaters {
     fn reading(&mut self, heater: Heater) -> u16 {
-        self.heaters[heater.index()].reading()
+        self.heater(heater).map_or(0, VirtualHeater::reading)
     }
 
     fn set_power(&mut self, heater: Heater, power: f32) {
-        self.heaters[heater.index()].power = power.clamp(0.0, 1.0);
+        if let Some(heater) = self.heater_mut(heater) {
+            heater.power = power.clamp(0.0, 1.0);
+        }
     }
 
     fn set_supply(&mut self, on: bool) {
@@ -176,7 +213,7 @@ mod tests {
     const THERMISTOR: Thermistor = Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 };
 
     fn new() -> VirtualHeaters {
-        VirtualHeaters::new((HeatedMass::NOZZLE, THERMISTOR), (HeatedMass::BED, THERMISTOR))
+        VirtualHeaters::new((HeatedMass::NOZZLE, THERMISTOR), (HeatedMass::BED, THERMISTOR), None)
     }
 
     fn read(heaters: &mut VirtualHeaters, heater: Heater) -> f32 {

@@ -40,6 +40,16 @@ impl HeatedMass {
         dead_time_s: 0.0,
         sensor_lag_s: 0.0,
     };
+
+    /// A closed chamber of half a metre with a heater of 200 W. A bed of 100 C alone warms it to 55 C, in half an hour.
+    pub const CHAMBER: Self = Self {
+        heater_w: 200.0,
+        capacity_j_per_k: 4_000.0,
+        loss_w_per_k: 4.0,
+        fan_loss_w_per_k: 0.0,
+        dead_time_s: 0.0,
+        sensor_lag_s: 0.0,
+    };
 }
 
 /// Powers on their way from the heater to the thermistor: a ring of means, each over a part of the dead time.
@@ -100,6 +110,16 @@ impl ThermalModel {
     /// Temperature now.
     pub const fn celsius(&self) -> f32 {
         self.celsius
+    }
+
+    /// Heat that it loses to the air without a fan, W.
+    pub fn loss_w(&self) -> f32 {
+        self.mass.loss_w_per_k * (self.celsius - AMBIENT_CELSIUS)
+    }
+
+    /// Takes heat from elsewhere, W, for `seconds`.
+    pub fn warm(&mut self, watts: f32, seconds: f32) {
+        self.celsius += watts / self.mass.capacity_j_per_k * seconds;
     }
 
     /// Runs the model for `seconds`, at most a second or so at a time, with the heater at `power` (0 to 1) and the

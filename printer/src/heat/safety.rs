@@ -182,8 +182,11 @@ impl Safety {
         }
         self.follow(celsius, target);
         self.check_phase(settings, celsius)?;
-        self.check_unpowered(&settings.watch, celsius, power)?;
-        self.check_cooling(celsius, power)?;
+        // A chamber that the bed warms rises without power, and stays warm.
+        if !settings.is_warmed_by_others {
+            self.check_unpowered(&settings.watch, celsius, power)?;
+            self.check_cooling(celsius, power)?;
+        }
         self.check_same(&settings.watch, celsius, power, is_tuned)
     }
 

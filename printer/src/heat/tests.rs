@@ -1,5 +1,6 @@
 //! The control and its checks, on the virtual board and against boards that say anything.
 
+mod chamber;
 mod checks;
 mod failures;
 mod properties;
@@ -30,6 +31,8 @@ fn settings(heater: Heater) -> HeaterSettings {
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
             mass: HeatedMass::NOZZLE,
+            is_heated: true,
+            is_warmed_by_others: false,
         },
         Heater::Bed => HeaterSettings {
             thermistor: on_usual_board(ThermistorType::Epcos100k),
@@ -40,6 +43,17 @@ fn settings(heater: Heater) -> HeaterSettings {
             mass: HeatedMass::BED,
             ..settings(Heater::Nozzle)
         },
+        Heater::Chamber => HeaterSettings {
+            thermistor: on_usual_board(ThermistorType::Epcos100k),
+            max_celsius: 90.0,
+            max_target_celsius: 80.0,
+            watch: HeaterWatch::CHAMBER,
+            gains: PidGains { proportional: 0.5, integral: 0.001, derivative: 0.0, fan: 0.0 },
+            residency_window_celsius: 2.0,
+            mass: HeatedMass::CHAMBER,
+            is_warmed_by_others: true,
+            ..settings(Heater::Nozzle)
+        },
     }
 }
 
@@ -48,7 +62,22 @@ fn usual_target(heater: Heater) -> f32 {
     match heater {
         Heater::Nozzle => 215.0,
         Heater::Bed => 60.0,
+        Heater::Chamber => 50.0,
     }
+}
+
+/// Heaters that no other warms. The chamber has tests of its own.
+const ALONE: [Heater; 2] = [Heater::Nozzle, Heater::Bed];
+
+/// Nozzle and bed of these settings on the virtual board, a chamber, and their control.
+fn control_of(
+    [nozzle, bed]: [HeaterSettings; 2],
+    chamber: Option<HeaterSettings>,
+    fan_table: FanTable,
+) -> (HeatControl, VirtualHeaters) {
+    let heated = |settings: HeaterSettings| (settings.mass, settings.thermistor);
+    let mut board = VirtualHeaters::new(heated(nozzle), heated(bed), chamber.map(heated));
+    (HeatControl::new([Some(nozzle), Some(bed), chamber], fan_table, &mut board), board)
 }
 
 /// Control and virtual board in virtual time.
@@ -61,9 +90,8 @@ struct Rig {
 
 impl Rig {
     fn new() -> Self {
-        let [nozzle, bed] = Heater::ALL.map(settings);
-        let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
-        Self { control: HeatControl::new(nozzle, bed, FanSettings::USUAL, &mut board), board, samples: 0 }
+        let (control, board) = control_of(ALONE.map(settings), Some(settings(Heater::Chamber)), FanSettings::USUAL);
+        Self { control, board, samples: 0 }
     }
 
     /// At its usual target for a while.
@@ -119,14 +147,14 @@ fn heating_up_overshoots_by_less_than_three_degrees_and_stays() {
         for fan_power in [0, 255] {
             let mut rig = Rig::new();
             rig.control.set_fan_demand(FanDemand::part(fan_power));
-            let targets = Heater::ALL.map(|heater| usual_target(heater) + further);
-            for heater in Heater::ALL {
+            let targets = ALONE.map(|heater| usual_target(heater) + further);
+            for heater in ALONE {
                 rig.control.set_target(heater, targets[heater.index()]);
             }
             let mut highest = [0.0_f32; 2];
             for second in 0..600 {
                 rig.run(1.0).unwrap();
-                for (index, heater) in Heater::ALL.into_iter().enumerate() {
+                for (index, heater) in ALONE.into_iter().enumerate() {
                     let off = rig.board.true_celsius(heater) - targets[index];
                     highest[index] = highest[index].max(off);
                     assert!(second < 240 || off.abs() < 0.5, "{heater:?} is off by {off} after {second} s");

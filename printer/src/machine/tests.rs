@@ -37,6 +37,8 @@ pub(crate) fn profile() -> Profile {
         residency_window_celsius: 1.0,
         residency_ms: 0,
         mass: HeatedMass::NOZZLE,
+        is_heated: true,
+        is_warmed_by_others: false,
     };
     let homing = AxisHoming {
         end: HomeEnd::Min,
@@ -82,6 +84,7 @@ pub(crate) fn profile() -> Profile {
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,
         bed: heater,
+        chamber: None,
         fans: FanSettings::USUAL,
         filament_sensor: None,
         power_supply: None,

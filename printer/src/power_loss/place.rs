@@ -11,7 +11,7 @@ use crate::profile::FirmwareRetraction;
 use crate::skew::Skew;
 
 /// Of the order of the fields below: another one does not read them.
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
 
 /// Where the height of the motors is in the bytes.
 const STANDS_AT: usize = 1;

@@ -4,7 +4,7 @@
 
 use ferrostep_card::{CardFailure, OpenedFile, Request};
 use ferrostep_gcode::{AxisFlags, AxisWords, CardCommand, Command, Decimal, InterruptedPrint, Real, Reply, WaitTarget};
-use ferrostep_hal_shim::FanOutput;
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::{MotionChoice, StepsPerMm};
 use ferrostep_settings::hash_of;
 
@@ -163,7 +163,7 @@ impl<P: Ports> Printer<'_, P> {
             paused: Paused {
                 modal: self.interpreter.modal,
                 place_10nm: [0; 3],
-                targets_celsius: [0.0; 2],
+                targets_celsius: [0.0; Heater::COUNT],
                 drawn_100pm: 0,
                 load_100pm: 0,
                 pushes_more: false,
@@ -224,24 +224,24 @@ impl<P: Ports> Printer<'_, P> {
         goes_on
     }
 
-    /// What is to be done next on the way back. Bed, then nozzle: the plastic around the nozzle melts before it rises.
+    /// What is to be done next on the way back. Bed, then nozzle: the plastic around the nozzle melts before it rises. The chamber warms
+    /// meanwhile.
     #[inline(never)]
     fn return_step(&mut self, step: usize) -> Option<Command<'static>> {
         let place = self.kept_place().ok()?;
-        let [nozzle, bed] = place
-            .paused
-            .targets_celsius
-            .map(|celsius| WaitTarget::Heating(Decimal::from_nanos((f64::from(celsius) * 1e9) as i64)));
+        let targets = place.paused.targets_celsius;
+        let [nozzle, bed, chamber] = targets.map(|celsius| Decimal::from_nanos((f64::from(celsius) * 1e9) as i64));
         Some(match step {
-            0 => Command::WaitBed(bed),
-            1 => Command::WaitNozzle(nozzle),
+            0 => Command::SetChamber(Some(chamber)),
+            1 => Command::WaitBed(WaitTarget::Heating(bed)),
+            2 => Command::WaitNozzle(WaitTarget::Heating(nozzle)),
             // Draws back and rises; X and Y stay, as they are not homed.
-            2 => {
+            3 => {
                 self.interpreter.modal.homed[2] = true;
                 Command::Pause(AxisWords::default())
             }
-            3 => Command::Home(AxisFlags { x: true, y: true, z: false, e: false }),
-            _ => match (self.profile.fans.get(step - 4), place.fans.get(step - 4)) {
+            4 => Command::Home(AxisFlags { x: true, y: true, z: false, e: false }),
+            _ => match (self.profile.fans.get(step - 5), place.fans.get(step - 5)) {
                 (Some(&Some(FanSettings { name, rule, .. })), Some(&power)) if rule.is_named() => {
                     Command::NamedFan { name, power }
                 }

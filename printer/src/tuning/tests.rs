@@ -35,7 +35,7 @@ impl World {
             profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
         });
         let mut heaters = rig.profile.virtual_heaters();
-        let control = HeatControl::new(rig.profile.nozzle, rig.profile.bed, rig.profile.fans, &mut heaters);
+        let control = HeatControl::new(rig.profile.heaters(), rig.profile.fans, &mut heaters);
         let heat = RefCell::new((control, heaters));
         Self { heat, now_ms: Cell::new(0), signals: Signals::new(), texts: RefCell::default(), rig }
     }

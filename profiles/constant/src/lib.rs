@@ -18,15 +18,16 @@ include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 mod names {
     pub const inf: f64 = f64::INFINITY;
 
+    pub use ferrostep_hal_shim::SpareConnector::*;
     pub use ferrostep_planner::surface::MeshInterpolation::*;
     pub use ferrostep_planner::{
         AccelerationProfile::*, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation::*, Kinematics::*, Limits,
         MotionChoice, PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
-        AxisHoming, BedScrew, BedScrews, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor,
-        FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings,
-        PidGains, PowerSupply, Profile, SafeHoming, Skew,
+        AxisHoming, BedScrew, BedScrews, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings,
+        FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings,
+        PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

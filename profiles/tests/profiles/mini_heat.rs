@@ -21,7 +21,7 @@ impl Mini {
     fn new(profile: &Profile, nozzle_dead_s: f32, weather: Weather, seed: u64) -> Self {
         let thermistors = [profile.nozzle.thermistor, profile.bed.thermistor];
         let mut plant = Plant::new(thermistors, nozzle_dead_s, weather, seed);
-        Self { control: HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut plant), plant }
+        Self { control: HeatControl::new(profile.heaters(), profile.fans, &mut plant), plant }
     }
 
     fn run(&mut self, seconds: f32) -> Result<(), HeatFault> {

@@ -48,17 +48,7 @@ impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
 /// Heaters without mains: they stay at the temperature of the room, and files must allow that (M302).
 #[derive(Debug, Default)]
 pub struct ColdHeaters {
-    nozzle_celsius: f32,
-    bed_celsius: f32,
-}
-
-impl ColdHeaters {
-    fn target(&mut self, heater: Heater) -> &mut f32 {
-        match heater {
-            Heater::Nozzle => &mut self.nozzle_celsius,
-            Heater::Bed => &mut self.bed_celsius,
-        }
-    }
+    targets_celsius: [f32; Heater::COUNT],
 }
 
 /// Temperature of the room, degrees Celsius.
@@ -68,15 +58,11 @@ impl Heating for ColdHeaters {
     type Supply = ferrostep_printer::Present;
 
     fn set_target(&mut self, heater: Heater, celsius: f32) {
-        *self.target(heater) = celsius;
+        self.targets_celsius[heater.index()] = celsius;
     }
 
     fn status(&self, heater: Heater) -> HeaterStatus {
-        let target_celsius = match heater {
-            Heater::Nozzle => self.nozzle_celsius,
-            Heater::Bed => self.bed_celsius,
-        };
-        HeaterStatus { celsius: ROOM_CELSIUS, target_celsius, power: 0.0 }
+        HeaterStatus { celsius: ROOM_CELSIUS, target_celsius: self.targets_celsius[heater.index()], power: 0.0 }
     }
 
     fn all_off(&mut self) {

@@ -35,7 +35,7 @@ fn silence(machine: &Machine, seconds: u32) -> Vec<(f64, String)> {
 }
 
 fn powers(machine: &Machine) -> [f32; 2] {
-    Heater::ALL.map(|heater| machine.heaters().power(heater))
+    [Heater::Nozzle, Heater::Bed].map(|heater| machine.heaters().power(heater))
 }
 
 /// The part of a reply about heaters that rest.

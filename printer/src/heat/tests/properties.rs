@@ -15,8 +15,8 @@ const FANS: FanTable = {
 
 /// A board whose readings a test sets.
 struct AnyBoard {
-    readings: [u16; 2],
-    powers: [f32; 2],
+    readings: [u16; Heater::COUNT],
+    powers: [f32; Heater::COUNT],
     fans: [u8; FanOutput::COUNT],
 }
 
@@ -39,19 +39,17 @@ impl Fans for AnyBoard {
 #[derive(Clone, Debug)]
 enum Event {
     /// This many samples with these readings.
-    Samples([u16; 2], u16),
+    Samples([u16; Heater::COUNT], u16),
     Target(Heater, f32),
     AllOff,
     Restart,
 }
 
 /// Readings, most of them of a temperature that a printer has.
-fn readings() -> impl Strategy<Value = [u16; 2]> {
-    let usual = prop::array::uniform2(0.0_f32..300.0).prop_map(|celsius| {
-        let [nozzle, bed] = Heater::ALL.map(|heater| settings(heater).thermistor.reading(celsius[heater.index()]));
-        [nozzle, bed]
-    });
-    prop_oneof![3 => usual, 1 => any::<[u16; 2]>()]
+fn readings() -> impl Strategy<Value = [u16; Heater::COUNT]> {
+    let usual = prop::array::uniform3(0.0_f32..300.0)
+        .prop_map(|celsius| Heater::ALL.map(|heater| settings(heater).thermistor.reading(celsius[heater.index()])));
+    prop_oneof![3 => usual, 1 => any::<[u16; Heater::COUNT]>()]
 }
 
 fn event() -> impl Strategy<Value = Event> {
@@ -73,10 +71,9 @@ proptest! {
         start in readings(),
         events in prop::collection::vec(event(), 1..60),
     ) {
-        let [nozzle, bed] = Heater::ALL.map(settings);
-        let mut board = AnyBoard { readings: start, powers: [9.0; 2], fans: [0; FanOutput::COUNT] };
-        let mut control = HeatControl::new(nozzle, bed, FANS, &mut board);
-        prop_assert_eq!(board.powers, [0.0; 2]);
+        let mut board = AnyBoard { readings: start, powers: [9.0; Heater::COUNT], fans: [0; FanOutput::COUNT] };
+        let mut control = HeatControl::new(Heater::ALL.map(settings).map(Some), FANS, &mut board);
+        prop_assert_eq!(board.powers, [0.0; Heater::COUNT]);
         let mut tripped = false;
         for event in events {
             match event {
@@ -89,7 +86,7 @@ proptest! {
                         prop_assert_eq!(control.fault().is_some(), tripped);
                         prop_assert!(board.powers.iter().all(|power| (0.0..=1.0).contains(power)));
                         if tripped {
-                            prop_assert_eq!(board.powers, [0.0; 2]);
+                            prop_assert_eq!(board.powers, [0.0; Heater::COUNT]);
                             prop_assert_eq!(board.fans, [255, 255, 255, 255, 0, 0], "all that there are");
                         }
                     }
@@ -117,10 +114,9 @@ proptest! {
         heater in prop::sample::select(&Heater::ALL),
         target in 30.0_f32..120.0,
     ) {
-        let [nozzle, bed] = Heater::ALL.map(settings);
         let room = Heater::ALL.map(|heater| settings(heater).thermistor.reading(22.0));
-        let mut board = AnyBoard { readings: room, powers: [0.0; 2], fans: [0; FanOutput::COUNT] };
-        let mut control = HeatControl::new(nozzle, bed, FANS, &mut board);
+        let mut board = AnyBoard { readings: room, powers: [0.0; Heater::COUNT], fans: [0; FanOutput::COUNT] };
+        let mut control = HeatControl::new(Heater::ALL.map(settings).map(Some), FANS, &mut board);
         control.set_target(heater, target);
         prop_assert!(control.update(&mut board).is_ok());
         prop_assert!(board.powers[heater.index()] > 0.0);
@@ -136,7 +132,7 @@ proptest! {
         if celsius.is_ok_and(|celsius| healthy && celsius < target - watch.runaway_celsius) {
             let outcome = (0..watch.watch_ms / SAMPLE_MS).try_for_each(|_| control.update(&mut board));
             prop_assert!(outcome.is_err());
-            prop_assert_eq!(board.powers, [0.0; 2]);
+            prop_assert_eq!(board.powers, [0.0; Heater::COUNT]);
         }
     }
 }

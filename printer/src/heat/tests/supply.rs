@@ -51,7 +51,7 @@ fn a_fault_keeps_it_off_and_nothing_heats_without_it() {
     rig.control.set_target(Heater::Nozzle, 100.0);
     rig.control.begin_relay(Heater::Bed, 60.0, 3, false);
     rig.run(1.0).unwrap();
-    assert_eq!(Heater::ALL.map(|heater| rig.control.status(heater).target_celsius), [0.0; 2]);
+    assert_eq!(Heater::ALL.map(|heater| rig.control.status(heater).target_celsius), [0.0; Heater::COUNT]);
     rig.control.set_supply(true);
     rig.control.set_target(Heater::Nozzle, 100.0);
     rig.run(1.0).unwrap();

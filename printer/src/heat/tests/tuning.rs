@@ -65,12 +65,10 @@ struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     fn new(model: &'a Model, deviation: f32) -> Self {
-        let mut all = Heater::ALL.map(settings);
+        let mut all = ALONE.map(settings);
         let own = &mut all[model.heater.index()];
         (own.mass, own.max_celsius) = (model.mass, if model.heater == Heater::Nozzle { 295.0 } else { 125.0 });
-        let [nozzle, bed] = all;
-        let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
-        let control = HeatControl::new(nozzle, bed, FanSettings::USUAL, &mut board);
+        let (control, board) = control_of(all, None, FanSettings::USUAL);
         Self { model, control, board: Noisy { board, deviation, random: 7 }, samples: 0 }
     }
 

@@ -30,7 +30,7 @@ fn place() -> Place {
         paused: Paused {
             modal,
             place_10nm: [-1, 2, 3_000_000],
-            targets_celsius: [215.5, 60.0],
+            targets_celsius: [215.5, 60.0, 45.0],
             drawn_100pm: 8_000_000,
             load_100pm: 20_000_000_000,
             pushes_more: false,
@@ -54,7 +54,7 @@ fn other() -> Place {
     let paused = Paused {
         modal: Modal::new(&profile),
         place_10nm: [0; 3],
-        targets_celsius: [0.0; 2],
+        targets_celsius: [0.0; 3],
         drawn_100pm: 0,
         load_100pm: 0,
         pushes_more: false,

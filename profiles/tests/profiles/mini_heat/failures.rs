@@ -22,7 +22,7 @@ impl Rig {
     fn new() -> Self {
         let profile = load("prusa-mini").unwrap();
         let mut board = profile.virtual_heaters();
-        Self { control: HeatControl::new(profile.nozzle, profile.bed, profile.fans, &mut board), board }
+        Self { control: HeatControl::new(profile.heaters(), profile.fans, &mut board), board }
     }
 
     fn run(&mut self, seconds: f32) -> Result<(), HeatFault> {

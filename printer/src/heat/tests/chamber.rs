@@ -1,0 +1,120 @@
+//! A chamber: heated by its own heater, by the bed, or by both.
+
+use super::*;
+
+/// The reason of a fault.
+fn trip(outcome: Result<(), HeatFault>) -> Option<Trip> {
+    outcome.err().map(|fault| {
+        assert_eq!(fault.heater, Heater::Chamber);
+        fault.trip
+    })
+}
+
+/// A machine whose chamber has a thermometer and no heater.
+fn with_a_thermometer() -> Rig {
+    let settings_of_chamber = HeaterSettings { is_heated: false, ..settings(Heater::Chamber) };
+    let (control, board) = control_of(ALONE.map(settings), Some(settings_of_chamber), FanSettings::USUAL);
+    Rig { control, board, samples: 0 }
+}
+
+#[test]
+fn a_chamber_reaches_its_target_and_stays() {
+    let mut rig = Rig::new();
+    rig.control.set_target(Heater::Bed, 60.0);
+    rig.control.set_target(Heater::Chamber, 50.0);
+    rig.run(1_800.0).unwrap();
+    for _ in 0..3_600 {
+        rig.run(1.0).unwrap();
+        let celsius = rig.control.status(Heater::Chamber).celsius;
+        assert!((celsius - 50.0).abs() < settings(Heater::Chamber).residency_window_celsius, "{celsius}");
+    }
+    assert_eq!(rig.control.chamber_is_heated(), Some(true));
+}
+
+/// 33 degrees above the room's temperature without any power of its own: in a nozzle that is a transistor that has failed.
+#[test]
+fn a_bed_may_warm_the_chamber_and_keep_it_warm() {
+    for mut rig in [Rig::new(), with_a_thermometer()] {
+        rig.control.set_target(Heater::Bed, 110.0);
+        rig.run(3.0 * 3_600.0).unwrap();
+        assert!(rig.board.true_celsius(Heater::Chamber) > 55.0);
+        assert_eq!(rig.board.power(Heater::Chamber), 0.0);
+    }
+}
+
+#[test]
+fn a_thermometer_alone_takes_a_target_and_never_power() {
+    let mut rig = with_a_thermometer();
+    rig.control.set_target(Heater::Chamber, 50.0);
+    rig.run(3_600.0).unwrap();
+    let HeaterStatus { celsius, target_celsius, power } = rig.control.status(Heater::Chamber);
+    assert!((celsius - 22.0).abs() < 1.0);
+    assert_eq!((target_celsius, power), (50.0, 0.0));
+    assert_eq!(rig.control.chamber_is_heated(), Some(false));
+    // Its reading is watched all the same.
+    rig.fail(Heater::Chamber, HeaterFailure::ThermistorShorted);
+    assert_eq!(trip(rig.run(1.0)), Some(Trip::Sensor(ferrostep_hal_shim::SensorError::Shorted)));
+}
+
+#[test]
+fn a_dead_heater_and_a_thermistor_that_fell_out_are_noticed() {
+    let watch = HeaterWatch::CHAMBER;
+    let period_s = watch.watch_ms as f32 * 1e-3;
+    for failure in [HeaterFailure::Dead, HeaterFailure::ThermistorFellOut, HeaterFailure::ThermistorFrozen] {
+        let mut rig = Rig::new();
+        rig.fail(Heater::Chamber, failure).control.set_target(Heater::Chamber, 50.0);
+        let (fault, after_s) = rig.fault_after(2.0 * period_s);
+        assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{failure:?}: {fault}");
+        assert!((after_s - period_s).abs() < 1.0, "{failure:?}: {after_s}");
+        assert!(fault.to_string().starts_with("Error:Heating failed, system stopped! Heater_ID: chamber"), "{fault}");
+    }
+    // At its target. A reading that stands still there, with a power that does, too, is noticed at the next target.
+    for failure in [HeaterFailure::Dead, HeaterFailure::ThermistorFellOut] {
+        let mut rig = Rig::new();
+        rig.control.set_target(Heater::Chamber, 50.0);
+        rig.run(3_600.0).unwrap();
+        rig.fail(Heater::Chamber, failure);
+        let (fault, _) = rig.fault_after(3_600.0);
+        let celsius = rig.board.true_celsius(Heater::Chamber);
+        assert!(matches!(fault.trip, Trip::Runaway(_)) && celsius < 70.0, "{failure:?}: {fault}, {celsius}");
+    }
+}
+
+/// A transistor that has failed closed cannot be told from a bed that warms, but for the maximum.
+#[test]
+fn a_heater_that_stays_on_ends_at_the_maximum() {
+    let mut rig = Rig::new();
+    rig.fail(Heater::Chamber, HeaterFailure::StuckOn);
+    rig.control.set_target(Heater::Bed, 100.0);
+    let (fault, _) = rig.fault_after(8.0 * 3_600.0);
+    assert_eq!(fault.heater, Heater::Chamber);
+    assert!(matches!(fault.trip, Trip::TooHot(celsius) if celsius < 90.5), "{fault}");
+}
+
+/// The air that comes in is cold; what it cools is warm again within minutes.
+#[test]
+fn a_door_may_be_opened_for_a_moment_and_not_for_good() {
+    for (open_s, is_noticed) in [(120.0, false), (900.0, true)] {
+        let mut rig = Rig::new();
+        rig.control.set_target(Heater::Chamber, 60.0);
+        rig.run(3_600.0).unwrap();
+        // The thermistor in the draught reads the room.
+        rig.fail(Heater::Chamber, HeaterFailure::ThermistorFellOut);
+        let outcome = rig.run(open_s);
+        assert_eq!(outcome.is_err(), is_noticed, "{open_s} s");
+        if outcome.is_ok() {
+            rig.board.set_failure(Heater::Chamber, None);
+            rig.run(3_600.0).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_machine_without_a_chamber_has_none() {
+    let (mut control, mut board) = control_of(ALONE.map(settings), None, FanSettings::USUAL);
+    control.set_target(Heater::Chamber, 50.0);
+    control.begin_relay(Heater::Chamber, 50.0, 3, false);
+    assert_eq!(control.update(&mut board), Ok(()));
+    assert_eq!(control.status(Heater::Chamber), HeaterStatus::default());
+    assert_eq!((control.chamber_is_heated(), control.relay(Heater::Chamber)), (None, None));
+}
