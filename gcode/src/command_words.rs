@@ -170,7 +170,7 @@ pub struct GainWords {
     pub fan: Option<Decimal>,
 }
 
-/// Target of M104, M109, M140 and M190.
+/// What M109, M190 and M191 wait for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
     /// S: wait only while heating.
@@ -179,4 +179,6 @@ pub enum WaitTarget {
     HeatingOrCooling(Decimal),
     /// Neither: wait for the target that is already set.
     Current,
+    /// MINIMUM of TEMPERATURE_WAIT: wait until it is this warm, whatever the target.
+    AtLeast(Decimal),
 }

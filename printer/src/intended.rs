@@ -14,9 +14,9 @@ const SAME_NOZZLE_MM: f64 = 0.01;
 fn asks_for_cold(command: &Command<'_>) -> bool {
     match command {
         Command::SetChamber(target) => target.is_none_or(|celsius| celsius <= Decimal::ZERO),
-        Command::WaitChamber(WaitTarget::Heating(celsius) | WaitTarget::HeatingOrCooling(celsius)) => {
-            *celsius <= Decimal::ZERO
-        }
+        Command::WaitChamber(
+            WaitTarget::Heating(celsius) | WaitTarget::HeatingOrCooling(celsius) | WaitTarget::AtLeast(celsius),
+        ) => *celsius <= Decimal::ZERO,
         _ => false,
     }
 }

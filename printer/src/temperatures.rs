@@ -7,7 +7,7 @@ use crate::error::CommandError;
 use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
 use crate::printer::Printer;
 use crate::profile::HeaterSettings;
-use crate::waits::WaitReport;
+use crate::waits::{Until, WaitReport};
 
 impl<'a, P: Ports> Printer<'a, P> {
     /// The settings of a heater.
@@ -82,37 +82,38 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// M109, M190, M191: until the temperature has stayed near its target for the profile's residency time. S waits only
     /// if it has to heat. M108 ends the wait, not the heating.
     pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
-        let cooling_counts = match target {
+        let until = match target {
             WaitTarget::Heating(value) => {
                 self.set_temperature(heater, value.to_f64())?;
-                false
+                Until::Near { cooling_counts: false }
             }
             WaitTarget::HeatingOrCooling(value) => {
                 self.set_temperature(heater, value.to_f64())?;
-                true
+                Until::Near { cooling_counts: true }
             }
-            WaitTarget::Current => false,
+            WaitTarget::Current => Until::Near { cooling_counts: false },
+            WaitTarget::AtLeast(value) => Until::AtLeast(value.to_f64() as f32),
         };
         self.print_heats();
         // An M108 from before this command is not meant for it; one during the end of the motion before it is.
         self.signals.take_end_wait();
         self.motion.finish().await?;
-        self.stay_until_near(heater, cooling_counts).await
+        self.wait_until(heater, until).await
     }
 
     /// Waits until a heater with a target has reached it from below. M108 ends the wait.
     pub(crate) async fn wait_until_hot(&mut self, heater: Heater) -> Result<(), CommandError> {
         self.signals.take_end_wait();
-        self.stay_until_near(heater, false).await
+        self.wait_until(heater, Until::Near { cooling_counts: false }).await
     }
 
-    async fn stay_until_near(&mut self, heater: Heater, cooling_counts: bool) -> Result<(), CommandError> {
+    async fn wait_until(&mut self, heater: Heater, until: Until) -> Result<(), CommandError> {
         let settings = self.heater_settings(heater)?;
         self.signals.set_waiting_for_heat(true);
         let mut waits = self.waits();
         let (heating, replies, line) = (&self.heating, self.replies, self.line);
         let outcome = waits
-            .for_heat(heater, settings, cooling_counts, heating, |report| match report {
+            .for_heat(heater, settings, until, heating, |report| match report {
                 WaitReport::Remaining(left_s) => replies.send(Reply::Waiting(temperatures(heating), left_s)),
                 WaitReport::CoolsNoFurther(status) => {
                     let name = heater.name();

@@ -138,13 +138,12 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
-    /// Waits until the temperature of a heater has stayed near its target for the profile's residency time. A heater that is too
-    /// hot is waited for only if `cooling_counts`.
+    /// Waits for a temperature. M108 ends the wait.
     pub async fn for_heat(
         &mut self,
         heater: Heater,
         settings: &HeaterSettings,
-        cooling_counts: bool,
+        until: Until,
         heating: &impl Heating,
         tell: impl Fn(WaitReport<'_>),
     ) -> Result<(), CommandError> {
@@ -159,28 +158,28 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             if self.signals.take_end_wait() {
                 return Ok(());
             }
-            let status = heating.status(heater);
-            let above = status.celsius - status.target_celsius;
+            let (status, now) = (heating.status(heater), self.clock.now_ms());
             if had_target && status.target_celsius <= 0.0 {
                 // During a wait only a fault or a timeout takes a target away.
                 return Err(CommandError::HeatersTimedOut);
             }
-            if status.target_celsius <= 0.0 || !cooling_counts && above > settings.residency_window_celsius {
-                return Ok(());
-            }
-            let now = self.clock.now_ms();
-            if above.abs() > settings.residency_window_celsius {
-                near_since = None;
-            }
-            let near = above.abs() <= settings.residency_window_celsius;
-            if above > settings.residency_window_celsius && cooling.is_over(now, status.celsius) {
-                tell(WaitReport::CoolsNoFurther(&status));
-                return Ok(());
-            }
-            let left_ms = near.then(|| {
-                let since = *near_since.get_or_insert(now);
-                u64::from(settings.residency_ms).saturating_sub(now - since)
-            });
+            let left_ms = match until {
+                Until::AtLeast(celsius) => (status.celsius >= celsius).then_some(0),
+                Until::Near { cooling_counts } => {
+                    let above = status.celsius - status.target_celsius;
+                    let is_above = above > settings.residency_window_celsius;
+                    if status.target_celsius <= 0.0 || !cooling_counts && is_above {
+                        return Ok(());
+                    }
+                    if is_above && cooling.is_over(now, status.celsius) {
+                        tell(WaitReport::CoolsNoFurther(&status));
+                        return Ok(());
+                    }
+                    let is_near = above.abs() <= settings.residency_window_celsius;
+                    near_since = is_near.then(|| near_since.unwrap_or(now));
+                    near_since.map(|since| u64::from(settings.residency_ms).saturating_sub(now - since))
+                }
+            };
             if left_ms == Some(0) {
                 return Ok(());
             }
@@ -191,6 +190,18 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             self.clock.delay_ms(LOOK_MS as u32).await;
         }
     }
+}
+
+/// What a wait for heat waits for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Until {
+    /// The temperature has stayed near its target for the profile's residency time.
+    Near {
+        /// A heater that is too hot is waited for, too.
+        cooling_counts: bool,
+    },
+    /// It is this warm, degrees Celsius.
+    AtLeast(f32),
 }
 
 /// Reports of a wait for heat.

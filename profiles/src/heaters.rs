@@ -1,6 +1,6 @@
 //! Range, control and checks of the heaters, and their models on the virtual board.
 
-use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_checked_toml::{Field, Range, Section, range};
 use ferrostep_hal_shim::SpareConnector;
 use ferrostep_printer::{ChamberSettings, HeaterSettings, HeaterWatch, PidGains};
 use ferrostep_thermistor::{Thermistor, ThermistorType};
@@ -52,6 +52,15 @@ struct Kind {
     watch: HeaterWatch,
     mass: HeatedMass,
     mass_in_words: &'static str,
+    /// If the profile does not say; `None` where it must.
+    control: Option<Control>,
+}
+
+/// How a heater is held, and when it counts as near its target.
+struct Control {
+    gains: PidGains,
+    window_celsius: f64,
+    residency_s: f64,
 }
 
 const NOZZLE: Kind = Kind {
@@ -62,6 +71,7 @@ const NOZZLE: Kind = Kind {
     watch: HeaterWatch::NOZZLE,
     mass: HeatedMass::NOZZLE,
     mass_in_words: "40 W on 12 J/K",
+    control: None,
 };
 
 const BED: Kind = Kind {
@@ -72,6 +82,7 @@ const BED: Kind = Kind {
     watch: HeaterWatch::BED,
     mass: HeatedMass::BED,
     mass_in_words: "250 W on 500 J/K",
+    control: None,
 };
 
 const CHAMBER: Kind = Kind {
@@ -82,6 +93,12 @@ const CHAMBER: Kind = Kind {
     watch: HeaterWatch::CHAMBER,
     mass: HeatedMass::CHAMBER,
     mass_in_words: "200 W on 4000 J/K, and what the bed loses",
+    // Full power from 2 degrees below the target on: air is slow, and nobody tunes a thermometer.
+    control: Some(Control {
+        gains: PidGains { proportional: 0.5, integral: 0.001, derivative: 0.0, fan: 0.0 },
+        window_celsius: 2.0,
+        residency_s: 10.0,
+    }),
 };
 
 /// The chamber, if its temperature is known.
@@ -139,10 +156,20 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSett
         .number("max_target_celsius", target.at_most(max_celsius.into(), "at most max_celsius"))
         .optional("`max_celsius`", "higher targets are refused (M104, M140, M141)");
     let watch = watch(&apart, kind);
-    let residency_window_celsius = apart
-        .number("residency_window_celsius", RESIDENCY_WINDOW)
-        .required("at most `runaway_celsius`: M109 (M190) waits until the temperature has stayed this near the target")
-        as f32;
+    let or = |field: Field<'_, f64>, default: Option<f64>, about: &'static str| match default {
+        Some(default) => field.or(default, about),
+        None => field.required(about),
+    };
+    let residency_window_celsius = or(
+        apart.number("residency_window_celsius", RESIDENCY_WINDOW),
+        kind.control.as_ref().map(|control| control.window_celsius),
+        "at most `runaway_celsius`: M109 (M190, M191) waits until the temperature has stayed this near the target",
+    ) as f32;
+    let residency_s = or(
+        apart.number("residency_s", RESIDENCY),
+        kind.control.as_ref().map(|control| control.residency_s),
+        "for this long",
+    );
     if residency_window_celsius > watch.runaway_celsius {
         // What M109 takes for reached would be a runaway.
         let expected = format!("at most {name}.runaway_celsius = {}", watch.runaway_celsius);
@@ -154,9 +181,9 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSett
         max_celsius,
         max_target_celsius: max_target_celsius.map_or(max_celsius, |celsius| celsius as f32),
         watch,
-        gains: gains(&apart),
+        gains: gains(&apart, kind),
         residency_window_celsius,
-        residency_ms: milliseconds(apart.number("residency_s", RESIDENCY).required("for this long")),
+        residency_ms: milliseconds(residency_s),
         mass: mass(&apart, kind),
         is_heated: true,
         is_warmed_by_others: false,
@@ -164,12 +191,23 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSett
 }
 
 /// The gains of a heater's control loop.
-fn gains(heater: &Section<'_>) -> PidGains {
+fn gains(heater: &Section<'_>, kind: &Kind) -> PidGains {
+    let gain = |key, range, about: [&'static str; 2], default: fn(&PidGains) -> f32| {
+        let (field, [found, set]) = (heater.number(key, range), about);
+        match &kind.control {
+            None => field.required(found) as f32,
+            Some(control) => field.or(default(&control.gains).into(), set) as f32,
+        }
+    };
     PidGains {
-        proportional: heater.number("proportional", PROPORTIONAL).required("PID gain; power is 0 to 1 (M303 finds it)")
-            as f32,
-        integral: heater.number("integral", INTEGRAL).required("PID gain (M303)") as f32,
-        derivative: heater.number("derivative", DERIVATIVE).required("PID gain (M303)") as f32,
+        proportional: gain(
+            "proportional",
+            PROPORTIONAL,
+            ["PID gain; power is 0 to 1 (M303 finds it)", "PID gain; power is 0 to 1"],
+            |gains| gains.proportional,
+        ),
+        integral: gain("integral", INTEGRAL, ["PID gain (M303)", "PID gain"], |gains| gains.integral),
+        derivative: gain("derivative", DERIVATIVE, ["PID gain (M303)", "PID gain"], |gains| gains.derivative),
         fan: heater
             .number("fan_gain", FAN)
             .or(0.0, "power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)")

@@ -56,6 +56,7 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
     }
     reading.inverted();
     reading.shaper();
+    reading.chamber();
     reading.fans();
     reading.retraction();
     reading.filament_sensor();

@@ -342,6 +342,7 @@ impl<'a> Reading<'a> {
                 }
             }
         }
+        self.chamber();
         for (name, path) in [
             ("EXTRUDE_MINTEMP", "min_extrusion_celsius"),
             ("WATCH_TEMP_PERIOD", "nozzle.watch_s"),
@@ -356,6 +357,34 @@ impl<'a> Reading<'a> {
             ("TEMP_BED_RESIDENCY_TIME", "bed.residency_s"),
             ("TEMP_WINDOW", "nozzle.residency_window_celsius"),
             ("TEMP_BED_WINDOW", "bed.residency_window_celsius"),
+        ] {
+            self.keep_number(name, path, |number| number);
+        }
+    }
+
+    /// A chamber's thermometer; its heater is in the board's pins, where no settings are read.
+    fn chamber(&mut self) {
+        let Some(number) = self.number("TEMP_SENSOR_CHAMBER").filter(|number| *number != 0.0) else { return };
+        let Some(value) = sensor(number) else {
+            return self.lose("TEMP_SENSOR_CHAMBER", "no sensor that a profile knows: set it by hand");
+        };
+        self.keep(
+            "TEMP_SENSOR_CHAMBER",
+            "chamber.sensor",
+            value,
+            "name the board's connectors: chamber.thermistor, and chamber.heater if it has one",
+        );
+        self.draft.put("chamber.thermistor", "nozzle1");
+        self.draft.put("chamber.min_celsius", 0.0);
+        self.draft.put("chamber.max_celsius", 90.0);
+        for (name, path) in [
+            ("CHAMBER_MINTEMP", "chamber.min_celsius"),
+            ("CHAMBER_MAXTEMP", "chamber.max_celsius"),
+            ("TEMP_CHAMBER_HYSTERESIS", "chamber.residency_window_celsius"),
+            ("WATCH_CHAMBER_TEMP_PERIOD", "chamber.watch_s"),
+            ("WATCH_CHAMBER_TEMP_INCREASE", "chamber.watch_celsius"),
+            ("THERMAL_PROTECTION_CHAMBER_PERIOD", "chamber.runaway_s"),
+            ("THERMAL_PROTECTION_CHAMBER_HYSTERESIS", "chamber.runaway_celsius"),
         ] {
             self.keep_number(name, path, |number| number);
         }

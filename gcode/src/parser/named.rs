@@ -265,10 +265,11 @@ fn temperature_wait(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Com
     } else if minimum.is_none() {
         return Err(words.expected());
     }
-    Ok(match heater.filter(|_| minimum.is_some()) {
-        Some(Heater::Nozzle) => Command::WaitNozzle(WaitTarget::Current),
-        Some(Heater::Bed) => Command::WaitBed(WaitTarget::Current),
-        Some(Heater::Chamber) => Command::WaitChamber(WaitTarget::Current),
+    Ok(match heater.zip(minimum) {
+        Some((Heater::Nozzle, _)) => Command::WaitNozzle(WaitTarget::Current),
+        Some((Heater::Bed, _)) => Command::WaitBed(WaitTarget::Current),
+        // A chamber without a heater has no target.
+        Some((Heater::Chamber, minimum)) => Command::WaitChamber(WaitTarget::AtLeast(minimum)),
         None => Command::Accepted,
     })
 }

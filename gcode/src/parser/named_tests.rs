@@ -24,7 +24,7 @@ fn limits_heat_layers_and_pauses_are_executed() {
     reads("SET_HEATER_TEMPERATURE HEATER=chamber TARGET=40", Command::SetChamber(some("40")));
     for name in ["chamber", "'heater_generic chamber'", "\"temperature_sensor Chamber\""] {
         let text = format!("TEMPERATURE_WAIT SENSOR={name} MINIMUM=40");
-        reads(&text, Command::WaitChamber(WaitTarget::Current));
+        reads(&text, Command::WaitChamber(WaitTarget::AtLeast(number("40"))));
     }
     reads("TEMPERATURE_WAIT SENSOR=extruder MINIMUM=200", Command::WaitNozzle(WaitTarget::Current));
     let cooling = "MAXIMUM: cooling is not waited for; no effect";

@@ -72,6 +72,7 @@ fn wait(target: WaitTarget) -> Words {
         WaitTarget::Heating(value) => given([('S', Some(value))]),
         WaitTarget::HeatingOrCooling(value) => given([('R', Some(value))]),
         WaitTarget::Current => Words::new(),
+        WaitTarget::AtLeast(_) => unreachable!("a word of TEMPERATURE_WAIT"),
     }
 }
 

@@ -154,11 +154,15 @@ impl Plant {
     }
 
     fn connect_heat(&mut self, board: &Board, printer: &Printer, seed: u64) -> Result<(), String> {
+        let chamber = printer.chamber.as_ref();
+        let of_chamber = chamber.and_then(|chamber| chamber.heater.as_deref());
         for heater in &board.heaters {
-            let settings = if heater.name == "bed" { printer.bed.as_ref() } else { Some(&printer.nozzle) };
             // Default values for a heater without a model in the profile.
-            let (power_w, capacity_j_per_k, loss_w_per_k) =
-                if heater.name == "bed" { (250.0, 500.0, 2.0) } else { (40.0, 12.0, 0.074) };
+            let (settings, (power_w, capacity_j_per_k, loss_w_per_k)) = match heater.name.as_str() {
+                "bed" => (printer.bed.as_ref(), (250.0, 500.0, 2.0)),
+                name if of_chamber == Some(name) => (chamber.map(|chamber| &chamber.settings), (200.0, 4000.0, 4.0)),
+                _ => (Some(&printer.nozzle), (40.0, 12.0, 0.074)),
+            };
             let mut config = heat::Config {
                 power_w,
                 capacity_j_per_k,
@@ -199,11 +203,15 @@ impl Plant {
             });
         }
         for (index, place) in board.thermistors.iter().enumerate() {
-            let heater = board.heaters.iter().position(|heater| heater.sensor == place.name);
+            let chamber = chamber.filter(|chamber| chamber.thermistor == place.name);
+            let heater = match chamber {
+                Some(chamber) => board.heaters.iter().position(|heater| Some(&heater.name) == chamber.heater.as_ref()),
+                None => board.heaters.iter().position(|heater| heater.sensor == place.name),
+            };
             let kind = place.kind.or(match place.name.as_str() {
                 "nozzle" => Some(printer.nozzle.sensor),
                 "bed" => printer.bed.as_ref().map(|bed| bed.sensor),
-                _ => None,
+                _ => chamber.map(|chamber| chamber.settings.sensor),
             });
             let mut thermistor = Thermistor::new(ThermistorConfig {
                 curve: kind.map_or_else(Curve::epcos_b57560g104f, curve),

@@ -25,6 +25,8 @@ pub struct Printer {
     pub nozzle: HeaterSettings,
     /// The heated bed, if the printer has one.
     pub bed: Option<HeaterSettings>,
+    /// The chamber's thermometer, and its heater if it has one.
+    pub chamber: Option<Chamber>,
     /// Step and direction signals.
     pub signals: DriverSignals,
     /// Settings of drivers with a serial line.
@@ -166,6 +168,18 @@ pub struct HeaterSettings {
     pub model: Option<HeaterModel>,
 }
 
+/// A chamber, at connectors of the board.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Chamber {
+    /// The thermistor's input.
+    pub thermistor: String,
+    /// The heater's output.
+    pub heater: Option<String>,
+    /// The heater and the thermistor.
+    #[serde(flatten)]
+    pub settings: HeaterSettings,
+}
+
 /// The heated mass of a heater.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, Deserialize)]
 pub struct HeaterModel {
@@ -285,6 +299,9 @@ impl Printer {
         }
         let nozzle = heater(file, "nozzle", raw.nozzle)?;
         let bed = raw.bed.map(|bed| heater(file, "bed", bed)).transpose()?;
+        if let Some(chamber) = &raw.chamber {
+            heater(file, "chamber", chamber.settings)?;
+        }
         let homing = raw.homing;
         let travel = [[lower_end_mm[0], size_mm[0]], [lower_end_mm[1], size_mm[1]]];
         let drivers = [raw.drivers.x, raw.drivers.y, raw.drivers.z, raw.drivers.e];
@@ -319,6 +336,7 @@ impl Printer {
             },
             nozzle,
             bed,
+            chamber: raw.chamber,
             signals: DriverSignals {
                 pulse_width_us: driver.pulse_width_us,
                 direction_setup_us: driver.direction_setup_us,
@@ -403,6 +421,7 @@ struct RawPrinter {
     homing: RawHoming,
     nozzle: HeaterSettings,
     bed: Option<HeaterSettings>,
+    chamber: Option<Chamber>,
     driver: RawDriver,
     #[serde(default)]
     drivers: RawDrivers,

@@ -13,6 +13,7 @@ mod board_pins;
 #[path = "../../../tests/tests/firmware/boards.rs"]
 mod boards;
 mod boot_loader;
+mod chamber;
 mod choices;
 mod eeprom;
 mod emergency;

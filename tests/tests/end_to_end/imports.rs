@@ -307,6 +307,49 @@ fn a_switched_supply_is_kept_and_other_outputs_are_named() {
 }
 
 #[test]
+fn a_chamber_is_kept_with_its_thermometer_or_its_heater() {
+    let klipper = |text: &str| {
+        let text = format!("[printer]\nkinematics: corexy\n[stepper_x]\nrotation_distance: 40\nmicrosteps: 16\n{text}");
+        serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+    };
+    // As most machines of this kind have it, whose bed warms their chamber.
+    let imported = klipper(
+        "[temperature_sensor chamber_temp]\nsensor_type: Generic 3950\nsensor_pin: PF5\nmin_temp: 0\nmax_temp: 100\n\
+         gcode_id: C\n",
+    );
+    says(
+        &imported,
+        "chamber = { thermistor = \"nozzle1\", min_celsius = 0, max_celsius = 100, \
+         sensor = { celsius = [25, 150, 250], ohm = [100000, 1770, 230] } }",
+    );
+    assert!(profile(&imported)["chamber"].get("heater").is_none());
+    let imported = klipper(
+        "[heater_generic chamber]\nheater_pin: PB10\nsensor_type: EPCOS 100K B57560G104F\nsensor_pin: PF6\n\
+         control: watermark\nmin_temp: 0\nmax_temp: 70\n[verify_heater heater_generic chamber]\ncheck_gain_time: 600\n",
+    );
+    says(
+        &imported,
+        "chamber = { thermistor = \"nozzle1\", heater = \"nozzle1\", min_celsius = 0, max_celsius = 70, \
+         sensor = \"epcos-100k\", watch_s = 600 }",
+    );
+    // No thermistor, no chamber.
+    let imported = klipper("[temperature_sensor chamber]\nsensor_type: BME280\ni2c_address: 118\n");
+    assert!(!profile(&imported).contains_key("chamber"));
+    assert!(lost(&imported, "[temperature_sensor chamber] sensor_type").unwrap().contains("nozzle, bed and chamber"));
+
+    let imported = marlin(
+        "#define TEMP_SENSOR_CHAMBER 1\n#define CHAMBER_MINTEMP 5\n#define CHAMBER_MAXTEMP 60\n\
+         #define TEMP_CHAMBER_HYSTERESIS 1\n",
+    );
+    says(
+        &imported,
+        "chamber = { thermistor = \"nozzle1\", sensor = \"epcos-100k\", min_celsius = 5, max_celsius = 60, \
+         residency_window_celsius = 1 }",
+    );
+    assert!(!profile(&marlin("#define TEMP_SENSOR_CHAMBER 0\n")).contains_key("chamber"));
+}
+
+#[test]
 fn a_value_that_cannot_be_worked_out_is_said() {
     let imported = marlin(
         "#define DEFAULT_MAX_FEEDRATE { 300, FAST(2), 5, 25 }\n#define X_MAX_POS SIZE\n#define Y_MAX_POS double(190)\n",

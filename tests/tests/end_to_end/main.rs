@@ -7,6 +7,7 @@ mod against_klipper;
 mod bad_input;
 mod bad_words;
 mod calibration;
+mod chamber;
 mod command;
 mod core_xz;
 mod desk;

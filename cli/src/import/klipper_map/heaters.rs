@@ -2,8 +2,14 @@
 
 use toml::Value;
 
-use super::{FULL_POWER, Reading};
+use super::{Entry, FULL_POWER, Reading};
 use crate::import::sensor::{beta_table, points};
+
+/// A chamber's thermistor, and its heater, until somebody names the board's connectors.
+const CHAMBER_CONNECTOR: &str = "nozzle1";
+const CHECK_CONNECTOR: &str = "name the board's connector that it hangs at";
+/// A chamber's thermometer without a limit of its own.
+const CHAMBER_MAX_CELSIUS: f64 = 90.0;
 
 impl Reading<'_> {
     pub(super) fn extruder(&mut self) {
@@ -61,6 +67,29 @@ impl Reading<'_> {
         {
             self.keep_number(&watch, key, &[&path(name)], same);
         }
+    }
+
+    /// A chamber that is heated, or whose temperature alone is known. Klipper calls neither a chamber; people do.
+    pub(super) fn chamber(&mut self) {
+        let is_chamber = |name: &str| name.to_ascii_lowercase().contains("chamber");
+        let find = |kind: &str| {
+            let mut names = self.config.sections.iter().map(|section| section.name.as_str());
+            names.find(|section| section.split_once(' ').is_some_and(|(of, name)| of == kind && is_chamber(name)))
+        };
+        let Some(section) = find("heater_generic").or_else(|| find("temperature_sensor")) else { return };
+        let known = |entry: &Entry| {
+            self.config.section(&format!("thermistor {}", entry.value)).is_some() || sensor(&entry.value).is_some()
+        };
+        if !self.entry(section, "sensor_type").is_some_and(known) {
+            return;
+        }
+        // Klipper's thermometers need no limits.
+        self.draft.put("chamber.min_celsius", 0.0);
+        self.draft.put("chamber.max_celsius", CHAMBER_MAX_CELSIUS);
+        self.draft.put("chamber.thermistor", CHAMBER_CONNECTOR);
+        self.heater(section, "chamber");
+        self.keep(section, "sensor_pin", &["chamber.thermistor"], CHAMBER_CONNECTOR, CHECK_CONNECTOR);
+        self.keep(section, "heater_pin", &["chamber.heater"], CHAMBER_CONNECTOR, CHECK_CONNECTOR);
     }
 
     /// The sensor of a section `[thermistor NAME]`: three points, or one and a beta.

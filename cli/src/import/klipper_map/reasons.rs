@@ -41,7 +41,7 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         "virtual_sdcard" | "pause_resume" | "display_status" | "respond" | "exclude_object" | "gcode_arcs"
         | "save_variables" => "Klipper's own module",
         "adxl345" | "resonance_tester" | "lis2dw" | "mpu9250" => "an accelerometer is the board's",
-        "temperature_sensor" | "heater_generic" => "two heaters with their sensors: nozzle and bed",
+        "temperature_sensor" | "heater_generic" => "heaters and thermometers are those of nozzle, bed and chamber",
         _ if key.ends_with("_pin") || key == "pin" || key == "serial" || key == "uart_address" => {
             "pins are the board's"
         }
