@@ -69,20 +69,19 @@ pub fn compiler_version() -> Result<String, Failure> {
 
 /// What a compiler calls the folders of this computer in what it builds: the root of the sources, cargo's copies of others' sources, those of the
 /// core library, and what build scripts have written. Panics and debug information name source files, and an image would otherwise differ with the folder in
-/// which, and the person by whom, it is built.
+/// which, and the person by whom, it is built. The names are short, for each file's is in an image's flash; our own sources are named from their root, where a
+/// debugger finds them.
 ///
 /// # Errors
 /// The compiler does not say where it is.
 pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
     let sysroot = rustc_prints(&["sysroot"]).ok_or("`rustc --print sysroot` fails")?;
-    let version = system::output(Command::new("rustc").arg("-vV").current_dir(system::root())).unwrap_or_default();
-    // The compiler's own name of this folder where the core library is installed.
-    let commit = version.lines().find_map(|line| line.strip_prefix("commit-hash: ")).unwrap_or("unknown");
-    let mut folders = vec![(system::root(), "/ferrostep".to_owned())];
-    if let Some(home) = system::cargo_home() {
-        folders.push((home.join("registry/src"), "/registry".to_owned()));
+    let mut folders = vec![(system::root(), String::new())];
+    let registries = system::cargo_home().and_then(|home| home.join("registry/src").read_dir().ok());
+    for registry in registries.into_iter().flatten().flatten() {
+        folders.push((registry.path(), "/crates".to_owned()));
     }
-    folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust"), format!("/rustc/{commit}")));
+    folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust/library"), "/rust".to_owned()));
     // Last, for the last that fits counts, and this one lies within the root unless cargo has another setting.
     folders.push((system::target_directory(), "/target".to_owned()));
     // The compiler gets paths as they are written, and asks the system for the folder that it runs in.
