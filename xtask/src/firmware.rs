@@ -383,8 +383,7 @@ mod tests {
             std::fs::write(&file, text).unwrap();
             names_no_folder(&file)
         };
-        let (named, unnamed) =
-            (checked(format!("x{}/y", system::root().display())), checked("printer/y".to_owned()));
+        let (named, unnamed) = (checked(format!("x{}/y", system::root().display())), checked("printer/y".to_owned()));
         std::fs::remove_file(&file).unwrap();
         assert!(named.unwrap_err().contains("names /"));
         assert_eq!(unnamed, Ok(()));

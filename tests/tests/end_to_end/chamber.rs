@@ -62,6 +62,8 @@ fn m191_waits_until_it_is_warm() {
         host.say("G4 S1");
         assert!(machine.heaters().power(Heater::Chamber) > 0.0, "{off}");
         host.say(off);
+        // One sample of the control later.
+        host.say("G4 P20");
         assert_eq!(machine.heaters().power(Heater::Chamber), 0.0, "{off}");
         host.say("M999");
     }
@@ -103,7 +105,7 @@ fn a_profile_s_mistakes_are_named() {
         ("thermistor = \"nozzle1\"", "thermistor = \"nozzle\"", "chamber.thermistor"),
         (HEATED, "heater = \"probe\"", "chamber.heater"),
         ("max_celsius = 80", "max_celsius = 300", "chamber.max_celsius"),
-        ("residency_s = 5\n", "", "chamber.residency_s"),
+        ("residency_s = 5", "residency_s = -5", "chamber.residency_s"),
         ("min_celsius = 0", "min_celsius = 0\nwatch_s = 5", "chamber.watch_s"),
     ] {
         let text = text(HEATED);

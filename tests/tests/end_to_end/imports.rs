@@ -320,7 +320,7 @@ fn a_chamber_is_kept_with_its_thermometer_or_its_heater() {
     says(
         &imported,
         "chamber = { thermistor = \"nozzle1\", min_celsius = 0, max_celsius = 100, \
-         sensor = { celsius = [25, 150, 250], ohm = [100000, 1770, 230] } }",
+         sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1770.0, 230.0] } }",
     );
     assert!(profile(&imported)["chamber"].get("heater").is_none());
     let imported = klipper(
