@@ -53,9 +53,9 @@ pub enum SpareConnector {
     /// A fourth nozzle's.
     Nozzle3,
     /// A thermistor beside the probe.
-    Probe,
+    ProbeThermistor,
     /// A thermistor on the board.
-    Board,
+    BoardThermistor,
 }
 
 impl SpareConnector {
@@ -63,7 +63,8 @@ impl SpareConnector {
     pub const HEATERS: [Self; 3] = [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3];
 
     /// All that have a thermistor's input.
-    pub const THERMISTORS: [Self; 5] = [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3, Self::Probe, Self::Board];
+    pub const THERMISTORS: [Self; 5] =
+        [Self::Nozzle1, Self::Nozzle2, Self::Nozzle3, Self::ProbeThermistor, Self::BoardThermistor];
 
     /// Its name in a board's file: `nozzle1` ...
     pub const fn name(self) -> &'static str {
@@ -71,8 +72,8 @@ impl SpareConnector {
             Self::Nozzle1 => "nozzle1",
             Self::Nozzle2 => "nozzle2",
             Self::Nozzle3 => "nozzle3",
-            Self::Probe => "probe",
-            Self::Board => "board",
+            Self::ProbeThermistor => "probe",
+            Self::BoardThermistor => "board",
         }
     }
 }

@@ -97,10 +97,10 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
 const IMAGE_LEVELS: [(&str, &str); 6] = [
     ("ferrostep-card", "\"z\""),
     ("ferrostep-gcode", "\"z\""),
-    ("ferrostep-gpre", "\"s\""),
-    ("ferrostep-planner", "\"s\""),
+    ("ferrostep-gpre", "\"z\""),
+    ("ferrostep-planner", "\"z\""),
     ("ferrostep-printer", "\"z\""),
-    ("\"*\"", "\"s\""),
+    ("\"*\"", "\"z\""),
 ];
 
 impl CoreLibrary {
@@ -119,10 +119,10 @@ impl CoreLibrary {
             // The linked part mostly formats text: optimised for size it takes 2 KB less.
             command.args(["--config", "profile.release.package.core.opt-level=\"s\""]);
             // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode:
-            // 4 KB. A panic says its file and line: columns would make places of their own of the several checks in a line.
+            // 4 KB. A panic says its file: lines would make a place of its own of every check, 11 KB.
             command
                 .arg("--config")
-                .arg(format!("target.{TARGET}.rustflags=[\"-Zfmt-debug=none\", \"-Zlocation-detail=file,line\"]"));
+                .arg(format!("target.{TARGET}.rustflags=[\"-Zfmt-debug=none\", \"-Zlocation-detail=file\"]"));
             // -Zbuild-std wants a nightly compiler or this; the crates themselves use no nightly feature.
             command.env("RUSTC_BOOTSTRAP", "1");
         }
