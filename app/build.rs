@@ -27,6 +27,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if profile.mesh.is_some() {
         println!("cargo:rustc-cfg=probe");
     }
+    // So is the signal that moves a probe's pin.
+    println!("cargo:rustc-check-cfg=cfg(servo)");
+    if profile.bltouch.is_some() {
+        if env::var_os("CARGO_FEATURE_PIN").is_none() {
+            return Err(
+                "the profile has a table bltouch: expected the feature pin to be on; `cargo xtask firmware` sees to it"
+                    .into(),
+            );
+        }
+        if board.servo.is_some() {
+            println!("cargo:rustc-cfg=servo");
+        }
+    }
     // So is what keeps settings.
     println!("cargo:rustc-check-cfg=cfg(settings_memory)");
     println!("cargo:rustc-check-cfg=cfg(eeprom)");

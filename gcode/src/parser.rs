@@ -8,6 +8,8 @@ mod g_codes;
 mod input_shaper;
 mod m_codes;
 mod named;
+#[cfg(feature = "pin")]
+mod pin;
 mod pressure_advance;
 mod words;
 

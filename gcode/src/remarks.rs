@@ -57,6 +57,8 @@ pub enum Remark {
     NoOutputs,
     /// M80 and M81 on a machine whose power supply cannot be switched.
     NoSupply,
+    /// M280, M401, M402 and BLTOUCH_DEBUG on a machine whose probe has no pin to move, and M280 of another servo.
+    NoServo,
 }
 
 /// What of a line was ignored or changed, so that the host learns how the line was read.
@@ -78,7 +80,7 @@ pub struct Remarks {
 }
 
 /// Texts of the bits of `about_line`.
-const ABOUT_LINE: [&str; 18] = [
+const ABOUT_LINE: &[&str] = &[
     "one command a line: the second and everything after it is ignored",
     "without P or S: waits until all motion has ended",
     "MAXIMUM: cooling is not waited for; no effect",
@@ -97,6 +99,8 @@ const ABOUT_LINE: [&str; 18] = [
     "of the mesh's words MESH_MIN and MESH_MAX have an effect",
     "the profile has no outputs; no effect",
     "the profile has no power_supply; no effect",
+    #[cfg(feature = "pin")]
+    "the profile has no such servo (table bltouch: P0); no effect",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -149,6 +153,7 @@ impl Remarks {
             Remark::MeshWords => self.about_line |= 1 << 15,
             Remark::NoOutputs => self.about_line |= 1 << 16,
             Remark::NoSupply => self.about_line |= 1 << 17,
+            Remark::NoServo => self.about_line |= 1 << 18,
         }
     }
 
@@ -257,6 +262,7 @@ mod tests {
             (Remark::TooLarge(b'S'), "S is too large and becomes the largest value"),
             (Remark::SecondCommand, "one command a line: the second and everything after it is ignored"),
             (Remark::BareDwell, "without P or S: waits until all motion has ended"),
+            (Remark::NoServo, "the profile has no such servo (table bltouch: P0); no effect"),
             (
                 Remark::OtherFan,
                 "this machine has no such fan (P is its number, S the power; the profile's fans); no effect",

@@ -1,11 +1,12 @@
 //! G28.
 
-use ferrostep_gcode::AxisFlags;
+use ferrostep_gcode::{AxisFlags, PinCommand};
 use ferrostep_planner::Move;
 
 use crate::error::CommandError;
 use crate::interpreter::MoveInterpreter;
 use crate::motion_fault::HomingOutcome;
+use crate::part::Part;
 use crate::ports::{Motion, MotorDrivers};
 use crate::profile::{AxisHoming, HomeEnd, HomeSensor};
 
@@ -42,6 +43,10 @@ impl<M: Motion> Homing<'_, '_, M> {
         }
         self.motion.finish().await?;
         self.leave_bed();
+        if let Some(pin) = self.pin_out() {
+            let homing = &mut *self;
+            M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await?;
+        }
         if named[0] || named[1] || home_at_10nm.is_some() {
             self.raise().await?;
         }
@@ -94,7 +99,12 @@ impl<M: Motion> Homing<'_, '_, M> {
     /// is. Returns the height of the motors at which the probe triggers.
     pub async fn probe_bed(&mut self, below_10nm: i64) -> Result<i64, CommandError> {
         let homing = self.interpreter.profile.homing[Z];
-        self.find_home(Z, &homing, below_10nm).await?;
+        let mut outcome = self.find_home(Z, &homing, below_10nm).await;
+        if let Some(pin) = self.pin_out() {
+            let homing = &mut *self;
+            outcome = outcome.and(M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await);
+        }
+        outcome?;
         let [.., z_10nm] = self.motion.position_10nm();
         Ok(z_10nm)
     }
@@ -146,7 +156,12 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.interpreter.modal.homed[axis] = false;
         self.motion.set_motors_enabled(1 << axis, true);
 
-        let outcome = self.find_home(axis, &homing, AxisHoming::MAX_PRESS_10NM).await;
+        let mut outcome = self.find_home(axis, &homing, AxisHoming::MAX_PRESS_10NM).await;
+        if let Some(pin) = self.pin_out().filter(|_| axis == Z) {
+            let homing = &mut *self;
+            // Where something else has failed, that counts.
+            outcome = outcome.and(M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await);
+        }
         // After a failure, too, the G-code's position is that of the motors.
         let found_10nm = self.motion.position_10nm()[axis];
         // The other axes stay, a lifted Z has its part in where they are.
@@ -201,7 +216,9 @@ impl<M: Motion> Homing<'_, '_, M> {
         let mut apart_10nm = None;
         for attempt in 0..ATTEMPTS {
             let by_stall = homing.sensor == HomeSensor::Stall;
-            if attempt > 0 && (by_stall || self.motion.is_end_stop_triggered(axis)) {
+            // A pin that went in does not tell that it is at the bed.
+            let may_touch = self.pin(axis).is_some() || self.motion.is_end_stop_triggered(axis);
+            if attempt > 0 && (by_stall || may_touch) {
                 self.move_back(axis, homing).await?;
                 self.is_released(axis)?;
             }
@@ -302,7 +319,16 @@ impl<M: Motion> Homing<'_, '_, M> {
             return Ok(HomingOutcome::Missed);
         }
         target_10nm[axis] = to_10nm;
-        Ok(self.motion.seek(self.request(target_10nm, feed_mm_per_s), axis).await?)
+        if let Some(pin) = self.pin_to_put_out(axis) {
+            let homing = &mut *self;
+            M::Servo::only(move || homing.tell_pin(pin, PinCommand::Out)).await?;
+        }
+        let outcome = self.motion.seek(self.request(target_10nm, feed_mm_per_s), axis).await?;
+        if let Some(pin) = self.pin(axis).filter(|pin| pin.stows_each_touch) {
+            let homing = &mut *self;
+            M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await?;
+        }
+        Ok(outcome)
     }
 }
 

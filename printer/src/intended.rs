@@ -19,6 +19,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Fan { number, .. } if *number > 0 && self.numbered_fan(*number).is_none() => {
                 remarks.add(Remark::OtherFan);
             }
+            Command::ProbePin(_) if self.pin().is_none() => remarks.add(Remark::NoServo),
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
             Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
             Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),

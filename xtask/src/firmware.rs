@@ -51,8 +51,8 @@ pub struct Target {
     profile_variable: Option<String>,
     /// Where the image begins, if not at the board's own offset.
     boot_offset: Option<u32>,
-    /// Features for the methods in its image: all of them on the bench, otherwise the profile's.
-    methods: Vec<&'static str>,
+    /// Features for what is in its image: all methods on the bench, otherwise the profile's; a probe's pin.
+    features: Vec<&'static str>,
 }
 
 impl Target {
@@ -67,10 +67,12 @@ impl Target {
         ferrostep_boards::fit::check(&loaded, &machine, profile_name).map_err(|error| error.to_string())?;
         let is_board = |name: &str| ferrostep_boards::builtin_text(name).is_some();
         let is_profile = |name: &str| ferrostep_profiles::builtin_text(name).is_some();
+        let mut features = methods(&loaded, profile_name, &machine.motion)?;
+        features.extend(machine.bltouch.map(|_| "pin"));
         Ok(Self {
             board_variable: absolute(board, is_board)?,
             profile_variable: profile.map(|name| absolute(name, is_profile)).transpose()?,
-            methods: methods(&loaded, profile_name, &machine.motion)?,
+            features,
             board: loaded,
             boot_offset: None,
         })
@@ -282,8 +284,8 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
     match program {
         // Named after its package. The other programs have all methods.
         Program::Firmware => {
-            for method in &target.methods {
-                command.args(["--features", method]);
+            for feature in &target.features {
+                command.args(["--features", feature]);
             }
             command.args(["--bin", &package_name()?])
         }

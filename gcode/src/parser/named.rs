@@ -3,6 +3,8 @@
 //! Names and words count in upper and lower case. What has no effect here stands in [`crate::NOT_EXECUTED`].
 
 use super::code::Code;
+#[cfg(feature = "pin")]
+use super::pin;
 use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
 use crate::{
@@ -24,7 +26,7 @@ enum Heater {
 
 /// The words after a name: `KEY=VALUE`.
 #[derive(Clone, Copy)]
-struct NamedWords<'a> {
+pub(super) struct NamedWords<'a> {
     /// The command, and how its words are written, for errors.
     command: &'static str,
     form: &'static str,
@@ -68,7 +70,7 @@ fn unquoted(value: &[u8]) -> &[u8] {
 impl<'a> NamedWords<'a> {
     /// The value of a word; of several the last counts.
     #[inline(never)]
-    fn value(&self, key: &str) -> Option<&'a [u8]> {
+    pub(super) fn value(&self, key: &str) -> Option<&'a [u8]> {
         let mut value = None;
         for word in Divided(self.text) {
             if let Some((found, [b'=', rest @ ..])) = word.split_at_checked(key.len())
@@ -134,7 +136,7 @@ impl<'a> NamedWords<'a> {
         Ok(None)
     }
 
-    const fn expected(&self) -> ParseError {
+    pub(super) const fn expected(&self) -> ParseError {
         ParseError::WordsExpected { command: self.command, words: self.form }
     }
 }
@@ -172,6 +174,10 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
     let line = code.text.trim_matches([' ', '\t']).as_bytes();
     let length = line.iter().position(|byte| matches!(byte, b' ' | b'\t')).unwrap_or(line.len());
     let (name, text) = line.split_at_checked(length).unwrap_or((line, &[]));
+    #[cfg(feature = "pin")]
+    if is_one_of(pin::DEBUG.as_bytes(), name) {
+        return pin::debug(&NamedWords { command: pin::DEBUG, form: pin::DEBUG_WORDS, text });
+    }
     let executed = EXECUTED.iter().position(|(known, _)| is_one_of(known.as_bytes(), name));
     let Some((index, (command, form))) = executed.and_then(|index| Some((index, *EXECUTED.get(index)?))) else {
         return code.outcome(NotExecuted::find_named(name), remarks);

@@ -33,6 +33,8 @@ pub struct Printer {
     pub frame: [Option<FrameMode>; 2],
     /// The supply of motors, heaters and fans, if the board switches it.
     pub power_supply: Option<PowerSupply>,
+    /// The probe has a pin that a servo's signal moves.
+    pub has_bltouch: bool,
 }
 
 /// A supply that a board switches. Without a level at its input it is off, as ATX supplies and relay modules are.
@@ -328,6 +330,7 @@ impl Printer {
             drivers,
             frame,
             power_supply: raw.power_supply,
+            has_bltouch: raw.bltouch.is_some(),
         })
     }
 }
@@ -409,6 +412,7 @@ struct RawPrinter {
     #[serde(default)]
     frame: RawFrame,
     power_supply: Option<PowerSupply>,
+    bltouch: Option<toml::Value>,
 }
 
 #[derive(Deserialize, Default)]

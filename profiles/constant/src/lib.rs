@@ -24,9 +24,9 @@ mod names {
         MotionChoice, PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
-        AxisHoming, BedScrew, BedScrews, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor,
-        FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings,
-        PidGains, PowerSupply, Profile, SafeHoming, Skew,
+        AxisHoming, BedScrew, BedScrews, BlTouch, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings,
+        FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings,
+        PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

@@ -204,6 +204,7 @@ impl<'a> RigMotion<'a> {
 
 impl Motion for RigMotion<'_> {
     type Bed = NoBed;
+    type Servo = crate::Absent;
 
     fn stops(&self) -> u32 {
         self.0.stops.get()
