@@ -59,11 +59,6 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.pin(Z).filter(|_| !self.interpreter.modal.z.pin_is_in)
     }
 
-    /// The pin, before the bed is sought: it must go out, unless it stays out for all touches of a place and is.
-    pub(crate) fn pin_to_put_out(&self, axis: usize) -> Option<BlTouch> {
-        self.pin(axis).filter(|pin| pin.stows_each_touch || self.interpreter.modal.z.pin_is_in)
-    }
-
     /// Tells the pin what to do, and looks whether its signal is what it must be then. It is called in where it fails.
     ///
     /// Before it goes out it must be in, and the signal must follow it.

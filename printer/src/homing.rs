@@ -225,7 +225,7 @@ impl<M: Motion> Homing<'_, '_, M> {
             let others = self.other_sensors(axis);
             let target_10nm = self.end_of_search_10nm(axis, homing, below_10nm);
             let from_10nm = self.motion.position_10nm()[axis];
-            if self.seek(axis, target_10nm, homing.fast_mm_per_s).await? == HomingOutcome::Missed {
+            if self.seek(axis, target_10nm, homing.fast_mm_per_s, true).await? == HomingOutcome::Missed {
                 let searched_10nm = way_10nm(homing, from_10nm, target_10nm).max(0);
                 // A sensor of another axis that triggers here is this one's.
                 let swapped = others.into_iter().flatten().find(|&other| self.motion.is_end_stop_triggered(other));
@@ -240,7 +240,7 @@ impl<M: Motion> Homing<'_, '_, M> {
                 homing.back_off_10nm
             };
             let target_10nm = first_10nm + towards(homing) * beyond_10nm;
-            apart_10nm = match self.seek(axis, target_10nm, homing.slow_mm_per_s).await? {
+            apart_10nm = match self.seek(axis, target_10nm, homing.slow_mm_per_s, false).await? {
                 HomingOutcome::Triggered => Some(self.motion.position_10nm()[axis] - first_10nm),
                 HomingOutcome::Missed => None,
             };
@@ -312,14 +312,21 @@ impl<M: Motion> Homing<'_, '_, M> {
         Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false }
     }
 
-    async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<HomingOutcome, CommandError> {
+    /// Approaches a sensor; `is_first` of the two approaches to it, for which a probe's pin goes out in any case.
+    async fn seek(
+        &mut self,
+        axis: usize,
+        to_10nm: i64,
+        feed_mm_per_s: f64,
+        is_first: bool,
+    ) -> Result<HomingOutcome, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
         // Never away from the sensor: a sensor that would lie behind the axis counts as missed.
         if way_10nm(&self.interpreter.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
             return Ok(HomingOutcome::Missed);
         }
         target_10nm[axis] = to_10nm;
-        if let Some(pin) = self.pin_to_put_out(axis) {
+        if let Some(pin) = self.pin(axis).filter(|pin| is_first || pin.stows_each_touch) {
             let homing = &mut *self;
             M::Servo::only(move || homing.tell_pin(pin, PinCommand::Out)).await?;
         }

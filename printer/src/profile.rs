@@ -93,8 +93,8 @@ pub struct SafeHoming {
 }
 
 impl SafeHoming {
-    /// Smallest and largest Z of a probe's offset, units of 10 nm. A probe that triggers when the nozzle is higher than 10 mm
-    /// must be deployed, which this firmware cannot; above 0 the nozzle touches before the probe triggers.
+    /// Smallest and largest Z of a probe's offset, units of 10 nm: none triggers when the nozzle is higher than 10 mm; above 0 the
+    /// nozzle touches before the probe triggers.
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
     /// Raises nothing; Z homes at any place.
@@ -118,7 +118,7 @@ impl SafeHoming {
 pub struct BlTouch {
     /// How long the pin may take, and the signal lasts, ms.
     pub move_ms: u16,
-    /// The pin goes in and out between two touches of one place.
+    /// The pin goes in and out between the two approaches to a place.
     pub stows_each_touch: bool,
     /// Before each deployment the pin, which is up, must read as triggered in touch mode.
     pub tests_signal: bool,

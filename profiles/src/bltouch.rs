@@ -32,7 +32,7 @@ pub(crate) fn bltouch(
     let move_ms = table.number("move_ms", MOVE).or(DEFAULT_MOVE_MS, "how long the pin may take to go out or in");
     let stows_each_touch = table
         .flag("stow_each_touch")
-        .or(true, "it goes in and out between the fast and the slow approach, and between samples, as well");
+        .or(true, "it goes in and out between the fast and the slow approach to a place as well");
     let tests_signal = table.flag("test_signal").or(
         true,
         "before it goes out, it must read as triggered in touch mode, so that no loose wire is found by the nozzle; some clones have no such mode",

@@ -179,7 +179,6 @@ impl VirtualMotors {
             } else if self.is_triggered(axis) {
                 if axis == 2 {
                     self.scatter();
-                    self.pin.iter_mut().for_each(VirtualPin::touched);
                 }
                 return Approach { added: entry.first_events(index), triggered: true };
             } else {

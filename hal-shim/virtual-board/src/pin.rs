@@ -1,4 +1,5 @@
-//! The virtual board's probe with a pin, which a servo's pulses move in no time (BLTouch).
+//! The virtual board's probe with a pin, which a servo's pulses move in no time (BLTouch). It triggers as long as it touches: that its
+//! signal is a short one is for the model of the virtual mainboard.
 
 /// Half of the distance of two neighbouring widths at the least, microseconds: who is told something else does nothing.
 const TOLERANCE_US: u16 = 100;
@@ -27,11 +28,6 @@ impl VirtualPin {
     pub(crate) const fn is_triggered(self, touches: bool) -> bool {
         if self.in_touch_mode { !self.is_out || touches } else { self.is_out && touches }
     }
-
-    /// It has touched the sheet, and goes in by itself, except in touch mode.
-    pub(crate) fn touched(&mut self) {
-        self.is_out &= self.in_touch_mode;
-    }
 }
 
 #[cfg(test)]
@@ -47,7 +43,8 @@ mod tests {
         pin.tell(650);
         assert_eq!([false, true].map(|touches| pin.is_triggered(touches)), [false, true]);
         pin.tell(3_000);
-        pin.touched();
-        assert!(!pin.is_triggered(true), "it has gone in");
+        assert!(pin.is_triggered(true), "nothing that it knows");
+        pin.tell(1_475);
+        assert!(!pin.is_triggered(true));
     }
 }
