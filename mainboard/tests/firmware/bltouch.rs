@@ -106,7 +106,7 @@ fn refused(bench: &mut Bench, line: &str) -> String {
     says
 }
 
-/// Microseconds by which pulses may be too long or too short: an edge waits for the step interrupt.
+/// Nanoseconds by which pulses may be too long or too short: an edge waits for the step interrupt.
 const WIDTH_NS: u64 = 3_000;
 
 #[test]
