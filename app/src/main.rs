@@ -78,9 +78,6 @@ mod app {
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
-    #[cfg(servo)]
-    use ferrostep_stm32f4_board::servo as board_servo;
-    // What a task has is named without it, too.
     use ferrostep_stm32f4_board::servo::Servo;
     use ferrostep_stm32f4_board::settings_memory;
     use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
@@ -216,11 +213,7 @@ mod app {
         let heat = Heat::new(&PROFILE, converters, &clock);
         let fan_speeds = FanSpeeds::start();
         #[cfg(servo)]
-        {
-            board_servo::start(device.TIM6, &clock);
-            // Whatever the end of the last program has left out.
-            crate::ports::pin_in();
-        }
+        ports::start_servo(device.TIM6, &clock);
         let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
         let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
         let card = card::start(device.SDIO, &clock, motion_clock);

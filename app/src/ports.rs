@@ -107,6 +107,13 @@ pub fn build_machine(
 #[cfg(servo)]
 const _: () = assert!(ferrostep_stm32f4_board::servo::PIN_IN_US == ferrostep_gcode::PinCommand::IN_US);
 
+/// Starts the signal of the probe's servo, and calls in what the end of the last program may have left out.
+#[cfg(servo)]
+pub fn start_servo(timer: ferrostep_stm32f4_board::pac::TIM6, clock: &Clock) {
+    ferrostep_stm32f4_board::servo::start(timer, clock);
+    pin_in();
+}
+
 /// Calls the probe's pin in, from any task; without waiting for it.
 #[cfg(servo)]
 pub fn pin_in() {

@@ -10,7 +10,7 @@ mod work;
 mod workload;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::{FanOutput, ServoPulses, StepOutput};
+use ferrostep_hal_shim::{FanOutput, StepOutput};
 use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{
@@ -395,16 +395,6 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// Whether the end stop of an axis is triggered.
     pub fn is_end_stop_triggered(&self, axis: usize) -> bool {
         self.feeder.queue.is_sensor_triggered(axis)
-    }
-
-    /// See [`ferrostep_hal_shim::HomingSensors::send_servo_pulses`].
-    pub fn send_servo_pulses(&mut self, pulses: ServoPulses) {
-        self.feeder.queue.send_servo_pulses(pulses);
-    }
-
-    /// See [`ferrostep_hal_shim::HomingSensors::are_servo_pulses_sent`].
-    pub fn are_servo_pulses_sent(&self) -> bool {
-        self.feeder.queue.are_servo_pulses_sent()
     }
 
     /// Digests and counters.

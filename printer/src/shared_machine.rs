@@ -3,7 +3,7 @@
 use core::future::Future;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::{FanOutput, ServoPulses, StepOutput};
+use ferrostep_hal_shim::{FanOutput, HomingSensors, ServoPulses, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::surface::{Mesh, MeshError};
 use ferrostep_planner::{
@@ -222,11 +222,11 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     type Servo = S::Servo;
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {
-        self.machine.with(|machine| machine.send_servo_pulses(pulses));
+        self.machine.with(|machine| machine.queue_mut().send_servo_pulses(pulses));
     }
 
     async fn servo_pulses_sent(&mut self) -> Result<(), MotionError> {
-        self.wait(|machine| machine.are_servo_pulses_sent().then_some(())).await
+        self.wait(|machine| machine.queue().are_servo_pulses_sent().then_some(())).await
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
