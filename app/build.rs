@@ -27,6 +27,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if profile.mesh.is_some() {
         println!("cargo:rustc-cfg=probe");
     }
+    // So is the signal that moves a probe's pin.
+    println!("cargo:rustc-check-cfg=cfg(servo)");
+    if profile.bltouch.is_some() && board.servo.is_some() {
+        println!("cargo:rustc-cfg=servo");
+    }
     // So is what keeps settings.
     println!("cargo:rustc-check-cfg=cfg(settings_memory)");
     println!("cargo:rustc-check-cfg=cfg(eeprom)");

@@ -2,15 +2,15 @@
 
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
-use ferrostep_printer::{
-    Absent, Equipment, FanDemand, FanRule, FanSettings, FanStatus, HeaterStatus, Part, PidGains, Present, Profile,
-};
+use ferrostep_printer::{Equipment, FanDemand, FanRule, FanSettings, FanStatus, HeaterStatus, PidGains, Profile};
 use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
 use ferrostep_stm32f4_board::thermal::{self, Converters, Heaters};
 use ferrostep_virtual_board::VirtualHeaters;
 
 use ferrostep_profile_constant::PROFILE;
+
+use crate::part::PartIf;
 
 /// The parts of the board that the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {
@@ -45,24 +45,7 @@ pub const HAS_OUTPUTS: bool = {
 };
 
 /// A power supply that can be switched, or none, in an image.
-pub type SupplyPart = <Switched<HAS_SUPPLY> as SupplyKind>::Part;
-
-/// Whether the supply is switched.
-pub struct Switched<const YES: bool>;
-
-/// See [`Switched`].
-pub trait SupplyKind {
-    /// That part.
-    type Part: Part;
-}
-
-impl SupplyKind for Switched<true> {
-    type Part = Present;
-}
-
-impl SupplyKind for Switched<false> {
-    type Part = Absent;
-}
+pub type SupplyPart = PartIf<HAS_SUPPLY>;
 
 /// Heaters, thermistors and fans: the board's own, or their models.
 pub trait Parts: ThermalBoard + Fans + Sized {

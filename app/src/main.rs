@@ -4,6 +4,7 @@
 //! |---|---|---|---|---|
 //! | 16 | `TIM2` in `step-interrupt/`, not a task of RTIC's | TIM2 update | its own: timer, ports, a ring of words | the event that ends a stair: 31 instructions |
 //! | 16 | `TIM1_BRK_TIM9`, there as well | `TIM2`, `planner` | the same | the start of a motion: 80 instructions |
+//! | 15 | `servo` | TIM6, twice in 20 ms while a probe's pin is told something | `local` only | an edge of the pulse |
 //! | 15 | `sensor_*` | an edge at the sensor that an axis seeks (EXTI) | `sensors`: pins | 8 looks at a pin, the stop of the step timer |
 //! | 14 | `driver_line`, `driver_pins` | USART2, or TIM7 four times a bit | `driver_line`: the line to the motors' drivers | a byte, or a quarter of a bit |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
@@ -42,6 +43,7 @@ mod host_line;
 mod host_start;
 mod identity;
 mod job_line;
+mod part;
 mod ports;
 mod profile;
 mod reports;
@@ -76,6 +78,7 @@ mod app {
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
+    use ferrostep_stm32f4_board::servo::Servo;
     use ferrostep_stm32f4_board::settings_memory;
     use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
@@ -209,6 +212,8 @@ mod app {
         let converters = (device.ADC1, device.ADC3, device.ADC_COMMON, device.DMA2);
         let heat = Heat::new(&PROFILE, converters, &clock);
         let fan_speeds = FanSpeeds::start();
+        #[cfg(servo)]
+        ports::start_servo(device.TIM6, &clock);
         let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
         let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
         let card = card::start(device.SDIO, &clock, motion_clock);
@@ -304,6 +309,13 @@ mod app {
     #[task(binds = EXTI15_10, priority = 15, shared = [sensors])]
     fn sensor_10_to_15(cx: sensor_10_to_15::Context) {
         cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[cfg(servo)]
+    /// An edge of a pulse for the probe's servo, which is as much too long or too short as this comes late.
+    #[task(binds = TIM6_DAC, priority = 15, local = [servo: Servo = Servo::REST])]
+    fn servo(cx: servo::Context) {
+        cx.local.servo.interrupt();
     }
 
     /// The drivers' shared line. Must take a byte before the next but one has come: 174 us.

@@ -27,6 +27,7 @@ use rtic_sync::signal::Signal;
 use crate::clock::Mono;
 use crate::heat::{CHAMBER_IS_HEATED, HAS_OUTPUTS, Heat, SupplyPart};
 use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
+use crate::part::PartIf;
 use crate::profile::{PROFILE, StepSignals};
 
 /// Blocks in the look-ahead ring, as on the desk.
@@ -103,6 +104,24 @@ pub fn build_machine(
     place.write(BoardMachine::new(&PROFILE, slots.as_mut_slice(), BoardSensors::beside(queue)))
 }
 
+#[cfg(servo)]
+const _: () = assert!(ferrostep_stm32f4_board::servo::PIN_IN_US == ferrostep_gcode::PinCommand::IN_US);
+
+/// Starts the signal of the probe's servo, and calls in what the end of the last program may have left out.
+#[cfg(servo)]
+pub fn start_servo(timer: ferrostep_stm32f4_board::pac::TIM6, clock: &Clock) {
+    ferrostep_stm32f4_board::servo::start(timer, clock);
+    pin_in();
+}
+
+/// Calls the probe's pin in, from any task; without waiting for it.
+#[cfg(servo)]
+pub fn pin_in() {
+    if let Some(pin) = &PROFILE.bltouch {
+        ferrostep_stm32f4_board::servo::send(pin.pulses_in());
+    }
+}
+
 /// Wakes the planner task: it has something to do.
 pub static PLANNER_WORK: Signal<()> = Signal::new();
 
@@ -126,6 +145,7 @@ impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock
     type Ring = &'static mut [Slot];
     type Queue = BoardStepQueue;
     type Methods = Methods;
+    type Servo = PartIf<{ ferrostep_profile_constant::PROFILE.bltouch.is_some() }>;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {
         self.machine.borrow_mut().lock(|machine| act(machine))

@@ -78,6 +78,8 @@ where
                 machine.switch_motors_off();
             }
         });
+        #[cfg(servo)]
+        crate::ports::pin_in();
         let fault = self.heating.fault();
         self.records.lock(|records| records.halted(fault));
         self.replies.halted(fault);

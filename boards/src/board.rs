@@ -98,6 +98,10 @@ pub struct Board {
     pub eeprom: Option<Eeprom>,
     /// The output that switches the power supply.
     pub power_supply: Option<Pin>,
+    /// The output for a servo.
+    pub servo: Option<Pin>,
+    /// The same, if the machine's probe has a pin that it moves ([`Self::for_machine`]).
+    pub used_servo: Option<Pin>,
     /// Fans and other outputs that the safe state sets, and whether they are on then.
     pub safe_outputs: Vec<(Pin, bool)>,
     /// How the machine's profile uses that output ([`Self::for_machine`]).
@@ -269,12 +273,9 @@ impl Board {
         let safe_outputs =
             self.fans.iter().filter_map(|fan| of_profile(fan).or_else(|| blows_when_safe(fan))).collect();
         let used_chamber = profile.chamber.map(|chamber| (chamber.thermistor, chamber.heater));
-        Self {
-            used_chamber,
-            used_supply: used.map(|(pin, settings)| SupplyOutput { pin, settings }),
-            safe_outputs,
-            ..self
-        }
+        let used_servo = self.servo.filter(|_| profile.bltouch.is_some());
+        let used_supply = used.map(|(pin, settings)| SupplyOutput { pin, settings });
+        Self { used_supply, used_chamber, used_servo, safe_outputs, ..self }
     }
 
     /// Ports that carry step and direction signals of the motors that move, in the order of the alphabet.

@@ -36,6 +36,7 @@ pub fn rust(board: &Board) -> String {
         let [scl, sda] = [scl, sda].map(|pin| (pin.port, pin.number));
         (I2cPins { scl, sda }, address)
     });
+    let servo = board.used_servo.map(|pin| (pin.port, pin.number));
     let family = board.chip.family;
     // The core is as fast with either oscillator: each constant below holds for both.
     let Clock { core_hz, apb1_divider, apb2_divider, flash_wait_states, .. } = *clock;
@@ -71,6 +72,8 @@ pub fn rust(board: &Board) -> String {
          pub const ACCELEROMETER: Option<SpiPins> = {accelerometer:?};\n\
          /// Pins of the bus to an EEPROM, a 24C32, and its address.\n\
          pub const EEPROM: Option<(I2cPins, u8)> = {eeprom:?};\n\
+         /// Port and number of the output for a servo, if the machine uses it.\n\
+         pub const SERVO: Option<(u8, u8)> = {servo:?};\n\
          /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
          /// Its chip's registers.\npub const FAMILY: ChipFamily = ChipFamily::{family:?};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\

@@ -124,6 +124,10 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
         let expected = format!("no such table: the board {} has no output `power_supply`", board.name);
         return Err(refuse(profile_name, "power_supply", "a table", &expected));
     }
+    if profile.bltouch.is_some() && board.servo.is_none() {
+        let expected = format!("no such table: the board {} has no output `servo`", board.name);
+        return Err(refuse(profile_name, "bltouch", "a table", &expected));
+    }
     if profile.filament_sensor.is_some() && filament_pin(board, profile).is_none() {
         let expected = format!("no such table: the board {} has no input `filament`", board.name);
         return Err(refuse(profile_name, "filament_sensor", "a table", &expected));

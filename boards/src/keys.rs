@@ -109,6 +109,13 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     let power_supply = keys
         .optional_section("power_supply", "not switched", "[M80 and M81](gcode.md#a-supply-that-is-switched) switch it")
         .map(|table| pins.take(&table, "pin", Use::Any, "output; the profile says which level is on"));
+    let servo = keys
+        .optional_section(
+            "servo",
+            "no such output",
+            "for a [probe with a pin](homing.md#a-probe-with-a-pin) (BLTouch), whose signal is the input `probe`",
+        )
+        .map(|table| pins.take(&table, "pin", Use::Any, "output; the pulses of TIM6's interrupt"));
     let board = Board {
         name: board_name,
         title,
@@ -139,6 +146,8 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         power_supply,
         used_supply: None,
         used_chamber: None,
+        servo,
+        used_servo: None,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);

@@ -161,6 +161,13 @@ fn supply(board: &Board, is_on: impl Fn(&SupplyOutput) -> bool) -> Vec<Store> {
     [levels(high, low), push_pull(&pin), fields(&pin, OSPEEDR, 2, LOW_SPEED), fields(&pin, MODER, 2, OUTPUT)].concat()
 }
 
+/// The output for a servo, low: no pulse. A pin that no profile uses stays an input.
+fn servo(board: &Board) -> Vec<Store> {
+    let Some(pin) = board.used_servo else { return Vec::new() };
+    let pin = [pin];
+    [levels(&[], &pin), push_pull(&pin), fields(&pin, OSPEEDR, 2, LOW_SPEED), fields(&pin, MODER, 2, OUTPUT)].concat()
+}
+
 /// Outputs that drive both levels, without pulls: a boot loader may have had them otherwise.
 fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
@@ -177,7 +184,7 @@ pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
     let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board)).chain(card_pins(board));
     let others = others.chain(accelerometer_pins(board)).chain(eeprom_pins(board));
-    let others = others.chain(board.used_supply.map(|supply| supply.pin));
+    let others = others.chain(board.used_supply.map(|supply| supply.pin)).chain(board.used_servo);
     let ports = outputs.into_iter().chain(others).fold(0, |ports, pin| ports | 1 << pin.port);
     // Twice: the second time reads the first back (`Registers::switch_clocks_on` says why).
     let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }; 2];
@@ -247,6 +254,7 @@ pub fn pins(board: &Board) -> Vec<Store> {
         accelerometer(board),
         eeprom(board),
         supply(board, |output| output.settings.on_at_start),
+        servo(board),
     ]
     .concat()
 }

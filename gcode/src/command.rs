@@ -4,7 +4,7 @@ use crate::command_words::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, DriverWords, FeedWords, GainWords, PrintClockCommand, RetractionWords,
     SettingsCommand, ShaperWords, Units, WaitTarget,
 };
-use crate::{BedCommand, CardCommand, Decimal, SkewCommand, SupplyCommand, TowerWords};
+use crate::{BedCommand, CardCommand, Decimal, PinCommand, SkewCommand, SupplyCommand, TowerWords};
 
 /// One command, its words checked for form but not against any machine.
 ///
@@ -65,6 +65,8 @@ pub enum Command<'a> {
     HeaterTimeout(Option<u16>),
     /// M80, M81: the power supply.
     Supply(SupplyCommand),
+    /// M280, M401, M402, BLTOUCH_DEBUG: the pin of the probe.
+    ProbePin(PinCommand),
     /// M82.
     AbsoluteExtrusion,
     /// M83.

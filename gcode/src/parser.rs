@@ -8,6 +8,7 @@ mod g_codes;
 mod input_shaper;
 mod m_codes;
 mod named;
+mod pin;
 mod pressure_advance;
 mod words;
 

@@ -59,6 +59,8 @@ pub enum Remark {
     NoSupply,
     /// M141 and M191 on a machine that does not know its chamber's temperature.
     NoChamber,
+    /// M280, M401, M402 and BLTOUCH_DEBUG on a machine whose probe has no pin to move, and M280 of another servo.
+    NoServo,
 }
 
 /// What of a line was ignored or changed, so that the host learns how the line was read.
@@ -80,7 +82,7 @@ pub struct Remarks {
 }
 
 /// Texts of the bits of `about_line`.
-const ABOUT_LINE: [&str; 19] = [
+const ABOUT_LINE: &[&str] = &[
     "one command a line: the second and everything after it is ignored",
     "without P or S: waits until all motion has ended",
     "MAXIMUM: cooling is not waited for; no effect",
@@ -100,6 +102,7 @@ const ABOUT_LINE: [&str; 19] = [
     "the profile has no outputs; no effect",
     "the profile has no power_supply; no effect",
     "the profile has no chamber; no effect, and nothing is waited for",
+    "the profile has no such servo (table bltouch: P0); no effect",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -153,6 +156,7 @@ impl Remarks {
             Remark::NoOutputs => self.about_line |= 1 << 16,
             Remark::NoSupply => self.about_line |= 1 << 17,
             Remark::NoChamber => self.about_line |= 1 << 18,
+            Remark::NoServo => self.about_line |= 1 << 19,
         }
     }
 
@@ -261,6 +265,7 @@ mod tests {
             (Remark::TooLarge(b'S'), "S is too large and becomes the largest value"),
             (Remark::SecondCommand, "one command a line: the second and everything after it is ignored"),
             (Remark::BareDwell, "without P or S: waits until all motion has ended"),
+            (Remark::NoServo, "the profile has no such servo (table bltouch: P0); no effect"),
             (
                 Remark::OtherFan,
                 "this machine has no such fan (P is its number, S the power; the profile's fans); no effect",

@@ -5,10 +5,12 @@
 
 mod accelerometer;
 pub mod card;
+mod servo;
 
 pub use accelerometer::{AccelerometerChip, AccelerometerFault, AccelerometerType, WaitingSamples};
 use ferrostep_planner::{Move, StepDigests, StepEntry, StepObserver};
 pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
+pub use servo::ServoPulses;
 
 /// A heater with its thermometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -209,6 +211,13 @@ pub trait HomingSensors: StepQueue {
     fn push_towards_sensor(&mut self, entry: StepEntry) -> Result<Approach, FeedError> {
         self.push(entry)?;
         Ok(Approach { added: Some(entry), triggered: false })
+    }
+    /// Sends pulses to the probe whose pin a servo's signal moves, in the place of those that have not been sent. Without effect on a
+    /// board that has no such output: the build refuses a profile that needs it.
+    fn send_servo_pulses(&mut self, _pulses: ServoPulses) {}
+    /// Whether all of them have been sent, the pause after the last included.
+    fn are_servo_pulses_sent(&self) -> bool {
+        true
     }
 }
 

@@ -12,6 +12,7 @@
 //! | [`heat`] | heaters with their mass, thermistors |
 //! | [`fan`] | rotor and tacho |
 //! | [`adxl345`] | accelerometer: registers, memory, its end of an SPI bus |
+//! | [`bltouch`] | a probe whose pin a servo's pulses move: touches, touch mode, alarm |
 //! | [`at24c32`] | EEPROM: pages, write cycles, its end of an I2C bus |
 //! | [`frame`] | the spring between motors and nozzle |
 //! | [`supply`] | rails: sag, cut, return |
@@ -19,6 +20,7 @@
 
 pub mod adxl345;
 pub mod at24c32;
+pub mod bltouch;
 pub mod fan;
 pub mod frame;
 pub mod heat;

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::parts::bltouch::BlTouch;
 use crate::parts::fan::Fan;
 use crate::parts::heat::Heater;
 use crate::parts::heat::thermistor::Thermistor;
@@ -44,6 +45,8 @@ enum Role {
     Accelerometer(BusWire),
     /// A wire to the EEPROM.
     Eeprom(EepromWire),
+    /// The servo's wire of the BLTouch.
+    Servo,
     /// The input of the supply of motors and heaters; whether a low level switches it on.
     Supply(bool),
 }
@@ -107,6 +110,7 @@ pub struct WiredThermistor {
 enum Source {
     EndStop(usize),
     Probe,
+    BlTouch,
     Diag(usize),
     Tacho(usize),
     Wire(usize),
@@ -144,6 +148,8 @@ pub struct Plant {
     pub accelerometer: Option<WiredAccelerometer>,
     /// The EEPROM, on a board that has one.
     pub eeprom: Option<WiredEeprom>,
+    /// The probe with a pin, in the place of the one that detects the sheet.
+    pub bltouch: Option<BlTouch>,
     /// The supply of motors and heaters.
     pub motor_rail: Rail,
     /// The chip's supply.
@@ -172,6 +178,12 @@ impl Plant {
                 let Some(moved) = driver.set_step_pin(now_ns, level.unwrap_or(false)) else { return };
                 self.lines_changed |= driver.diag() != stalled;
                 let effect = self.motion.step(now_ns, motor, moved.delta);
+                if let Some(probe) = self.bltouch.as_mut().filter(|probe| probe.is_out()) {
+                    if motor < 2 {
+                        probe.stepped_in_plane();
+                    }
+                    self.lines_changed |= probe.set_gap(now_ns, self.motion.probe_gap_mm());
+                }
                 self.pass_on(now_ns, effect);
             }
             Role::Direction(motor) => {
@@ -198,6 +210,12 @@ impl Plant {
             }
             Role::Heater(heater) => self.power_heater(now_ns, heater, if level == Some(true) { 1.0 } else { 0.0 }),
             Role::Fan(fan) => self.power_fan(now_ns, fan, if level == Some(true) { 1.0 } else { 0.0 }),
+            Role::Servo => {
+                if let Some(probe) = &mut self.bltouch {
+                    self.lines_changed |= probe.set_gap(now_ns, self.motion.probe_gap_mm());
+                    self.lines_changed |= probe.set_control(now_ns, level.unwrap_or(false));
+                }
+            }
             Role::Supply(on_is_low) => {
                 if level.is_some_and(|level| level != on_is_low) {
                     self.motor_rail.restore(now_ns);
@@ -323,6 +341,10 @@ impl Plant {
         }
         self.chip_rail.advance(now_ns);
         self.lines_changed |= self.motion.advance(now_ns);
+        if let Some(probe) = &mut self.bltouch {
+            self.lines_changed |= probe.set_gap(now_ns, self.motion.probe_gap_mm());
+            self.lines_changed |= probe.advance(now_ns);
+        }
         for wire in &mut self.wires {
             self.lines_changed |= wire.advance(&mut self.drivers, now_ns);
         }
@@ -373,7 +395,9 @@ impl Plant {
     pub fn next_event_ns(&self) -> Option<u64> {
         let drivers = self.drivers.iter().filter_map(Tmc2209::next_event_ns);
         let wires = self.wires.iter().filter_map(Wire::next_event_ns);
-        let rest = [self.motion.next_event_ns(), self.motor_rail.next_event_ns(), self.chip_rail.next_event_ns()];
+        let probe = self.bltouch.as_ref().and_then(BlTouch::next_event_ns);
+        let rest =
+            [self.motion.next_event_ns(), self.motor_rail.next_event_ns(), self.chip_rail.next_event_ns(), probe];
         drivers.chain(wires).chain(rest.into_iter().flatten()).min()
     }
 
@@ -414,6 +438,7 @@ impl Plant {
         match source {
             Source::EndStop(stop) => self.motion.end_stop(stop).map(|stop| stop.level()),
             Source::Probe => self.motion.probe().map(|probe| probe.level()),
+            Source::BlTouch => self.bltouch.as_ref().and_then(BlTouch::level),
             Source::Diag(motor) => self.drivers.get(motor).and_then(Tmc2209::diag),
             Source::Tacho(fan) => self.fans.get(fan).map(|fan| fan.fan.tacho()),
             Source::Wire(wire) => self.wires.get(wire).map(Wire::level),

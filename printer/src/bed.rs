@@ -8,12 +8,13 @@ mod reports;
 mod round;
 mod screws;
 
-use ferrostep_gcode::{BedCommand, Decimal};
+use ferrostep_gcode::{BedCommand, Decimal, PinCommand};
 use ferrostep_planner::surface::{MeshError, MeshGrid, MeshInterpolation};
 
 use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
 use crate::homing::Homing;
+use crate::part::Part;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::MeshSettings;
@@ -253,6 +254,10 @@ impl<P: Ports> Printer<'_, P> {
         let mut lift_10nm = home_10nm.max(0) + settings.lift_10nm;
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
         let mut homing = Homing { motion, interpreter, drivers: self.drivers, line: self.line };
+        if let Some(pin) = homing.pin_out() {
+            let homing = &mut homing;
+            <P::Motion as Motion>::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await?;
+        }
         homing.go_over_bed(nozzle_10nm, lift_10nm).await?;
         let mut outcome = Ok(());
         for _ in 0..samples {

@@ -1,8 +1,9 @@
 //! Which command goes where.
 
 use ferrostep_gcode::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, BedCommand, CardCommand, Command, Decimal, PrintClockCommand, Remarks,
-    Reply, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BedCommand, CardCommand, Command, Decimal, PinCommand,
+    PrintClockCommand, Remarks, Reply, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords,
+    WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::surface::Bed;
@@ -76,6 +77,7 @@ enum Waiting<'a> {
     Bed(&'a BedCommand),
     Card(&'a CardCommand<'a>),
     Supply(SupplyCommand),
+    ProbePin(PinCommand),
     /// Until motion has ended.
     Finish(Then<'a>),
 }
@@ -174,6 +176,12 @@ impl<P: Ports> Printer<'_, P> {
                 if <P::Heating as Heating>::Supply::PRESENT {
                     let printer = &mut *self;
                     <P::Heating as Heating>::Supply::only(move || printer.supply(command)).await?;
+                }
+            }
+            Waiting::ProbePin(command) => {
+                if <P::Motion as Motion>::Servo::PRESENT {
+                    let printer = &mut *self;
+                    <P::Motion as Motion>::Servo::only(move || printer.probe_pin(command)).await?;
                 }
             }
             // One wait for all, which takes less room than several.
@@ -372,6 +380,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Supply(_) if !self.has_supply() => {}
             Command::Supply(command) => return waiting(Waiting::Supply(command)),
+            Command::ProbePin(_) if self.pin().is_none() => {}
+            Command::ProbePin(command) => return waiting(Waiting::ProbePin(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
             // The drivers' part is all that there is to the first four. Without a display the others change nothing here.
             Command::ReportDrivers

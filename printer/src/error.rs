@@ -149,6 +149,8 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// The probe's pin does not do what it was told, or its signal does not say so.
+    ProbePin(&'static str),
     /// A motor's driver has failed, so nothing may move.
     Driver {
         /// The motor, 0 to 3.

@@ -1,11 +1,12 @@
 //! G28.
 
-use ferrostep_gcode::AxisFlags;
+use ferrostep_gcode::{AxisFlags, PinCommand};
 use ferrostep_planner::Move;
 
 use crate::error::CommandError;
 use crate::interpreter::MoveInterpreter;
 use crate::motion_fault::HomingOutcome;
+use crate::part::Part;
 use crate::ports::{Motion, MotorDrivers};
 use crate::profile::{AxisHoming, HomeEnd, HomeSensor};
 
@@ -42,6 +43,10 @@ impl<M: Motion> Homing<'_, '_, M> {
         }
         self.motion.finish().await?;
         self.leave_bed();
+        if let Some(pin) = self.pin_out() {
+            let homing = &mut *self;
+            M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await?;
+        }
         if named[0] || named[1] || home_at_10nm.is_some() {
             self.raise().await?;
         }
@@ -94,7 +99,12 @@ impl<M: Motion> Homing<'_, '_, M> {
     /// is. Returns the height of the motors at which the probe triggers.
     pub async fn probe_bed(&mut self, below_10nm: i64) -> Result<i64, CommandError> {
         let homing = self.interpreter.profile.homing[Z];
-        self.find_home(Z, &homing, below_10nm).await?;
+        let mut outcome = self.find_home(Z, &homing, below_10nm).await;
+        if let Some(pin) = self.pin_out() {
+            let homing = &mut *self;
+            outcome = outcome.and(M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await);
+        }
+        outcome?;
         let [.., z_10nm] = self.motion.position_10nm();
         Ok(z_10nm)
     }
@@ -146,7 +156,12 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.interpreter.modal.homed[axis] = false;
         self.motion.set_motors_enabled(1 << axis, true);
 
-        let outcome = self.find_home(axis, &homing, AxisHoming::MAX_PRESS_10NM).await;
+        let mut outcome = self.find_home(axis, &homing, AxisHoming::MAX_PRESS_10NM).await;
+        if let Some(pin) = self.pin_out().filter(|_| axis == Z) {
+            let homing = &mut *self;
+            // Where something else has failed, that counts.
+            outcome = outcome.and(M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await);
+        }
         // After a failure, too, the G-code's position is that of the motors.
         let found_10nm = self.motion.position_10nm()[axis];
         // The other axes stay, a lifted Z has its part in where they are.
@@ -201,14 +216,16 @@ impl<M: Motion> Homing<'_, '_, M> {
         let mut apart_10nm = None;
         for attempt in 0..ATTEMPTS {
             let by_stall = homing.sensor == HomeSensor::Stall;
-            if attempt > 0 && (by_stall || self.motion.is_end_stop_triggered(axis)) {
+            // A pin that went in does not tell that it is at the bed.
+            let may_touch = self.pin(axis).is_some() || self.motion.is_end_stop_triggered(axis);
+            if attempt > 0 && (by_stall || may_touch) {
                 self.move_back(axis, homing).await?;
                 self.is_released(axis)?;
             }
             let others = self.other_sensors(axis);
             let target_10nm = self.end_of_search_10nm(axis, homing, below_10nm);
             let from_10nm = self.motion.position_10nm()[axis];
-            if self.seek(axis, target_10nm, homing.fast_mm_per_s).await? == HomingOutcome::Missed {
+            if self.seek(axis, target_10nm, homing.fast_mm_per_s, true).await? == HomingOutcome::Missed {
                 let searched_10nm = way_10nm(homing, from_10nm, target_10nm).max(0);
                 // A sensor of another axis that triggers here is this one's.
                 let swapped = others.into_iter().flatten().find(|&other| self.motion.is_end_stop_triggered(other));
@@ -223,7 +240,7 @@ impl<M: Motion> Homing<'_, '_, M> {
                 homing.back_off_10nm
             };
             let target_10nm = first_10nm + towards(homing) * beyond_10nm;
-            apart_10nm = match self.seek(axis, target_10nm, homing.slow_mm_per_s).await? {
+            apart_10nm = match self.seek(axis, target_10nm, homing.slow_mm_per_s, false).await? {
                 HomingOutcome::Triggered => Some(self.motion.position_10nm()[axis] - first_10nm),
                 HomingOutcome::Missed => None,
             };
@@ -295,14 +312,30 @@ impl<M: Motion> Homing<'_, '_, M> {
         Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false }
     }
 
-    async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<HomingOutcome, CommandError> {
+    /// Approaches a sensor; `is_first` of the two approaches to it, for which a probe's pin goes out in any case.
+    async fn seek(
+        &mut self,
+        axis: usize,
+        to_10nm: i64,
+        feed_mm_per_s: f64,
+        is_first: bool,
+    ) -> Result<HomingOutcome, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
         // Never away from the sensor: a sensor that would lie behind the axis counts as missed.
         if way_10nm(&self.interpreter.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
             return Ok(HomingOutcome::Missed);
         }
         target_10nm[axis] = to_10nm;
-        Ok(self.motion.seek(self.request(target_10nm, feed_mm_per_s), axis).await?)
+        if let Some(pin) = self.pin(axis).filter(|pin| is_first || pin.stows_each_touch) {
+            let homing = &mut *self;
+            M::Servo::only(move || homing.tell_pin(pin, PinCommand::Out)).await?;
+        }
+        let outcome = self.motion.seek(self.request(target_10nm, feed_mm_per_s), axis).await?;
+        if let Some(pin) = self.pin(axis).filter(|pin| pin.stows_each_touch) {
+            let homing = &mut *self;
+            M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await?;
+        }
+        Ok(outcome)
     }
 }
 

@@ -30,6 +30,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Fan { number, .. } if *number > 0 && self.numbered_fan(*number).is_none() => {
                 remarks.add(Remark::OtherFan);
             }
+            Command::ProbePin(_) if self.pin().is_none() => remarks.add(Remark::NoServo),
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
             Command::SetChamber(_) | Command::WaitChamber(_)
                 if self.profile.chamber.is_none() && !asks_for_cold(command) =>

@@ -15,6 +15,7 @@ mod arc;
 mod axis_names;
 mod bed;
 mod black_box;
+mod bltouch;
 mod card;
 mod command_kind;
 mod dispatch;
@@ -87,7 +88,7 @@ pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Settin
 pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
-    AxisHoming, BedScrew, BedScrews, ChamberSettings, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S,
+    AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S,
     DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FilamentSensor, FirmwareRetraction, HeaterSettings,
     HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings, PowerSupply, Profile, SafeHoming,
 };

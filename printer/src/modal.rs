@@ -29,6 +29,8 @@ pub(crate) struct KnownZ {
     pub raised_to_10nm: Option<i64>,
     /// How far the motors stand above what the G-code sees (M290).
     pub shift_10nm: i64,
+    /// The probe's pin was seen to go in, and has not been called out since.
+    pub pin_is_in: bool,
 }
 
 /// A firmware retraction or recovery after which no move with filament was taken. The machine stands still during it; after a

@@ -5,7 +5,7 @@ use core::future::Future;
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{ChamberTemperature, MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
-use ferrostep_hal_shim::{Clock, FanOutput, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater, ServoPulses};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
@@ -101,6 +101,14 @@ pub trait Motion {
     /// [`MeshError`]; Z follows nothing then.
     fn follow_bed(&mut self, _on: bool) -> Result<(), MeshError> {
         Ok(())
+    }
+    /// What moves the probe's pin, or nothing: its code is compiled only then.
+    type Servo: Part;
+    /// Sends pulses to the probe's servo, in the place of those that have not been sent.
+    fn send_servo_pulses(&mut self, _pulses: ServoPulses) {}
+    /// Waits until all of them have been sent; a stop ends the wait, and not the pulses.
+    fn servo_pulses_sent(&mut self) -> impl Future<Output = Result<(), MotionError>> {
+        async { Ok(()) }
     }
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);

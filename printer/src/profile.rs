@@ -94,8 +94,8 @@ pub struct SafeHoming {
 }
 
 impl SafeHoming {
-    /// Smallest and largest Z of a probe's offset, units of 10 nm. A probe that triggers when the nozzle is higher than 10 mm
-    /// must be deployed, which this firmware cannot; above 0 the nozzle touches before the probe triggers.
+    /// Smallest and largest Z of a probe's offset, units of 10 nm: none triggers when the nozzle is higher than 10 mm; above 0 the
+    /// nozzle touches before the probe triggers.
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
     /// Raises nothing; Z homes at any place.
@@ -112,6 +112,17 @@ impl SafeHoming {
         let diameter = right - left + 2_000;
         !self.is_round || across * across + along * along <= diameter * diameter
     }
+}
+
+/// A probe whose pin a servo's signal puts out and draws in (BLTouch).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlTouch {
+    /// How long the pin may take, and the signal lasts, ms.
+    pub move_ms: u16,
+    /// The pin goes in and out between the two approaches to a place.
+    pub stows_each_touch: bool,
+    /// Before each deployment the pin, which is up, must read as triggered in touch mode.
+    pub tests_signal: bool,
 }
 
 /// How the bed is measured, and how far up Z follows it. Lengths in units of 10 nm.
@@ -380,6 +391,8 @@ pub struct Profile {
     pub homing: [AxisHoming; 3],
     /// Keeps the nozzle off the bed meanwhile.
     pub safe_homing: SafeHoming,
+    /// The probe's pin, if it has one that is put out.
+    pub bltouch: Option<BlTouch>,
     /// How the bed is measured; `None`: it cannot be.
     pub mesh: Option<MeshSettings>,
     /// The bed's screws, with a mesh.
@@ -470,6 +483,9 @@ impl Profile {
             let sheet_10nm = self.safe_homing.bed_10nm;
             let shape = self.mesh.map_or(SheetShape::FLAT, |mesh| mesh.sheet);
             motors.set_probe(VirtualProbe { offset_10nm: [offset_x, offset_y], sheet_10nm, shape });
+            if self.bltouch.is_some() {
+                motors.set_pin();
+            }
         }
         motors
     }

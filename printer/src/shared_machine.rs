@@ -3,7 +3,7 @@
 use core::future::Future;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::{FanOutput, StepOutput};
+use ferrostep_hal_shim::{FanOutput, HomingSensors, ServoPulses, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::surface::{Mesh, MeshError};
 use ferrostep_planner::{
@@ -12,6 +12,7 @@ use ferrostep_planner::{
 
 use crate::machine::{Machine, Silence};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
+use crate::part::Part;
 use crate::ports::Motion;
 
 /// How a board shares its machine between the task that executes commands and the planner task.
@@ -22,6 +23,8 @@ pub trait SharedMachine {
     type Queue: StepOutput;
     /// The methods of motion that the board's image contains.
     type Methods: MotionMethods;
+    /// Whether a servo may move the probe's pin.
+    type Servo: Part;
 
     /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
@@ -214,6 +217,16 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     fn follow_bed(&mut self, on: bool) -> Result<(), MeshError> {
         self.machine.with(|machine| machine.follow_bed(on))
+    }
+
+    type Servo = S::Servo;
+
+    fn send_servo_pulses(&mut self, pulses: ServoPulses) {
+        self.machine.with(|machine| machine.queue_mut().send_servo_pulses(pulses));
+    }
+
+    async fn servo_pulses_sent(&mut self) -> Result<(), MotionError> {
+        self.wait(|machine| machine.queue().are_servo_pulses_sent().then_some(())).await
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

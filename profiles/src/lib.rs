@@ -7,6 +7,7 @@
 
 mod axes;
 mod bed_screws;
+mod bltouch;
 mod drivers;
 pub mod error_budget;
 mod extrusion;

@@ -9,7 +9,7 @@ use ferrostep_printer::{
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
-use crate::{bed_screws, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew};
+use crate::{bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -85,6 +85,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let (homing, safe_homing) = homing::homing(keys, &travel, steps_per_mm, &limits, &drivers);
     let is_probe = homing[2].sensor == HomeSensor::Probe;
     let mesh = mesh::mesh(keys, &travel, &safe_homing, is_probe, kinematics);
+    let bltouch = bltouch::bltouch(keys, is_probe, &homing[2], &safe_homing, mesh.as_ref());
     let bed_screws =
         bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), &safe_homing, mesh.is_some());
     let [nozzle, bed] = heaters::heaters(keys);
@@ -121,6 +122,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         skew: skew::skew(&apart),
         homing,
         safe_homing,
+        bltouch,
         mesh,
         bed_screws,
         min_extrusion_celsius: min_extrusion as f32,

@@ -5,3 +5,5 @@
 #define X_CURRENT 580
 #define X_MICROSTEPS 16
 #define STEALTHCHOP_XY
+#define BLTOUCH_HS_MODE true
+#define BLTOUCH_SET_5V_MODE

@@ -93,22 +93,16 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
     Ok([folders, resolved].concat())
 }
 
-/// Packages that are optimised for speed on the desk and for size in an image, and their level there.
-const IMAGE_LEVELS: [(&str, &str); 6] = [
-    ("ferrostep-card", "\"z\""),
-    ("ferrostep-gcode", "\"z\""),
-    ("ferrostep-gpre", "\"z\""),
-    ("ferrostep-planner", "\"z\""),
-    ("ferrostep-printer", "\"z\""),
-    ("\"*\"", "\"z\""),
-];
+/// Packages that are optimised for speed on the desk and for size in an image.
+const FOR_SIZE: [&str; 6] =
+    ["ferrostep-card", "ferrostep-gcode", "ferrostep-gpre", "ferrostep-planner", "ferrostep-printer", "\"*\""];
 
 impl CoreLibrary {
     /// Makes a cargo command build for [`TARGET`] with this library.
     pub fn apply(&self, command: &mut Command) {
         command.args(["--target", TARGET]);
-        for (package, level) in IMAGE_LEVELS {
-            command.arg("--config").arg(format!("profile.release.package.{package}.opt-level={level}"));
+        for package in FOR_SIZE {
+            command.arg("--config").arg(format!("profile.release.package.{package}.opt-level=\"z\""));
         }
         if let CoreLibrary::FromSource = self {
             // The smaller of two ways where the library has both, as for writing numbers: another KB.

@@ -227,6 +227,33 @@ fn the_octopus_alone_can_switch_a_supply_and_only_for_a_profile_that_has_one() {
     }
 }
 
+/// Marlin's SERVO0_PIN and Klipper's sample of the board (control_pin). Low before it is an output, and an input where no probe needs it.
+#[test]
+fn the_octopus_alone_has_an_output_for_a_servo_and_uses_it_for_a_pin() {
+    let octopus = board("btt-octopus-1.1");
+    assert_eq!(octopus.servo, Some(pin("PB6")));
+    for name in ["bench", "prusa-buddy"] {
+        assert_eq!(board(name).servo, None);
+    }
+    let mut profile = ferrostep_profiles::load("prusa-mini").unwrap();
+    for (bltouch, constant) in [(None, "None"), (Some(BLTOUCH), "Some((1, 6))")] {
+        profile.bltouch = bltouch;
+        let octopus = octopus.clone().for_machine(&profile);
+        assert!(constants::rust(&octopus).contains(&format!("SERVO: Option<(u8, u8)> = {constant};")));
+        let stores = pins(&octopus);
+        // BSRR and MODER of port B.
+        let low = stores.iter().position(|store| store.address == 0x4002_0418 && store.set & 1 << 22 != 0);
+        let output =
+            stores.iter().position(|store| store.address == 0x4002_0400 && store.set & 0b11 << 12 == 0b01 << 12);
+        assert_eq!((low.is_some(), output.is_some()), (bltouch.is_some(), bltouch.is_some()));
+        assert!(low <= output);
+        assert!(!stores.iter().any(|store| store.address == 0x4002_0418 && store.set & 1 << 6 != 0), "never high");
+    }
+}
+
+const BLTOUCH: ferrostep_printer::BlTouch =
+    ferrostep_printer::BlTouch { move_ms: 680, stows_each_touch: true, tests_signal: true };
+
 /// A light goes to its own level in the safe state, and a fan's output that the profile uses for something else does not blow.
 #[test]
 fn the_safe_state_knows_what_is_no_fan() {

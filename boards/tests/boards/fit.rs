@@ -233,6 +233,16 @@ fn a_supply_is_switched_where_the_board_has_an_output_for_it() {
 }
 
 #[test]
+fn a_probes_pin_is_moved_where_the_board_has_an_output_for_a_servo() {
+    let of = |board, profile| error_after(board, profile, "[driver]", "[bltouch]\n[driver]");
+    let line = line_of("prusa-mini", "[driver]");
+    let expected = format!(
+        "test.toml:{line}: bltouch = a table: expected no such table: the board prusa-buddy has no output `servo`"
+    );
+    assert_eq!(of("prusa-buddy", "prusa-mini"), Some(expected));
+}
+
+#[test]
 fn a_light_hangs_at_an_output_of_the_board() {
     let light = "[outputs.light]\noutput = \"fan4\"\n[driver]";
     assert_eq!(error_after("btt-octopus-1.1", "corexy", "[driver]", light), None);

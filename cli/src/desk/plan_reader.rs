@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::{Approach, FanOutput};
+use ferrostep_hal_shim::{Approach, FanOutput, ServoPulses};
 use ferrostep_papers::Papers;
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::look_ahead::Slot;
@@ -461,6 +461,12 @@ impl Motion for PlannedMotion<'_> {
 
     fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
         self.reader.plan.borrow_mut().planner.set_extruder_steps_per_mm(steps_per_mm)
+    }
+
+    type Servo = ferrostep_printer::Present;
+
+    fn send_servo_pulses(&mut self, pulses: ServoPulses) {
+        self.reader.plan.borrow_mut().reading.motors.tell_pin(pulses.width_us);
     }
 
     type Bed = BedStage;

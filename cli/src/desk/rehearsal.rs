@@ -122,6 +122,7 @@ impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
     type Ring = Vec<Slot>;
     type Queue = VirtualStepQueue<O>;
     type Methods = Papers;
+    type Servo = ferrostep_printer::Present;
 
     fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<O>) -> T) -> T {
         act(&mut self.desk.machine.borrow_mut())

@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use ferrostep_hal_shim::{
-    Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepLink, StepQueue,
+    Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepLink,
+    StepQueue,
 };
 use ferrostep_planner::{Move, StepDigests, StepEntry, StepLedger, StepObserver};
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
@@ -254,6 +255,10 @@ impl<O: Observer> HomingSensors for VirtualStepQueue<O> {
         self.watched_axis = axis;
         self.now_tick = 0;
         self.motors.set_stall_signal(axis.and_then(|axis| self.drivers.stall_signal(axis)));
+    }
+
+    fn send_servo_pulses(&mut self, pulses: ServoPulses) {
+        self.motors.tell_pin(pulses.width_us);
     }
 
     /// The queue is empty, for the machine has stood still: the entry is played at once.

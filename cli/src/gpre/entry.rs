@@ -107,6 +107,7 @@ impl Passed {
                     | Command::DisableMotors(_)
                     // Who enters a job has the supply on.
                     | Command::Supply(_)
+                    | Command::ProbePin(_)
                     | Command::Finish
                     | Command::Stop { .. }
                     | Command::Pause(_)

@@ -17,6 +17,9 @@ use super::{ImportError, Imported, Row, shown};
 use reasons::reason;
 use sensor::sensor;
 
+/// Marlin's `BLTOUCH_DELAY` without the definition, ms.
+const MARLIN_BLTOUCH_DELAY_MS: f64 = 500.0;
+
 /// Marlin's PID gains are for a power of 255.
 const FULL_POWER: f64 = 255.0;
 /// Junction deviation of a jerk, as Marlin's own notes have it: 0.4 v^2 / a.
@@ -289,6 +292,14 @@ impl<'a> Reading<'a> {
         for axis in ["x", "y", "z"] {
             let older = format!("{}_PROBE_OFFSET_FROM_EXTRUDER", axis.to_ascii_uppercase());
             self.keep_number(&older, &format!("homing.probe_offset_mm.{axis}"), |offset| offset);
+        }
+        if name == "BLTOUCH" {
+            self.draft.put("bltouch.move_ms", MARLIN_BLTOUCH_DELAY_MS);
+            self.keep_number("BLTOUCH_DELAY", "bltouch.move_ms", |ms| ms);
+            // Without a value it is on.
+            if let Some(is_on) = self.get("BLTOUCH_HS_MODE").map(|definition| definition.value != "false") {
+                self.keep("BLTOUCH_HS_MODE", "bltouch.stow_each_touch", !is_on, "");
+            }
         }
         self.draft.put("homing.raise_mm", 5.0);
         for name in ["Z_HOMING_HEIGHT", "Z_CLEARANCE_FOR_HOMING", "Z_RAISE_BEFORE_HOMING", "MIN_Z_HEIGHT_FOR_HOMING"] {

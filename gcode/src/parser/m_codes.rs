@@ -89,6 +89,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let command = if clears { PrintClockCommand::Clear } else { PrintClockCommand::Report };
             Ok(Command::PrintClock(command))
         }
+        280 | 401 | 402 => super::pin::m_code(&code, remarks),
         80 => {
             let asks = code.words(remarks)?.flag(b'S');
             Ok(Command::Supply(if asks { SupplyCommand::Report } else { SupplyCommand::On }))

@@ -3,6 +3,7 @@
 //! Names and words count in upper and lower case. What has no effect here stands in [`crate::NOT_EXECUTED`].
 
 use super::code::Code;
+use super::pin;
 use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
 use crate::{
@@ -25,7 +26,7 @@ enum Heater {
 
 /// The words after a name: `KEY=VALUE`.
 #[derive(Clone, Copy)]
-struct NamedWords<'a> {
+pub(super) struct NamedWords<'a> {
     /// The command, and how its words are written, for errors.
     command: &'static str,
     form: &'static str,
@@ -69,7 +70,7 @@ fn unquoted(value: &[u8]) -> &[u8] {
 impl<'a> NamedWords<'a> {
     /// The value of a word; of several the last counts.
     #[inline(never)]
-    fn value(&self, key: &str) -> Option<&'a [u8]> {
+    pub(super) fn value(&self, key: &str) -> Option<&'a [u8]> {
         let mut value = None;
         for word in Divided(self.text) {
             if let Some((found, [b'=', rest @ ..])) = word.split_at_checked(key.len())
@@ -137,13 +138,13 @@ impl<'a> NamedWords<'a> {
         Ok(None)
     }
 
-    const fn expected(&self) -> ParseError {
+    pub(super) const fn expected(&self) -> ParseError {
         ParseError::WordsExpected { command: self.command, words: self.form }
     }
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 19] = [
+const EXECUTED: [(&str, &str); 20] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder, heater_bed or chamber, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
@@ -167,6 +168,7 @@ const EXECUTED: [(&str, &str); 19] = [
     ("SET_SKEW", skew::SET),
     ("CALC_MEASURED_SKEW", skew::CALCULATE),
     ("GET_CURRENT_SKEW", ""),
+    ("BLTOUCH_DEBUG", pin::DEBUG_WORDS),
 ];
 
 /// Reads a line that begins with a name, or with nothing known.
@@ -207,7 +209,8 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         15 => Command::Bed(BedCommand::Screws),
         16 => Command::Skew(skew::set(&words)?),
         17 => Command::Skew(skew::calculate(&words)?),
-        18.. => Command::Skew(SkewCommand::Report),
+        18 => Command::Skew(SkewCommand::Report),
+        19.. => pin::debug(&words)?,
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })

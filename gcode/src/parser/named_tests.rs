@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::tests::{number, reads, reads_with, refused, some};
-use crate::{AxisWords, Command, NOT_EXECUTED, NotExecuted, WaitTarget, parse};
+use crate::{AxisWords, Command, NOT_EXECUTED, NotExecuted, PinCommand, WaitTarget, parse};
 
 #[test]
 fn limits_heat_layers_and_pauses_are_executed() {
@@ -39,6 +39,11 @@ fn limits_heat_layers_and_pauses_are_executed() {
     reads("SET_FAN_SPEED SPEED=1 FAN=Part", fan("Part", 255));
     reads("SET_PIN PIN=light VALUE=0", fan("light", 0));
     reads_with("SET_PIN PIN=light VALUE=200", fan("light", 255), "V is too large and becomes the largest value");
+    for (name, width_us) in
+        [("pin_down", 650), ("touch_mode", 1_165), ("pin_up", 1_475), ("self_test", 1_780), ("RESET", 2_190)]
+    {
+        reads(&format!("BLTOUCH_DEBUG COMMAND={name}"), Command::ProbePin(PinCommand::Pulses { width_us }));
+    }
     reads("PAUSE", Command::Pause(AxisWords::default()));
     reads("Resume", Command::ResumePrint);
 }
@@ -62,6 +67,8 @@ fn what_is_missing_or_malformed_is_refused() {
         ("SET_FAN_SPEED SPEED=1", "FAN with a name, and SPEED with a number from 0 to 1"),
         ("SET_FAN_SPEED FAN=a SPEED=-0.1", "FAN with a name, and SPEED with a number from 0 to 1"),
         ("SET_PIN PIN=light", "PIN with a name, and VALUE with a number from 0 to 1"),
+        ("BLTOUCH_DEBUG", "COMMAND=pin_down, pin_up, touch_mode, self_test or reset"),
+        ("BLTOUCH_DEBUG COMMAND=pin", "COMMAND=pin_down, pin_up, touch_mode, self_test or reset"),
         ("SET_PRINT_STATS_INFO CURRENT_LAYER=-1", "TOTAL_LAYER or CURRENT_LAYER with a number"),
     ] {
         let command = text.split(' ').next().unwrap();

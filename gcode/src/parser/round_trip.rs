@@ -7,7 +7,7 @@ use crate::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, LineReader,
     PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units, WaitTarget, parse,
 };
-use crate::{SettingsCommand, SupplyCommand};
+use crate::{PinCommand, SettingsCommand, SupplyCommand};
 
 /// A command's words: letter and number.
 type Words = Vec<(char, Option<Decimal>)>;
@@ -123,6 +123,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::Supply(SupplyCommand::Report) => (80, vec![('S', None)]),
         Command::Supply(SupplyCommand::Off { when_cool: false }) => (81, vec![]),
         Command::Supply(SupplyCommand::Off { when_cool: true }) => (81, vec![('S', Some(whole(1)))]),
+        Command::ProbePin(PinCommand::Out) => (401, vec![]),
+        Command::ProbePin(PinCommand::In) => (402, vec![]),
+        Command::ProbePin(PinCommand::Pulses { width_us }) => (280, given([('S', Some(whole(width_us.into())))])),
         Command::AbsoluteExtrusion => (82, vec![]),
         Command::RelativeExtrusion => (83, vec![]),
         Command::SetNozzle(target) => (104, given([('S', target)])),
@@ -493,6 +496,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         Just(Command::ReportFans),
         Just(Command::ResumePrint),
         any::<u8>().prop_map(Command::PromptAnswer),
+        (544u16..=2_400).prop_map(|width_us| Command::ProbePin(PinCommand::Pulses { width_us })),
         any_stealth_chop(),
         any_drivers(3000).prop_map(Command::DriverCurrent),
         any_drivers(255).prop_map(Command::StallThreshold),
@@ -516,6 +520,8 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             Command::Supply(SupplyCommand::Report),
             Command::Supply(SupplyCommand::Off { when_cool: false }),
             Command::Supply(SupplyCommand::Off { when_cool: true }),
+            Command::ProbePin(PinCommand::Out),
+            Command::ProbePin(PinCommand::In),
             Command::AbsoluteExtrusion,
             Command::RelativeExtrusion,
             Command::ReportTemperatures,

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, FeedWords, GainWords, PrintClockCommand, Remarks,
+    ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, FeedWords, GainWords, PinCommand, PrintClockCommand, Remarks,
     RetractionWords, SupplyCommand, Units, WaitTarget,
 };
 
@@ -269,6 +269,15 @@ fn host_commands() {
         ("M42 S5", Command::SetOutput { number: None, power: 5 }),
         ("M42 P300 S5", Command::SetOutput { number: None, power: 5 }),
         ("M42 P-1 S5", Command::SetOutput { number: None, power: 5 }),
+        ("M401", Command::ProbePin(PinCommand::Out)),
+        ("M402", Command::ProbePin(PinCommand::In)),
+        // Marlin's angles of a BLTouch, and widths.
+        ("M280 P0 S10", Command::ProbePin(PinCommand::Pulses { width_us: 647 })),
+        ("M280 S60", Command::ProbePin(PinCommand::Pulses { width_us: 1_162 })),
+        ("M280 P0 S90", Command::ProbePin(PinCommand::Pulses { width_us: 1_472 })),
+        ("M280 P0 S120", Command::ProbePin(PinCommand::Pulses { width_us: 1_781 })),
+        ("M280 P0 S160", Command::ProbePin(PinCommand::Pulses { width_us: 2_193 })),
+        ("M280 P0 S1475", Command::ProbePin(PinCommand::Pulses { width_us: 1_475 })),
         ("M80", Command::Supply(SupplyCommand::On)),
         ("M80 S", Command::Supply(SupplyCommand::Report)),
         ("M81", Command::Supply(SupplyCommand::Off { when_cool: false })),

@@ -24,6 +24,7 @@ pub mod measured;
 pub mod motion_clock;
 pub mod safe_state;
 pub mod serial;
+pub mod servo;
 pub mod settings_memory;
 pub mod step_timer;
 mod stores;

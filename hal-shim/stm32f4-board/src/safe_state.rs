@@ -7,7 +7,7 @@ use ferrostep_stm32f4::clock_setup;
 use crate::board::{CORE_HZ, INTERNAL_HZ};
 use crate::pac::USART1;
 use crate::volatile::Volatile;
-use crate::{board, supervision};
+use crate::{board, servo, supervision};
 
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
 const MAX_LOOKS: u32 = 200_000;
@@ -46,10 +46,11 @@ pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
 }
 
 /// Rests until someone resets the board: a machine that starts again on its own might start heating, or go on with a print from
-/// a wrong position. The watchdog, which would reset it, is fed.
+/// a wrong position. The watchdog, which would reset it, is fed. A probe's pin is called in, again and again.
 pub fn rest() -> ! {
     loop {
         supervision::feed_at_the_end();
+        servo::pin_in_at_the_end();
     }
 }
 

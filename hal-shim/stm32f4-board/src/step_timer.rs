@@ -1,16 +1,18 @@
 //! TIM2, the timer that makes the steps, and TIM9, which counts its updates.
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepQueue};
 use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 use ferrostep_step_player::{
     DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
     Stepping, UpdateTimer,
 };
 
+use crate::board::SERVO;
 use crate::measured::PlanningMeter;
 use crate::motion_clock::MotionClock;
 use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
+use crate::servo;
 
 /// A board's motors.
 pub trait Motors<const PORTS: usize> {
@@ -368,6 +370,16 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> HomingSe
 
     fn watch_sensor(&mut self, axis: Option<usize>) {
         self.motors.watch_sensor(axis);
+    }
+
+    fn send_servo_pulses(&mut self, pulses: ServoPulses) {
+        if SERVO.is_some() {
+            servo::send(pulses);
+        }
+    }
+
+    fn are_servo_pulses_sent(&self) -> bool {
+        SERVO.is_none() || servo::are_sent()
     }
 }
 

@@ -38,6 +38,7 @@ fn no_adapter_loses_what_it_stores() {
     assert_eq!(lost_by(shared), 0, "USART2");
     let own = |registers: &mut _| _ = PinLines::start(registers, [(2, 1); 4], 84_000_000, 19_200);
     assert_eq!(lost_by(own), 0, "TIM7");
+    assert_eq!(lost_by(|registers| crate::servo_line::start(registers, 84_000_000)), 0, "TIM6");
 }
 
 /// PWR_CR holds the voltage's scale as well: an STM32F407 that reads it as 0 and stores it again runs at 168 MHz with a

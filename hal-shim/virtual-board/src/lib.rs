@@ -15,6 +15,7 @@ mod identifier;
 mod mechanics;
 mod modelled_sensors;
 mod motors;
+mod pin;
 mod port;
 mod probe;
 mod stall;

@@ -3,7 +3,7 @@
 use ferrostep_planner::{Move, StepDigests, StepEntry, StepObserver};
 
 use super::VirtualMotors;
-use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepQueue};
 use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 
 /// A step queue with modelled sensors. Virtual motors make all steps of the queue as they are added, and tell where a
@@ -79,6 +79,10 @@ impl<Q: StepQueue> HomingSensors for ModelledSensors<Q> {
 
     fn watch_sensor(&mut self, axis: Option<usize>) {
         self.watched = axis;
+    }
+
+    fn send_servo_pulses(&mut self, pulses: ServoPulses) {
+        self.motors.tell_pin(pulses.width_us);
     }
 
     fn push_towards_sensor(&mut self, entry: StepEntry) -> Result<Approach, FeedError> {

@@ -4,6 +4,7 @@ use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Geometry, StepEntry, StepLedger, StepObserver};
 
 use super::{StallSignal, VirtualProbe};
+use crate::pin::VirtualPin;
 use ferrostep_hal_shim::Approach;
 
 /// Where the tool head truly stands when a virtual machine is switched on, units of 10 nm from its origin.
@@ -31,6 +32,8 @@ pub struct VirtualMotors {
     framed: u8,
     /// Z's end stop is this probe, which triggers at its coordinate where it is above the sheet.
     probe: Option<VirtualProbe>,
+    /// The probe triggers by this pin, where it would without.
+    pin: Option<VirtualPin>,
     /// How far above the sheet the present approach of the probe ends, and the state of its random numbers.
     scattered_10nm: i64,
     random: u64,
@@ -50,6 +53,7 @@ impl VirtualMotors {
             start_steps: geometry.motor_steps(true_position_10nm).map(i64::from),
             framed: 0,
             probe: None,
+            pin: None,
             scattered_10nm: 0,
             random: 0x9e37_79b9_7f4a_7c15,
             stall_signal: None,
@@ -65,6 +69,18 @@ impl VirtualMotors {
     /// Z has this probe.
     pub fn set_probe(&mut self, probe: VirtualProbe) {
         self.probe = Some(probe);
+    }
+
+    /// Z's probe has a pin, which is in.
+    pub fn set_pin(&mut self) {
+        self.pin = Some(VirtualPin::default());
+    }
+
+    /// Pulses of this width for the servo of that pin, microseconds.
+    pub fn tell_pin(&mut self, width_us: u16) {
+        if let Some(pin) = &mut self.pin {
+            pin.tell(width_us);
+        }
     }
 
     /// The stall signal of the axis that homes next, if it is framed.
@@ -210,10 +226,12 @@ impl VirtualMotors {
         if self.is_framed(axis) {
             return false;
         }
-        if axis == 2 && self.probe.is_some_and(|probe| !probe.is_above_sheet(place)) {
-            return false;
+        let is_beside = axis == 2 && self.probe.is_some_and(|probe| !probe.is_above_sheet(place));
+        let is_there = !is_beside && if stop.at_max { position >= trigger } else { position <= trigger };
+        match self.pin {
+            Some(pin) if axis == 2 => pin.is_triggered(is_there),
+            _ => is_there,
         }
-        if stop.at_max { position >= trigger } else { position <= trigger }
     }
 }
 

@@ -431,6 +431,13 @@ impl Motion {
         self.probe.as_ref()
     }
 
+    /// The nozzle's height above the sheet below the probe, mm; `None` beside the sheet.
+    pub fn probe_gap_mm(&self) -> Option<f64> {
+        let (dx_mm, dy_mm) = self.probe.as_ref()?.offset_mm();
+        let height_mm = self.sheet.height_mm(self.position_mm(0) + dx_mm, self.position_mm(1) + dy_mm);
+        height_mm.map(|height_mm| self.position_mm(2) - height_mm)
+    }
+
     /// The probe, to break or mend.
     pub fn probe_mut(&mut self) -> Option<&mut Probe> {
         self.probe.as_mut()

@@ -5,6 +5,7 @@ use super::eeprom::{EepromWire, WiredEeprom};
 use super::{Plant, REFERENCE_MV, Role, Source, Switched, WiredFan, WiredHeater, WiredThermistor};
 use crate::parts::adxl345::{self, Adxl345};
 use crate::parts::at24c32::At24c32;
+use crate::parts::bltouch::BlTouch;
 use crate::parts::fan::{self, Fan};
 use crate::parts::frame::Mode;
 use crate::parts::heat::thermistor::{Curve, SensorFault, Thermistor, ThermistorConfig};
@@ -25,6 +26,8 @@ const MODULE_SENSE_MILLIOHM: u32 = 110;
 const FRAME_MM: f64 = 3.0;
 /// Nozzle height above the sheet at which the inductive probe of a well adjusted machine triggers, mm.
 const PROBE_TRIGGER_MM: f64 = 1.0;
+/// The same of a probe with a pin, mm.
+const BLTOUCH_TRIGGER_MM: f64 = 2.0;
 /// How far the sheet gives way, mm.
 const ALLOWED_PRESS_MM: f64 = 0.5;
 
@@ -48,6 +51,7 @@ impl Plant {
             thermistors: Vec::new(),
             accelerometer: None,
             eeprom: None,
+            bltouch: None,
             motor_rail: Rail::new(supply::Config::motors_24_v()),
             chip_rail: Rail::new(supply::Config::chip_3_3_v()),
             ambient_celsius: AMBIENT_CELSIUS,
@@ -123,7 +127,14 @@ impl Plant {
             }
         }
         if let (Some(input), true) = (board.input("probe"), self.motion.probe().is_some()) {
-            self.inputs.push((input.pin, Source::Probe));
+            match board.servo.filter(|_| printer.has_bltouch) {
+                Some(servo) => {
+                    self.bltouch = Some(BlTouch::new(BLTOUCH_TRIGGER_MM));
+                    self.roles.insert(servo, Role::Servo);
+                    self.inputs.push((input.pin, Source::BlTouch));
+                }
+                None => self.inputs.push((input.pin, Source::Probe)),
+            }
         }
         if let Some(input) = board.input("filament") {
             // Filament is loaded: its switch connects the pin to the supply.

@@ -54,6 +54,8 @@ pub struct Board {
     pub eeprom: Option<Eeprom>,
     /// The output that switches the supply of motors, heaters and fans.
     pub power_supply: Option<Pin>,
+    /// The output for a servo.
+    pub servo: Option<Pin>,
 }
 
 /// The wires to an EEPROM (I2C).

@@ -39,6 +39,7 @@ pub(super) struct RawBoard {
     pub accelerometer: Option<RawAccelerometer>,
     pub eeprom: Option<RawEeprom>,
     pub power_supply: Option<RawPin>,
+    pub servo: Option<RawPin>,
     /// The card's slot, which is not wired here: the chip's model has no SDIO, and its pins float, so that no card is seen.
     #[serde(default, rename = "card")]
     pub _card: Option<toml::Value>,

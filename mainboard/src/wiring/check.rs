@@ -79,6 +79,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
     let eeprom = eeprom(&mut pins, &raw)?;
     let power_supply =
         pins.take_optional("power_supply.pin", raw.power_supply.as_ref().map(|table| table.pin.as_str()))?;
+    let servo = pins.take_optional("servo.pin", raw.servo.as_ref().map(|table| table.pin.as_str()))?;
     if raw.virtual_sensors && !(heaters.is_empty() && thermistors.is_empty() && inputs.is_empty()) {
         return Err(Refusal::new(
             file,
@@ -110,6 +111,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         accelerometer,
         eeprom,
         power_supply,
+        servo,
     })
 }
 

@@ -35,6 +35,8 @@ pub struct Printer {
     pub frame: [Option<FrameMode>; 2],
     /// The supply of motors, heaters and fans, if the board switches it.
     pub power_supply: Option<PowerSupply>,
+    /// The probe has a pin that a servo's signal moves.
+    pub has_bltouch: bool,
 }
 
 /// A supply that a board switches. Without a level at its input it is off, as ATX supplies and relay modules are.
@@ -346,6 +348,7 @@ impl Printer {
             drivers,
             frame,
             power_supply: raw.power_supply,
+            has_bltouch: raw.bltouch.is_some(),
         })
     }
 }
@@ -428,6 +431,7 @@ struct RawPrinter {
     #[serde(default)]
     frame: RawFrame,
     power_supply: Option<PowerSupply>,
+    bltouch: Option<toml::Value>,
 }
 
 #[derive(Deserialize, Default)]

@@ -40,6 +40,17 @@ pub struct Variant {
 
 /// Builds the image of a board, under another name, with its profile and these tables.
 pub fn variant(board: &str, profile: &str, name: &str, tables: &str) -> Variant {
+    changed(board, profile, name, |board| board, |profile| profile + tables)
+}
+
+/// Builds the image of a board, under another name, with both files changed.
+pub fn changed(
+    board: &str,
+    profile: &str,
+    name: &str,
+    change_board: impl FnOnce(String) -> String,
+    change_profile: impl FnOnce(String) -> String,
+) -> Variant {
     static BUILDS: Mutex<()> = Mutex::new(());
     let _one_at_a_time = BUILDS.lock().unwrap_or_else(PoisonError::into_inner);
     let root = root();
@@ -56,8 +67,8 @@ pub fn variant(board: &str, profile: &str, name: &str, tables: &str) -> Variant 
     assert!(board_text.contains(&own_name));
     // A file that stays the same leaves the image as it is.
     for (path, text) in [
-        (&variant.board, board_text.replace(&own_name, &format!("name = \"{name}\""))),
-        (&variant.profile, text(format!("profiles/{profile}.toml")) + tables),
+        (&variant.board, change_board(board_text.replace(&own_name, &format!("name = \"{name}\"")))),
+        (&variant.profile, change_profile(text(format!("profiles/{profile}.toml")))),
     ] {
         if std::fs::read_to_string(path).ok().as_ref() != Some(&text) {
             std::fs::write(path, text).unwrap();

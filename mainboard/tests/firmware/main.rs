@@ -9,6 +9,7 @@ mod accelerometer;
 mod bad_input;
 mod bench;
 mod black_box;
+mod bltouch;
 mod board_pins;
 #[path = "../../../tests/tests/firmware/boards.rs"]
 mod boards;

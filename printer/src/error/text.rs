@@ -138,6 +138,7 @@ impl fmt::Display for CommandError {
                      another's (M119)?"
                 )
             }
+            Self::ProbePin(why) => out.write_str(why),
             Self::NoStallSignal { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(

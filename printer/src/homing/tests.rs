@@ -1,5 +1,6 @@
 //! What homing asks of the motors, and where it leaves the machine, whatever the sensors do.
 
+mod pin;
 pub mod rig;
 mod safety;
 

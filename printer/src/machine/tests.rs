@@ -78,6 +78,7 @@ pub(crate) fn profile() -> Profile {
         skew: crate::skew::Skew::NONE,
         homing: [homing; 3],
         safe_homing: crate::profile::SafeHoming::NONE,
+        bltouch: None,
         mesh: None,
         bed_screws: None,
         min_extrusion_celsius: 170.0,

@@ -25,9 +25,9 @@ mod names {
         MotionChoice, PressureAdvance, SCurveTableSettings, SecondSlope, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
-        AxisHoming, BedScrew, BedScrews, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings,
-        FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings,
-        PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
+        AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*,
+        FanSettings, FilamentSensor, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*,
+        MeshSettings, PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

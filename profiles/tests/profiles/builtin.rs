@@ -111,8 +111,11 @@ fn cartesian_is_as_designed() {
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
             mass: HeatedMass::NOZZLE,
+            is_heated: true,
+            is_warmed_by_others: false,
         }
     );
+    assert_eq!(profile.chamber, None);
     assert_eq!(profile.bed.thermistor, Thermistor { kind: ThermistorType::Epcos100k, pull_up_ohm: 4700.0 });
     assert_eq!(
         profile.bed.watch,

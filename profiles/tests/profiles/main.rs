@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod bed_screws;
+mod bltouch;
 mod book;
 mod builtin;
 mod error_budget;

@@ -81,6 +81,7 @@ fn a_cartesian_machine_of_klippers_becomes_a_profile() {
          homing.z = { end = \"min\", sensor = \"probe\", position_mm = 0 }\n\
          homing.raise_mm = 10\nhoming.home_at_mm = { x = 117, y = 117 }\n\
          homing.probe_offset_mm = { x = -44, y = -6, z = -1.25 }\n\
+         bltouch = { move_ms = 400, stow_each_touch = true, test_signal = false }\n\
          nozzle = { sensor = \"semitec-104gt-2\", max_celsius = 260, proportional = 0.1, integral = 0.004, derivative = 0.5 }\n\
          bed = { max_celsius = 130, proportional = 0.2 }\n\
          driver.inverted = [\"x\"]\npressure_advance.seconds = 0.045\n\
@@ -99,6 +100,8 @@ fn a_cartesian_machine_of_klippers_becomes_a_profile() {
         ("[filament_switch_sensor runout] event_delay", "pauses a print"),
         ("[gcode_macro START] gcode", "macros"),
         ("[gcode_macro END] gcode", "macros"),
+        ("[bltouch] control_pin", "pins are the board's"),
+        ("[bltouch] set_output_mode", "M280 P0 S140"),
         ("[fan] pin", "fans hang at the board's outputs"),
         ("[stepper_x] step_pin", "pins are the board's"),
         ("[heater_bed] sensor_type", "no sensor that a profile knows"),
@@ -151,6 +154,7 @@ fn marlins_configuration_becomes_a_profile() {
          instantaneous_corner_velocity_mm_per_s.z = 0.4\n\
          homing.x = { end = \"min\", triggers_low = true, fast_mm_per_s = 50, slow_mm_per_s = 25, back_off_mm = 5 }\n\
          homing.y.position_mm = -5\nhoming.z = { sensor = \"probe\", fast_mm_per_s = 4, slow_mm_per_s = 1, back_off_mm = 2 }\n\
+         bltouch = { move_ms = 500, stow_each_touch = false }\n\
          homing.probe_offset_mm = { x = 10, y = -8, z = -1.5 }\nhoming.home_at_mm.x = 100\n\
          nozzle = { sensor = \"semitec-104gt-2\", max_celsius = 275, proportional = 0.09 }\n\
          drivers.x = { current_ma = 580, microsteps = 16, stealth_chop = true }\ndriver.inverted = [\"y\"]\n\

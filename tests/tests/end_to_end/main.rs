@@ -6,6 +6,7 @@ mod accelerations;
 mod against_klipper;
 mod bad_input;
 mod bad_words;
+mod bltouch;
 mod calibration;
 mod chamber;
 mod command;

@@ -10,6 +10,7 @@ const HOMING_SPEED: f64 = 5.0;
 const HOMING_RETRACT_DIST: f64 = 5.0;
 const MICROSTEPS: f64 = 16.0;
 const FULL_STEPS: f64 = 200.0;
+const PIN_MOVE_MS: f64 = 680.0;
 /// The speed that spreadCycle begins at for a driver that homes by stalls, as a share of the homing speed: the signal must last until then.
 const QUIET_UNTIL: f64 = 1.25;
 /// Klipper's thresholds above any speed mean stealthChop at all speeds; a profile says that with 0.
@@ -135,6 +136,9 @@ impl Reading<'_> {
                 self.draft.put(&path, 0.0);
             }
         }
+        if section == "bltouch" {
+            self.bltouch();
+        }
         if !self.draft.says("homing.raise_mm") {
             self.draft.put("homing.raise_mm", 5.0);
         }
@@ -143,6 +147,22 @@ impl Reading<'_> {
             if !self.draft.says(&path) {
                 let middle = self.draft.number(&format!("size_mm.{axis}")).unwrap_or_default() / 2.0;
                 self.draft.put(&path, middle);
+            }
+        }
+    }
+
+    /// A probe with a pin, of which the profile has a table even where Klipper has nothing but pins.
+    fn bltouch(&mut self) {
+        const SECTION: &str = "bltouch";
+        self.draft.put("bltouch.move_ms", PIN_MOVE_MS);
+        self.keep_number(SECTION, "pin_move_time", &["bltouch.move_ms"], |seconds| seconds * 1000.0);
+        for (key, path) in [
+            ("stow_on_each_sample", "bltouch.stow_each_touch"),
+            ("pin_up_touch_mode_reports_triggered", "bltouch.test_signal"),
+        ] {
+            if let Some(entry) = self.entry(SECTION, key) {
+                let is_on = !["false", "no", "off", "0"].contains(&entry.value.to_ascii_lowercase().as_str());
+                self.keep(SECTION, key, &[path], is_on, "");
             }
         }
     }

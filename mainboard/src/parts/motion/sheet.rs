@@ -149,6 +149,11 @@ impl Probe {
         self.level() != before
     }
 
+    /// Its offset from the nozzle in X and Y, in mm.
+    pub fn offset_mm(&self) -> (f64, f64) {
+        self.config.offset_mm
+    }
+
     /// The level on its wire.
     pub fn level(&self) -> bool {
         let on = match self.fault {

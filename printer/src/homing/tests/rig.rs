@@ -4,8 +4,8 @@ use core::cell::{Cell, RefCell};
 use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 
-use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::{Clock, FanOutput, Heater};
+use ferrostep_gcode::{MotionFigures, PinCommand, Reply};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater, ServoPulses};
 use ferrostep_planner::surface::NoBed;
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
@@ -69,6 +69,10 @@ pub struct Rig {
     is_moving: Cell<bool>,
     /// How often motion was stopped from outside.
     stops: Cell<u32>,
+    /// Widths of the pulses that the probe's pin was sent.
+    told_us: RefCell<Vec<u16>>,
+    /// The signal of the pin is wrong after pulses of this width, so often.
+    pub wrong_signals: Cell<(u16, u32)>,
     events: RefCell<Vec<Event>>,
     texts: RefCell<Vec<String>>,
     signals: Signals,
@@ -97,6 +101,8 @@ impl Rig {
             believed_10nm: Cell::new([0; 3]),
             enabled: Cell::new(0),
             stops: Cell::new(0),
+            told_us: RefCell::default(),
+            wrong_signals: Cell::new((0, 0)),
             events: RefCell::default(),
             texts: RefCell::default(),
             signals: Signals::new(),
@@ -110,6 +116,11 @@ impl Rig {
     /// What has been asked of the motors since the last call.
     pub fn take_events(&self) -> Vec<Event> {
         self.events.take()
+    }
+
+    /// Widths of the pulses for the probe's pin since the last call, microseconds.
+    pub fn take_told(&self) -> Vec<u16> {
+        self.told_us.take()
     }
 
     /// The last line said.
@@ -204,6 +215,11 @@ impl<'a> RigMotion<'a> {
 
 impl Motion for RigMotion<'_> {
     type Bed = NoBed;
+    type Servo = crate::Present;
+
+    fn send_servo_pulses(&mut self, pulses: ServoPulses) {
+        self.0.told_us.borrow_mut().push(pulses.width_us);
+    }
 
     fn stops(&self) -> u32 {
         self.0.stops.get()
@@ -316,6 +332,15 @@ impl Motion for RigMotion<'_> {
     }
 
     fn is_end_stop_triggered(&self, axis: usize) -> bool {
+        if axis == 2 && self.0.profile.bltouch.is_some() {
+            let told_us = self.0.told_us.borrow().last().copied().unwrap_or(0);
+            let (wrong_us, left) = self.0.wrong_signals.get();
+            let is_wrong = told_us == wrong_us && left > 0;
+            if is_wrong {
+                self.0.wrong_signals.set((wrong_us, left - 1));
+            }
+            return (told_us == PinCommand::TOUCH_MODE_US) != is_wrong;
+        }
         self.0.way_to_sensor(axis, 0) == Some(0)
     }
 

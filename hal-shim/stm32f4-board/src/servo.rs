@@ -1,0 +1,67 @@
+//! The signal of a servo, for a probe with a pin: what a task sends, and TIM6's interrupt.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use cortex_m::peripheral::NVIC;
+use ferrostep_hal_shim::ServoPulses;
+use ferrostep_stm32f4::clock_tree::Clock;
+use ferrostep_stm32f4::{ServoLine, servo_line};
+
+use crate::board::SERVO;
+use crate::handlers::complete_stores;
+use crate::pac::{Interrupt, TIM6};
+use crate::volatile::Volatile;
+
+/// What is left to send ([`ServoPulses::word`]).
+static PULSES: AtomicU32 = AtomicU32::new(0);
+
+/// The width that calls a probe's pin in, microseconds: `ferrostep_gcode::PinCommand::IN_US`, which this crate does not know.
+pub const PIN_IN_US: u16 = 1_475;
+
+/// The signal, for its interrupt's task.
+pub struct Servo(ServoLine<Volatile>);
+
+impl Servo {
+    /// A signal that rests.
+    pub const REST: Self = {
+        let pin = match SERVO {
+            Some(pin) => pin,
+            // Of a board without one nobody calls the interrupt.
+            None => (0, 0),
+        };
+        // SAFETY: TIM6 is given up to `start`; of the ports it sets the board's servo pin alone, by one store.
+        Self(ServoLine::at(unsafe { Volatile::new() }, pin))
+    };
+
+    /// The interrupt. A few microseconds late make a pulse by as much longer or shorter.
+    #[inline]
+    pub fn interrupt(&mut self) {
+        self.0.interrupt(&PULSES);
+        complete_stores();
+    }
+}
+
+/// Sets the timer up.
+pub fn start(_: TIM6, clock: &Clock) {
+    // SAFETY: TIM6 was given up to this, before its interrupt is unmasked.
+    servo_line::start(&mut unsafe { Volatile::new() }, clock.slow_timers.raw());
+}
+
+/// Sends pulses, from any task below the interrupt.
+pub fn send(pulses: ServoPulses) {
+    PULSES.store(pulses.word(), Ordering::Relaxed);
+    NVIC::pend(Interrupt::TIM6_DAC);
+}
+
+/// One pulse that calls a probe's pin in, for the panic and fault handlers, which no interrupt interrupts any more.
+pub(crate) fn pin_in_at_the_end() {
+    if let Some(pin) = SERVO {
+        // SAFETY: no other code runs any more.
+        servo_line::send_one(&mut unsafe { Volatile::new() }, pin, PIN_IN_US);
+    }
+}
+
+/// Whether all pulses have been sent.
+pub fn are_sent() -> bool {
+    PULSES.load(Ordering::Relaxed) == 0
+}
