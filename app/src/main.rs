@@ -36,6 +36,7 @@ mod commands;
 mod drivers;
 mod fans;
 mod fault;
+mod filament;
 mod greeting;
 mod heat;
 mod host_line;
@@ -94,6 +95,7 @@ mod app {
     use crate::commands;
     use crate::drivers as board_drivers;
     use crate::fans::SharedDemand;
+    use crate::filament::Encoder;
     use crate::greeting::Start;
     use crate::heat::Heat;
     use crate::host_line::{self, Patience, Reader, SerialInput, Writers};
@@ -395,6 +397,7 @@ mod app {
     /// Keeps the step queue full. Must run often enough that the queue's entries last.
     #[task(priority = 4, shared = [machine], local = [planner_work, motion_clock, patience])]
     async fn planner(mut cx: planner::Context) {
+        let mut encoder = Encoder::new();
         loop {
             let silence = cx.local.patience.silence(cx.local.motion_clock.now_ticks());
             while cx.shared.machine.lock(|machine| {
@@ -402,6 +405,7 @@ mod app {
                 let more = machine.work(silence);
                 FANS.store(&machine.fan_demand());
                 black_box::note_position(machine);
+                encoder.look(machine, Mono::now().ticks(), &SIGNALS);
                 more
             }) {}
             // It looks in either case, woken or after the interval.

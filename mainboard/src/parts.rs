@@ -11,6 +11,7 @@
 //! | [`motion`] | motors, kinematics, axes between their frame ends, end stops, probe, nozzle and bed |
 //! | [`heat`] | heaters with their mass, thermistors |
 //! | [`fan`] | rotor and tacho |
+//! | [`encoder`] | a sensor that sees filament move |
 //! | [`adxl345`] | accelerometer: registers, memory, its end of an SPI bus |
 //! | [`at24c32`] | EEPROM: pages, write cycles, its end of an I2C bus |
 //! | [`frame`] | the spring between motors and nozzle |
@@ -19,6 +20,7 @@
 
 pub mod adxl345;
 pub mod at24c32;
+pub mod encoder;
 pub mod fan;
 pub mod frame;
 pub mod heat;

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::parts::encoder::FilamentEncoder;
 use crate::parts::fan::Fan;
 use crate::parts::heat::Heater;
 use crate::parts::heat::thermistor::Thermistor;
@@ -112,10 +113,13 @@ enum Source {
     Wire(usize),
     Accelerometer,
     Eeprom,
+    FilamentEncoder,
     /// Held at a constant level.
     Held(bool),
 }
 
+/// The motor that feeds the filament.
+const EXTRUDER: usize = 3;
 /// Interval of analogue values and duty cycles, ns: converters do not sample more often.
 const SLOW_NS: u64 = 500_000;
 /// The chip's supply and its converters' reference, mV.
@@ -144,6 +148,8 @@ pub struct Plant {
     pub accelerometer: Option<WiredAccelerometer>,
     /// The EEPROM, on a board that has one.
     pub eeprom: Option<WiredEeprom>,
+    /// The sensor that sees filament move, on a printer that has one.
+    pub filament_encoder: Option<FilamentEncoder>,
     /// The supply of motors and heaters.
     pub motor_rail: Rail,
     /// The chip's supply.
@@ -173,6 +179,11 @@ impl Plant {
                 self.lines_changed |= driver.diag() != stalled;
                 let effect = self.motion.step(now_ns, motor, moved.delta);
                 self.pass_on(now_ns, effect);
+                if motor == EXTRUDER
+                    && let Some(encoder) = &mut self.filament_encoder
+                {
+                    self.lines_changed |= encoder.follow(self.motion.motor_mm(EXTRUDER));
+                }
             }
             Role::Direction(motor) => {
                 if let Some(driver) = self.drivers.get_mut(motor) {
@@ -419,6 +430,7 @@ impl Plant {
             Source::Wire(wire) => self.wires.get(wire).map(Wire::level),
             Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
             Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
+            Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
             Source::Held(level) => Some(level),
         }
     }

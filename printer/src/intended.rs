@@ -19,6 +19,9 @@ impl<P: Ports> Printer<'_, P> {
             Command::Fan { number, .. } if *number > 0 && self.numbered_fan(*number).is_none() => {
                 remarks.add(Remark::OtherFan);
             }
+            Command::FilamentSensor(words) if words.distance.is_some() && !self.has_encoder() => {
+                remarks.add(Remark::NoEffect(b'D'));
+            }
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
             Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
             Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),

@@ -4,6 +4,7 @@
 mod feeder;
 mod homing_time;
 mod idle_timeout;
+mod pushed;
 mod timeline;
 mod watched_line;
 mod work;
@@ -24,6 +25,9 @@ use crate::profile::Profile;
 use feeder::{Feeder, Seeking};
 pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
+#[cfg(test)]
+pub(crate) use pushed::FilamentCount;
+pub use pushed::{Pushed, PushedFilament};
 use watched_line::WatchedLine;
 use workload::Workload;
 
@@ -299,6 +303,14 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// Step counters of all motors at the end of the queue.
     pub fn motor_steps(&self) -> [i64; 4] {
         self.feeder.ledger.motor_steps()
+    }
+
+    /// The new filament that the extruder has pushed up to now, of a queue that follows it ([`MotionWatch::FOLLOWS_FILAMENT`]). What
+    /// the motor does is known to a thirtieth of the motion in the queue, or a millisecond.
+    ///
+    /// [`MotionWatch::FOLLOWS_FILAMENT`]: ferrostep_hal_shim::MotionWatch::FOLLOWS_FILAMENT
+    pub fn pushed_filament(&self) -> PushedFilament {
+        self.feeder.pushed_filament()
     }
 
     /// Slots of the step queue filled so far, modulo 2^32.

@@ -33,6 +33,8 @@ pub struct Printer {
     pub frame: [Option<FrameMode>; 2],
     /// The supply of motors, heaters and fans, if the board switches it.
     pub power_supply: Option<PowerSupply>,
+    /// Whether its filament sensor sees filament move.
+    pub sees_filament_move: bool,
 }
 
 /// A supply that a board switches. Without a level at its input it is off, as ATX supplies and relay modules are.
@@ -328,6 +330,7 @@ impl Printer {
             drivers,
             frame,
             power_supply: raw.power_supply,
+            sees_filament_move: raw.filament_sensor.is_some_and(|sensor| sensor.kind.as_deref() == Some("motion")),
         })
     }
 }
@@ -409,6 +412,7 @@ struct RawPrinter {
     #[serde(default)]
     frame: RawFrame,
     power_supply: Option<PowerSupply>,
+    filament_sensor: Option<RawFilamentSensor>,
 }
 
 #[derive(Deserialize, Default)]
@@ -476,4 +480,9 @@ struct RawDrivers {
     y: Option<DriverSettings>,
     z: Option<DriverSettings>,
     e: Option<DriverSettings>,
+}
+
+#[derive(Deserialize)]
+struct RawFilamentSensor {
+    kind: Option<String>,
 }

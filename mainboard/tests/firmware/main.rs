@@ -16,6 +16,7 @@ mod boot_loader;
 mod choices;
 mod eeprom;
 mod emergency;
+mod filament_motion;
 mod foreign_code;
 mod halted;
 mod heater_fault;

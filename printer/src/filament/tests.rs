@@ -15,8 +15,10 @@ use super::*;
 use crate::heat::{HeatFault, HeaterStatus};
 use crate::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::printer::Source;
+use crate::profile::FilamentSensorKind;
 
-const SENSOR: FilamentSensor = FilamentSensor { missing_is_low: true, debounce_ms: 500 };
+const SENSOR: FilamentSensor =
+    FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 500 };
 
 /// A hot nozzle, and what was said.
 struct World {

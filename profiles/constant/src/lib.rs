@@ -25,8 +25,8 @@ mod names {
     };
     pub use ferrostep_printer::{
         AxisHoming, BedScrew, BedScrews, DriverTiming, ExtrusionSettings, FanRule::*, FanSettings, FilamentSensor,
-        FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings,
-        PidGains, PowerSupply, Profile, SafeHoming, Skew,
+        FilamentSensorKind::*, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*,
+        MeshSettings, PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;
