@@ -124,6 +124,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             && let Some(length_10nm) = profile.filament_sensor.and_then(|sensor| sensor.detection_10nm())
         {
             signals.set_filament_detection_10nm(length_10nm as u32);
+            signals.count_filament_anew();
         }
         Self {
             profile,
