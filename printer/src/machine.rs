@@ -305,14 +305,6 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.ledger.motor_steps()
     }
 
-    /// The new filament that the extruder has pushed up to now, of a queue that follows it ([`MotionWatch::FOLLOWS_FILAMENT`]). What
-    /// the motor does is known to a thirtieth of the motion in the queue, or a millisecond.
-    ///
-    /// [`MotionWatch::FOLLOWS_FILAMENT`]: ferrostep_hal_shim::MotionWatch::FOLLOWS_FILAMENT
-    pub fn pushed_filament(&self) -> PushedFilament {
-        self.feeder.pushed_filament()
-    }
-
     /// Slots of the step queue filled so far, modulo 2^32.
     pub fn slots_queued(&self) -> u32 {
         self.feeder.queue.queued()

@@ -445,6 +445,7 @@ impl<'a> Reading<'a> {
                 self.keep(name, "filament_sensor.kind", "motion", "its pin is the board's");
             }
             self.keep_number("FILAMENT_RUNOUT_DISTANCE_MM", "filament_sensor.detection_mm", |length| length);
+            self.lose("FIL_RUNOUT_STATE", "neither level of a motion sensor says anything");
             return;
         }
         let path = "filament_sensor.missing_is_low";

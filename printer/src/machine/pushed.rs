@@ -1,6 +1,12 @@
 //! How much new filament the extruder pushes: only what is beyond the furthest point so far. What is drawn back and pushed again is
 //! not new.
 
+use ferrostep_hal_shim::StepOutput;
+use ferrostep_planner::MotionMethods;
+use ferrostep_planner::look_ahead::Slot;
+
+use super::Machine;
+
 /// What has been pushed up to a place in the queue: the extruder's steps beyond its furthest point so far, modulo 2^32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pushed(u32);
@@ -59,6 +65,16 @@ pub struct PushedFilament {
     pub at_least: Pushed,
     /// At most up to here, but for some steps of a piece that is drawn back between two looks at the queue's end.
     pub at_most: Pushed,
+}
+
+impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<R, Q, M> {
+    /// The new filament that the extruder has pushed up to now, of a queue that follows it ([`MotionWatch::FOLLOWS_FILAMENT`]): between
+    /// two marks, which are a thirtieth of the motion in the queue apart, or a millisecond.
+    ///
+    /// [`MotionWatch::FOLLOWS_FILAMENT`]: ferrostep_hal_shim::MotionWatch::FOLLOWS_FILAMENT
+    pub fn pushed_filament(&self) -> PushedFilament {
+        self.feeder.pushed_filament()
+    }
 }
 
 #[cfg(test)]
