@@ -1,9 +1,10 @@
 //! A sensor that sees filament move: what it counts is what the motor has pushed, a print that works is never paused, and a jam is.
 
-use ferrostep::desk::{Desk, ExtruderNow, LOOK_AHEAD_BLOCKS};
+use ferrostep::desk::{Desk, DeskHeating, ExtruderNow, LOOK_AHEAD_BLOCKS, LiveMachine};
 use ferrostep::session::{LiveSession, Session};
 use ferrostep_printer::machine::Pushed;
-use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
+use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Printer, Profile, SharedMotion};
+use ferrostep_virtual_board::VirtualDelay;
 
 use crate::command::example;
 use crate::desk::profile;
@@ -18,6 +19,9 @@ const DETECTION_MM: f64 = 3.0;
 const RESOLUTION_MM: f64 = 0.4;
 
 type Machine = LiveSession<Collector>;
+
+/// Its printer.
+type PrinterOf<'a> = Printer<'a, (SharedMotion<LiveMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Collector)>;
 
 fn machine(advance_s: f64) -> Machine {
     let mut profile: Profile = profile("cartesian");
@@ -151,19 +155,19 @@ fn what_a_person_pushes_pauses_no_print() {
     for line in ["M302 P1", "M83", "M104 S200", "G1 E30 F300", "M400"] {
         machine.run(printer.execute_for_host(1, line, false)).unwrap();
     }
-    let said = |line: &str| {
-        let mut printer = machine.printer();
-        machine.run(printer.execute_for_host(1, line, false)).unwrap();
-        machine.replies().take()
+    let reports = |printer: &mut PrinterOf<'_>, filament: &str| {
+        machine.replies().take();
+        machine.run(printer.execute_for_host(1, "M412", false)).unwrap();
+        let report = format!("echo:Filament runout ON; distance: 3 mm; filament: {filament}");
+        assert!(machine.replies().take().contains(&report), "{filament}");
     };
-    assert!(said("M412").contains(&"echo:Filament runout ON; distance: 3 mm; filament: missing".to_owned()));
+    reports(&mut printer, "missing");
     machine.set_filament_stuck(false);
-    machine.replies().take();
     for line in ["G1 X10 E0.5 F1200", "G1 X20 E0.5", "M400"] {
         machine.run(printer.execute_for_host(1, line, true)).unwrap();
     }
     assert_eq!(pauses(&machine.replies().take()), 0);
-    assert!(said("M412").contains(&"echo:Filament runout ON; distance: 3 mm; filament: present".to_owned()));
+    reports(&mut printer, "present");
 }
 
 /// Lines, travels, retractions, wipes, and an advance: what has been pushed is between the two counts all the time, and both are it when
