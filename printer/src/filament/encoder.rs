@@ -47,8 +47,8 @@ impl EncoderWatch {
         let to_and_fro_steps = detection_steps / TO_AND_FRO;
         if signals.take_filament_counts_anew() {
             // Filament that was freed may have moved on without the extruder: then its next two edges can be near each other.
-            self.seen = [at_most.and(to_and_fro_steps); 2];
-            self.changed = at_most.and(to_and_fro_steps.wrapping_neg());
+            self.seen = [at_most.plus(to_and_fro_steps); 2];
+            self.changed = at_most.plus(to_and_fro_steps.wrapping_neg());
         }
         if level == self.level {
             self.since_ms = None;

@@ -16,7 +16,7 @@ impl Pushed {
     pub const NONE: Self = Self(0);
 
     /// With so many steps more, modulo 2^32.
-    pub const fn and(self, steps: u32) -> Self {
+    pub const fn plus(self, steps: u32) -> Self {
         Self(self.0.wrapping_add(steps))
     }
 
