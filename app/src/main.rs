@@ -12,7 +12,7 @@
 //! | 8 | `temperature` | every 10 ms | `heat`, watchdog | 160 conversions, two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 8 | `tachometers` | every ms, on a board that has any | | looks at each fan's line |
-//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
+//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock; looks at the filament's encoder |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `records`, `mailbox` | one line, one item of a job; a wait is an await |
 //! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers`, `records` | a datagram's end, and the next |
 //! | 1 | `accelerometer` | every 2 ms, on a board with a plug for one | `recorder`, `machine`, `writers` | a sample and its line: 40 us on the bus; at most 34 in a row |

@@ -52,7 +52,7 @@ impl Bench {
         }
         self.count.follow((self.extruder_mm * STEPS_PER_MM).floor() as i64);
         self.now_ms = self.now_ms.wrapping_add(2);
-        let trembles = self.chatters && self.now_ms / 2 % 2 == 0;
+        let trembles = self.chatters && (self.now_ms / 2).is_multiple_of(2);
         let level = (self.filament_mm / self.edge_mm).floor() as i64 & 1 != i64::from(trembles);
         let pushed = PushedFilament { at_least, at_most: self.count.at_end() };
         self.watch.look(self.now_ms, level, pushed, STEPS_PER_MM as f32, DEBOUNCE_MS, &self.signals);
