@@ -118,7 +118,9 @@ fn a_jam_pauses_the_print_which_then_goes_on_as_if_there_had_been_none() {
         is_over = true;
     }
     assert!(is_over, "the jam was not noticed");
+    // M108 has had an `ok` of its own: this answer comes after all motion.
     bench.host.send("M400").unwrap();
+    bench.host.ask("M412", "echo:Filament runout ON; distance: 3 mm; filament: present").unwrap();
     let pins = bench.switch_off();
     assert_eq!(pins.displacement(), undisturbed.displacement());
     // The same path, with a way aside and back in its midst.
