@@ -13,7 +13,7 @@
 //! | 8 | `temperature` | every 10 ms | `heat`, watchdog | 160 conversions, two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 8 | `tachometers` | every ms, on a board that has any | | looks at each fan's line |
-//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
+//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock; looks at the filament's encoder |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `records`, `mailbox` | one line, one item of a job; a wait is an await |
 //! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers`, `records` | a datagram's end, and the next |
 //! | 1 | `accelerometer` | every 2 ms, on a board with a plug for one | `recorder`, `machine`, `writers` | a sample and its line: 40 us on the bus; at most 34 in a row |
@@ -37,6 +37,7 @@ mod commands;
 mod drivers;
 mod fans;
 mod fault;
+mod filament;
 mod greeting;
 mod heat;
 mod host_line;
@@ -97,6 +98,7 @@ mod app {
     use crate::commands;
     use crate::drivers as board_drivers;
     use crate::fans::SharedDemand;
+    use crate::filament::Encoder;
     use crate::greeting::Start;
     use crate::heat::Heat;
     use crate::host_line::{self, Patience, Reader, SerialInput, Writers};
@@ -407,6 +409,7 @@ mod app {
     /// Keeps the step queue full. Must run often enough that the queue's entries last.
     #[task(priority = 4, shared = [machine], local = [planner_work, motion_clock, patience])]
     async fn planner(mut cx: planner::Context) {
+        let mut encoder = Encoder::new();
         loop {
             let silence = cx.local.patience.silence(cx.local.motion_clock.now_ticks());
             while cx.shared.machine.lock(|machine| {
@@ -414,6 +417,7 @@ mod app {
                 let more = machine.work(silence);
                 FANS.store(&machine.fan_demand());
                 black_box::note_position(machine);
+                encoder.look(machine, Mono::now().ticks(), &SIGNALS);
                 more
             }) {}
             // It looks in either case, woken or after the interval.

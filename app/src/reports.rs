@@ -91,7 +91,9 @@ where
         self.replies.line_troubles(host_line::take_troubles());
         self.replies.packing();
         self.rest(now_ms);
-        if let (Some(pin), Some(sensor)) = (FILAMENT, &PROFILE.filament_sensor) {
+        if let (Some(pin), Some(sensor)) = (FILAMENT, &PROFILE.filament_sensor)
+            && sensor.detection_10nm().is_none()
+        {
             self.filament.look(now_ms, is_triggered(pin), sensor, self.signals);
         }
         tell_stalled_fan(&mut self.stalled_fan, &PROFILE.fans, &self.heating, self.signals, &self.replies);

@@ -199,7 +199,7 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
     }
     format!(
         "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
-         /// The pin of the filament sensor, which triggers when filament is missing.\n\
+         /// The pin of the filament sensor. A switch triggers when filament is missing.\n\
          pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
          /// Their set-up.\n{}",
         stores("SENSOR_STORES", &script.0)

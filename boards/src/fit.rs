@@ -2,7 +2,9 @@
 
 use ferrostep_checked_toml::FileError;
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
-use ferrostep_printer::{ChamberSettings, FanRule, FanSettings, HeaterSettings, HomeSensor, Profile};
+use ferrostep_printer::{
+    ChamberSettings, FanRule, FanSettings, FilamentSensor, FilamentSensorKind, HeaterSettings, HomeSensor, Profile,
+};
 use ferrostep_profiles::refuse;
 use ferrostep_thermistor::ThermistorType;
 use ferrostep_tmc2209::{CurrentScale, DriverWiring};
@@ -42,11 +44,12 @@ pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3]
     std::array::from_fn(|_| sensors.next().flatten())
 }
 
-/// The pin of the profile's filament sensor, and whether it is low while filament is missing; `None` without such a sensor or
-/// such an input.
+/// The pin of the profile's filament sensor, and whether it is low while filament is missing (of an encoder neither level says so);
+/// `None` without such a sensor or such an input.
 pub fn filament_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
     let pin = board.inputs.iter().find(|(input, _)| *input == "filament").map(|(_, pin)| *pin);
-    pin.zip(profile.filament_sensor.map(|sensor| sensor.missing_is_low))
+    let is_low = |sensor: FilamentSensor| sensor.kind != FilamentSensorKind::Switch { missing_is_low: false };
+    pin.zip(profile.filament_sensor.map(is_low))
 }
 
 /// Sense resistors of a driver that is plugged in, ohm: those of the usual TMC2209 modules.

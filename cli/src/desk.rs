@@ -3,6 +3,7 @@
 mod accelerometer;
 mod desk_time;
 mod drivers;
+mod encoder;
 mod figures;
 mod heat;
 mod heat_at_rest;
@@ -15,13 +16,14 @@ mod step_queue;
 
 pub use accelerometer::{DeskAccelerometer, Tap};
 pub use drivers::DeskDrivers;
+pub use encoder::Encoder;
 pub use figures::Figures;
 pub use heat::{DeskHeat, DeskHeating};
 pub use live::{LiveDesk, LiveMachine};
 pub use plan_reader::{LimitFactors, PlanReader, PlannedMotion};
 pub use queue_machine::QueueMachine;
 pub use rehearsal::{DeskMachine, Rehearsal};
-pub use session_motion::{Desk, MotionState};
+pub use session_motion::{Desk, ExtruderNow, MotionState};
 pub use step_queue::VirtualStepQueue;
 
 /// Blocks in the look-ahead ring, as on the target.

@@ -57,6 +57,14 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
             "--fault filament-out and filament-back need a sensor: add [filament_sensor] to the profile".to_owned()
         );
     }
+    let sees_it_move = profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some());
+    if !sees_it_move && arguments.fault.iter().any(|fault| fault.kind.is_of_moving_filament()) {
+        return Err(
+            "--fault filament-jam and filament-free need a sensor that sees filament move: add [filament_sensor] with \
+                    kind = \"motion\" to the profile"
+                .to_owned(),
+        );
+    }
     if let (Some(address), Some(port)) = (arguments.web, &arguments.port) {
         return serving_page::before_a_port(arguments, address, port, profile, &ends);
     }

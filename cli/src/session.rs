@@ -12,15 +12,15 @@ use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event,
-    tell_stalled_fan, temperatures,
+    EncoderWatch, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals,
+    tell_driver_event, tell_stalled_fan, temperatures,
 };
 use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
 use crate::desk::{
-    Desk, DeskAccelerometer, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LimitFactors, LiveDesk,
-    MotionState, PlanReader, Rehearsal,
+    Desk, DeskAccelerometer, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Encoder, ExtruderNow, Figures,
+    LimitFactors, LiveDesk, MotionState, PlanReader, Rehearsal,
 };
 use crate::record::Observer;
 use crate::remarks::{RemarkKind, RemarkList};
@@ -55,6 +55,8 @@ pub struct Session<D, R> {
     signals: Signals,
     heater_timeout: Cell<HeaterTimeout>,
     filament: Cell<FilamentWatch>,
+    encoder: Cell<Encoder>,
+    encoder_watch: Cell<EncoderWatch>,
     /// As it was last reported.
     stalled_fan: Cell<Option<FanOutput>>,
     /// What the filament sensor says.
@@ -125,6 +127,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
             signals: Signals::new(),
             heater_timeout: Cell::default(),
             filament: Cell::default(),
+            encoder: Cell::default(),
+            encoder_watch: Cell::default(),
             stalled_fan: Cell::default(),
             is_filament_out: Cell::new(false),
             replies,
@@ -195,6 +199,15 @@ impl<D: Desk, R: Replies> Session<D, R> {
     /// The filament runs out, or new one is there.
     pub fn set_filament_out(&self, is_out: bool) {
         self.is_filament_out.set(is_out);
+        self.set_filament_stuck(is_out);
+    }
+
+    /// The filament is jammed, so that the extruder's gear grinds on it, or free again.
+    pub fn set_filament_stuck(&self, is_stuck: bool) {
+        self.encoder.update(|mut encoder| {
+            encoder.set_stuck(is_stuck);
+            encoder
+        });
     }
 
     /// Samples of the heaters' models so far.
@@ -313,9 +326,23 @@ impl<D: Desk, R: Replies> Session<D, R> {
     /// Looks at the filament sensor, as a board does.
     fn watch_filament(&self) {
         let Some(sensor) = &self.profile.filament_sensor else { return };
+        if let Some(detection_10nm) = sensor.detection_10nm() {
+            return self.watch_encoder(detection_10nm as f64 / 1e5, sensor.debounce_ms);
+        }
         let mut watch = self.filament.get();
         watch.look((&self.clock).now_ms() as u32, self.is_filament_out.get(), sensor, &self.signals);
         self.filament.set(watch);
+    }
+
+    fn watch_encoder(&self, detection_mm: f64, debounce_ms: u16) {
+        let Some(ExtruderNow { steps, pushed, steps_per_mm }) = self.desk.extruder_now() else { return };
+        let (mut encoder, mut watch) = (self.encoder.get(), self.encoder_watch.get());
+        encoder.follow(steps);
+        let level = encoder.level(steps_per_mm, detection_mm);
+        let now_ms = (&self.clock).now_ms() as u32;
+        watch.look(now_ms, level, pushed, steps_per_mm as f32, debounce_ms, &self.signals);
+        self.encoder.set(encoder);
+        self.encoder_watch.set(watch);
     }
 
     /// Reports a fan that does not turn, as a board does.

@@ -1,8 +1,8 @@
 //! What a line asks for, as an enum.
 
 use crate::command_words::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, DriverWords, FeedWords, GainWords, PrintClockCommand, RetractionWords,
-    SettingsCommand, ShaperWords, Units, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
+    PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,
 };
 use crate::{BedCommand, CardCommand, Decimal, PinCommand, SkewCommand, SupplyCommand, TowerWords};
 
@@ -158,8 +158,8 @@ pub enum Command<'a> {
     },
     /// M602: a paused print goes on.
     ResumePrint,
-    /// M412 S: whether the filament sensor pauses a print; without S a query.
-    FilamentSensor(Option<bool>),
+    /// M412; without words a query.
+    FilamentSensor(FilamentSensorWords),
     /// M876 S: the number of the button that was pressed on a prompt.
     PromptAnswer(u8),
     /// M110 N: the last line number.

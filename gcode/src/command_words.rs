@@ -142,6 +142,24 @@ pub struct FeedWords {
     pub restores: bool,
 }
 
+/// What M412 sets. Without any of them it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FilamentSensorWords {
+    /// S: whether the filament sensor pauses a print.
+    pub on: Option<bool>,
+    /// D: how much filament may be pushed without a sign that it moves.
+    pub distance: Option<Decimal>,
+    /// R: what has been pushed without a sign so far counts no more.
+    pub resets: bool,
+}
+
+impl FilamentSensorWords {
+    /// Whether it asks.
+    pub const fn is_query(&self) -> bool {
+        self.on.is_none() && self.distance.is_none() && !self.resets
+    }
+}
+
 /// What M75 to M78 do with the clock of the print and with what it has counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PrintClockCommand {

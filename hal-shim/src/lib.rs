@@ -246,6 +246,8 @@ pub trait PlanningClock {
 /// Observes the motion in ticks of the motion clock. As [`StepObserver`] it sees every step as it is queued. A queue to real
 /// motors needs only the digests.
 pub trait MotionWatch: StepObserver {
+    /// Whether the filament is followed that the extruder pushes, for a sensor that sees it move.
+    const FOLLOWS_FILAMENT: bool = true;
     /// Digests of the steps so far. A board digests them as they are queued; virtual motors as they make them.
     fn digests(&self) -> StepDigests;
     /// A move was taken. `slowed_moves`: how many of all moves were slowed because the board could not keep up with them; a block is

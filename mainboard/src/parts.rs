@@ -11,6 +11,7 @@
 //! | [`motion`] | motors, kinematics, axes between their frame ends, end stops, probe, nozzle and bed |
 //! | [`heat`] | heaters with their mass, thermistors |
 //! | [`fan`] | rotor and tacho |
+//! | [`encoder`] | a sensor that sees filament move |
 //! | [`adxl345`] | accelerometer: registers, memory, its end of an SPI bus |
 //! | [`bltouch`] | a probe whose pin a servo's pulses move: touches, touch mode, alarm |
 //! | [`at24c32`] | EEPROM: pages, write cycles, its end of an I2C bus |
@@ -21,6 +22,7 @@
 pub mod adxl345;
 pub mod at24c32;
 pub mod bltouch;
+pub mod encoder;
 pub mod fan;
 pub mod frame;
 pub mod heat;

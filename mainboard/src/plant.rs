@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::parts::bltouch::BlTouch;
+use crate::parts::encoder::FilamentEncoder;
 use crate::parts::fan::Fan;
 use crate::parts::heat::Heater;
 use crate::parts::heat::thermistor::Thermistor;
@@ -116,10 +117,13 @@ enum Source {
     Wire(usize),
     Accelerometer,
     Eeprom,
+    FilamentEncoder,
     /// Held at a constant level.
     Held(bool),
 }
 
+/// The motor that feeds the filament.
+const EXTRUDER: usize = 3;
 /// Interval of analogue values and duty cycles, ns: converters do not sample more often.
 const SLOW_NS: u64 = 500_000;
 /// The chip's supply and its converters' reference, mV.
@@ -150,6 +154,8 @@ pub struct Plant {
     pub eeprom: Option<WiredEeprom>,
     /// The probe with a pin, in the place of the one that detects the sheet.
     pub bltouch: Option<BlTouch>,
+    /// The sensor that sees filament move, on a printer that has one.
+    pub filament_encoder: Option<FilamentEncoder>,
     /// The supply of motors and heaters.
     pub motor_rail: Rail,
     /// The chip's supply.
@@ -185,6 +191,11 @@ impl Plant {
                     self.lines_changed |= probe.set_gap(now_ns, self.motion.probe_gap_mm());
                 }
                 self.pass_on(now_ns, effect);
+                if motor == EXTRUDER
+                    && let Some(encoder) = &mut self.filament_encoder
+                {
+                    self.lines_changed |= encoder.follow(self.motion.motor_mm(EXTRUDER));
+                }
             }
             Role::Direction(motor) => {
                 if let Some(driver) = self.drivers.get_mut(motor) {
@@ -444,6 +455,7 @@ impl Plant {
             Source::Wire(wire) => self.wires.get(wire).map(Wire::level),
             Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
             Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
+            Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
             Source::Held(level) => Some(level),
         }
     }

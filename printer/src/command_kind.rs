@@ -37,7 +37,6 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::EndWait
         | Command::PromptAnswer(_)
         | Command::Settings(SettingsCommand::Report { .. } | SettingsCommand::Validate)
-        | Command::FilamentSensor(None)
         | Command::SoftLimits(None)
         | Command::Tower(None)
         | Command::PrintClock(PrintClockCommand::Report)
@@ -58,6 +57,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Restart => WhileHalted::Works,
         Command::Bed(bed) if bed.is_query() => WhileHalted::Works,
         Command::Skew(skew) if skew.is_query() => WhileHalted::Works,
+        Command::FilamentSensor(words) if words.is_query() => WhileHalted::Works,
         Command::FeedPercent(words) if *words == FeedWords::default() => WhileHalted::Works,
         Command::HomeOffset(words) | Command::StepsPerMm(words) if *words == AxisWords::default() => WhileHalted::Works,
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,

@@ -242,7 +242,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Display(text) => self.display(text),
             Command::Progress { percent, minutes_left } => self.progress(percent, minutes_left),
             Command::Layer { current, total } => self.layer(current, total),
-            Command::FilamentSensor(on) => self.filament_sensor(on),
+            Command::FilamentSensor(words) => self.filament_sensor(words)?,
             Command::PromptAnswer(button @ (0 | 1)) if self.power_loss.is_offered() && !self.is_paused() => {
                 return waiting(Waiting::Card(if button == 0 { &RESUME } else { &FORGET }));
             }

@@ -54,6 +54,7 @@ impl<P: Ports> Printer<'_, P> {
                 }
                 continue;
             }
+            self.follow_filament(command, is_of_print);
             if !is_of_print || outcome.is_err() || !lays(command) {
                 return outcome;
             }

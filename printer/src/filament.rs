@@ -1,14 +1,19 @@
-//! M412, and the pause when the filament has run out.
+//! M412, and the pause when the filament has run out or does not move.
 
-use ferrostep_gcode::{AxisWords, Command};
+mod encoder;
+
+use ferrostep_gcode::{AxisWords, Command, FilamentSensorWords, Real};
 use ferrostep_hal_shim::Heater;
 
-use crate::ports::{Heating, Ports, Replies};
+use crate::command_kind::moves;
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::FilamentSensor;
 use crate::signals::Signals;
+pub use encoder::EncoderWatch;
 
-/// Watches a filament sensor, freed of bounces: a new state counts when it has lasted for the profile's time.
+/// Watches a switch in the filament's path, freed of bounces: a new state counts when it has lasted for the profile's time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FilamentWatch {
     /// When the sensor began to say something else than what counts, ms.
@@ -45,9 +50,30 @@ pub(crate) fn lays(command: &Command<'_>) -> bool {
     }
 }
 
+/// Whether a print may begin with such a command, or begin anew: filament may have been moved by hand.
+fn begins(command: &Command<'_>) -> bool {
+    matches!(command, Command::Home(_) | Command::SetNozzle(_) | Command::WaitNozzle(_))
+}
+
 impl<P: Ports> Printer<'_, P> {
+    /// Whether the filament sensor sees filament move.
+    pub(crate) fn has_encoder(&self) -> bool {
+        P::Motion::FOLLOWS_FILAMENT
+            && self.profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some())
+    }
+
     /// M412.
-    pub(crate) fn filament_sensor(&mut self, on: Option<bool>) {
+    pub(crate) fn filament_sensor(&mut self, words: FilamentSensorWords) -> Result<(), CommandError> {
+        let FilamentSensorWords { on, distance, resets } = words;
+        if self.has_encoder() {
+            let range_10nm = [FilamentSensor::MIN_DETECTION_10NM, FilamentSensor::MAX_DETECTION_10NM];
+            if let Some(length_10nm) = self.length_within_10nm('D', distance, range_10nm)? {
+                self.signals.set_filament_detection_10nm(length_10nm as u32);
+            }
+            if on.is_some() || resets {
+                self.signals.count_filament_anew();
+            }
+        }
         match on {
             Some(false) => self.pauses_at_runout = false,
             _ if self.profile.filament_sensor.is_none() => {
@@ -55,16 +81,39 @@ impl<P: Ports> Printer<'_, P> {
                 self.replies.say(format_args!("{text}"));
             }
             Some(true) => self.pauses_at_runout = true,
-            None => {
-                let state = if self.pauses_at_runout { "ON" } else { "OFF" };
-                let filament = if self.signals.is_filament_missing() { "missing" } else { "present" };
-                self.replies.say(format_args!("echo:Filament runout {state}; filament: {filament}"));
-            }
+            None if words.is_query() => self.report_filament_sensor(),
+            None => {}
+        }
+        Ok(())
+    }
+
+    fn report_filament_sensor(&self) {
+        let state = if self.pauses_at_runout { "ON" } else { "OFF" };
+        let filament = if self.signals.is_filament_missing() { "missing" } else { "present" };
+        if self.has_encoder() {
+            let distance_mm = Real::short(f64::from(self.signals.filament_detection_10nm()) / 1e5, 5);
+            self.replies
+                .say(format_args!("echo:Filament runout {state}; distance: {distance_mm} mm; filament: {filament}"));
+        } else {
+            self.replies.say(format_args!("echo:Filament runout {state}; filament: {filament}"));
         }
     }
 
-    /// Whether the filament of a print that lays lines has run out, which is reported then. As long as it is missing, each line of a print
-    /// says so.
+    /// Lets an encoder's count begin anew with the first line of filament after anything by which a print begins, or goes on after a
+    /// person has had the filament in hand.
+    pub(crate) fn follow_filament(&mut self, command: &Command<'_>, is_of_print: bool) {
+        if !self.has_encoder() {
+            return;
+        }
+        if begins(command) || moves(command) && !is_of_print {
+            self.lays_lines = false;
+        } else if lays(command) && !core::mem::replace(&mut self.lays_lines, true) {
+            self.signals.count_filament_anew();
+        }
+    }
+
+    /// Whether the filament of a print that lays lines has run out, or does not move, which is reported then. As long as it is missing,
+    /// each line of a print says so.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn has_run_out(&self) -> bool {
@@ -72,7 +121,12 @@ impl<P: Ports> Printer<'_, P> {
         // A print's nozzle is hot; lines without heat are a rehearsal.
         let is_out = is_out && self.heating.status(Heater::Nozzle).target_celsius > 0.0;
         if is_out {
-            self.replies.say(format_args!("echo:The filament has run out; M412 S0 ignores the sensor"));
+            let what = if self.has_encoder() {
+                "The filament does not move, it is jammed or has run out"
+            } else {
+                "The filament has run out"
+            };
+            self.replies.say(format_args!("echo:{what}; M412 S0 ignores the sensor"));
         }
         is_out
     }

@@ -31,6 +31,9 @@ impl<P: Ports> Printer<'_, P> {
                 remarks.add(Remark::OtherFan);
             }
             Command::ProbePin(_) if self.pin().is_none() => remarks.add(Remark::NoServo),
+            Command::FilamentSensor(words) if words.distance.is_some() && !self.has_encoder() => {
+                remarks.add(Remark::NoEffect(b'D'));
+            }
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
             Command::SetChamber(_) | Command::WaitChamber(_)
                 if self.profile.chamber.is_none() && !asks_for_cold(command) =>

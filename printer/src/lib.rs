@@ -75,7 +75,7 @@ pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
 pub use fan_commands::tell_stalled_fan;
 pub use fans::{FanDemand, FanRule, FanSettings, FanTable};
-pub use filament::FilamentWatch;
+pub use filament::{EncoderWatch, FilamentWatch};
 pub use heat::{FanStatus, HeaterStatus, PidGains};
 pub use heater_timeout::{HeaterRest, HeaterTimeout};
 pub use host::Host;
@@ -89,8 +89,8 @@ pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S,
-    DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FilamentSensor, FirmwareRetraction, HeaterSettings,
-    HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings, PowerSupply, Profile, SafeHoming,
+    DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FilamentSensor, FilamentSensorKind, FirmwareRetraction,
+    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings, PowerSupply, Profile, SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};

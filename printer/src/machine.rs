@@ -4,6 +4,7 @@
 mod feeder;
 mod homing_time;
 mod idle_timeout;
+mod pushed;
 mod timeline;
 mod watched_line;
 mod work;
@@ -24,6 +25,9 @@ use crate::profile::Profile;
 use feeder::{Feeder, Seeking};
 pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
+#[cfg(test)]
+pub(crate) use pushed::FilamentCount;
+pub use pushed::{Pushed, PushedFilament};
 use watched_line::WatchedLine;
 use workload::Workload;
 

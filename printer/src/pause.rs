@@ -138,6 +138,8 @@ impl<P: Ports> Printer<'_, P> {
         // The skew may be another one meanwhile.
         self.interpreter.follow_plane(paused.place_10nm);
         self.paused = None;
+        // A person has had it in hand.
+        self.lays_lines = false;
         self.resume_print_clock();
         self.tell_host("//action:resumed");
         Ok(())
@@ -294,7 +296,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// A word's length, units of 10 nm, which must lie between two others.
-    fn length_within_10nm(
+    pub(crate) fn length_within_10nm(
         &self,
         letter: char,
         word: Option<Decimal>,

@@ -22,6 +22,8 @@ pub(crate) type Text = heapless::String<384>;
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
+    /// Whether the filament that the extruder pushes can be watched ([`crate::machine::Machine::pushed_filament`]).
+    const FOLLOWS_FILAMENT: bool = true;
     /// A command begins: any stop from now on ends its waits. Returns whether motion was stopped since the last command began, by
     /// anything but [`Self::stop`].
     fn begin_command(&mut self) -> bool {

@@ -100,6 +100,8 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) told_halted: bool,
     /// A print pauses when its filament has run out (M412).
     pub(crate) pauses_at_runout: bool,
+    /// A print is laying lines whose filament an encoder watches.
+    pub(crate) lays_lines: bool,
     /// What a filament change draws out and pushes in, units of 10 nm (M603).
     pub(crate) filament_10nm: [i64; 2],
     /// What changes with the height (TUNING_TOWER).
@@ -118,6 +120,12 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// A printer that has just been switched on: nothing homed, everything cold.
     pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
         signals.set_heater_timeout_s(profile.heater_timeout_s);
+        if M::FOLLOWS_FILAMENT
+            && let Some(length_10nm) = profile.filament_sensor.and_then(|sensor| sensor.detection_10nm())
+        {
+            signals.set_filament_detection_10nm(length_10nm as u32);
+            signals.count_filament_anew();
+        }
         Self {
             profile,
             motion,
@@ -146,6 +154,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             targets_celsius: [0.0; Heater::COUNT],
             told_halted: false,
             pauses_at_runout: profile.filament_sensor.is_some(),
+            lays_lines: false,
             filament_10nm: profile.pause.filament_10nm(),
             tower: None,
             print_clock: PrintClock::new(),

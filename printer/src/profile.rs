@@ -283,13 +283,44 @@ impl PauseSettings {
     }
 }
 
-/// A sensor that sees whether there is filament.
+/// A sensor in the filament's path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilamentSensor {
-    /// Its signal is low while filament is missing.
-    pub missing_is_low: bool,
-    /// How long it must say so, ms.
+    /// What its signal tells.
+    pub kind: FilamentSensorKind,
+    /// How long a level must last to count, ms.
     pub debounce_ms: u16,
+}
+
+/// What a filament sensor's signal tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilamentSensorKind {
+    /// Whether there is filament.
+    Switch {
+        /// The signal is low while filament is missing.
+        missing_is_low: bool,
+    },
+    /// That filament moves: the signal changes its level every few millimetres.
+    Encoder {
+        /// How much filament is pushed without a change before it counts as standing still, units of 10 nm.
+        detection_10nm: u32,
+    },
+}
+
+impl FilamentSensor {
+    /// The least that an encoder's `detection_10nm` may be: 1 mm.
+    pub const MIN_DETECTION_10NM: i64 = 100_000;
+
+    /// The most that it may be: 100 mm.
+    pub const MAX_DETECTION_10NM: i64 = 10_000_000;
+
+    /// An encoder's `detection_10nm`; `None` for a switch.
+    pub const fn detection_10nm(&self) -> Option<i64> {
+        match self.kind {
+            FilamentSensorKind::Switch { .. } => None,
+            FilamentSensorKind::Encoder { detection_10nm } => Some(detection_10nm as i64),
+        }
+    }
 }
 
 /// A power supply of heaters, motors and fans that the board can switch (M80, M81).

@@ -3,7 +3,7 @@
 use core::future::Future;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::{FanOutput, HomingSensors, ServoPulses, StepOutput};
+use ferrostep_hal_shim::{FanOutput, HomingSensors, MotionWatch, ServoPulses, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::surface::{Mesh, MeshError};
 use ferrostep_planner::{
@@ -99,6 +99,8 @@ fn unless_full<T>(outcome: Result<T, MoveError>) -> Option<Result<T, MotionError
 }
 
 impl<S: SharedMachine> Motion for SharedMotion<S> {
+    const FOLLOWS_FILAMENT: bool = <S::Queue as MotionWatch>::FOLLOWS_FILAMENT;
+
     fn begin_command(&mut self) -> bool {
         let stops = self.stops();
         core::mem::replace(&mut self.stops, stops) != stops

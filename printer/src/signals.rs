@@ -22,6 +22,9 @@ pub struct Signals {
     host_spoke: AtomicBool,
     is_writing: AtomicBool,
     filament_missing: AtomicBool,
+    /// See [`Self::filament_detection_10nm`].
+    filament_detection_10nm: AtomicU32,
+    filament_counts_anew: AtomicBool,
     fan_stalled: AtomicBool,
     card_report_interval_s: AtomicU8,
     /// Progress of the print from the card, and the file's length, bytes; 0 without a print.
@@ -52,6 +55,8 @@ impl Signals {
             host_spoke: AtomicBool::new(false),
             is_writing: AtomicBool::new(false),
             filament_missing: AtomicBool::new(false),
+            filament_detection_10nm: AtomicU32::new(0),
+            filament_counts_anew: AtomicBool::new(false),
             fan_stalled: AtomicBool::new(false),
             card_report_interval_s: AtomicU8::new(0),
             card_position: AtomicU32::new(0),
@@ -146,7 +151,7 @@ impl Signals {
         self.is_writing.store(is_writing, Ordering::Release);
     }
 
-    /// Whether the filament sensor sees no filament; `false` without a sensor.
+    /// Whether the filament sensor sees none, or none that moves; `false` without a sensor.
     pub fn is_filament_missing(&self) -> bool {
         self.filament_missing.load(Ordering::Relaxed)
     }
@@ -163,6 +168,27 @@ impl Signals {
 
     pub(crate) fn set_filament_missing(&self, is_missing: bool) {
         self.filament_missing.store(is_missing, Ordering::Relaxed);
+    }
+
+    /// How much new filament may be pushed without a sign of the encoder before it counts as missing, units of 10 nm (M412 D).
+    pub(crate) fn filament_detection_10nm(&self) -> u32 {
+        self.filament_detection_10nm.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_filament_detection_10nm(&self, length_10nm: u32) {
+        self.filament_detection_10nm.store(length_10nm, Ordering::Relaxed);
+    }
+
+    /// What has been pushed so far without a sign of the encoder counts no more.
+    pub(crate) fn count_filament_anew(&self) {
+        // In this order: whatever the encoder's watch does in between, filament is not missing afterwards.
+        self.filament_counts_anew.store(true, Ordering::Release);
+        self.set_filament_missing(false);
+    }
+
+    /// Takes that request.
+    pub(crate) fn take_filament_counts_anew(&self) -> bool {
+        self.filament_counts_anew.swap(false, Ordering::AcqRel)
     }
 
     /// Seconds between reports of a print from the card (M27 S); 0 = off.

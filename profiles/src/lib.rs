@@ -12,6 +12,7 @@ mod drivers;
 pub mod error_budget;
 mod extrusion;
 mod fans;
+mod filament_sensor;
 mod heaters;
 mod homing;
 mod machine;

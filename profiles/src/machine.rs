@@ -9,6 +9,7 @@ use ferrostep_printer::{
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
+use crate::filament_sensor::filament_sensor;
 use crate::{bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew};
 
 /// Ticks of the nominal time base in a microsecond.
@@ -132,7 +133,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         chamber: heaters::chamber(&apart),
         pause: pause::pause(&apart, &travel),
         fans: fans::fans(&apart),
-        filament_sensor: pause::filament_sensor(&apart),
+        filament_sensor: filament_sensor(&apart),
         power_supply: power_supply(&apart),
         retraction: extrusion::retraction(&apart),
         driver: timing,

@@ -1,7 +1,7 @@
 //! What a pause does: where the nozzle waits, and what a filament change moves.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_printer::{FilamentSensor, PauseSettings};
+use ferrostep_printer::PauseSettings;
 
 use crate::axes::{FEED, Travel, units_10nm};
 
@@ -51,22 +51,4 @@ pub(crate) fn pause(keys: &Section<'_>, travel: &Travel) -> PauseSettings {
         ),
         filament_10nm_per_s: units("filament_mm_per_s", FEED, FILAMENT_MM_PER_S, "speed of all three"),
     }
-}
-
-/// How long a filament sensor must say the same.
-const DEBOUNCE: Range = range(0.0, 10.0, "s");
-const DEBOUNCE_S: f64 = 0.5;
-
-/// The filament sensor, if there is one.
-pub(crate) fn filament_sensor(keys: &Section<'_>) -> Option<FilamentSensor> {
-    let table = keys.optional_section(
-        "filament_sensor",
-        "no sensor",
-        "pauses a print [when the filament has run out](gcode.md#when-the-filament-runs-out); its pin is the board's `filament`",
-    )?;
-    Some(FilamentSensor {
-        missing_is_low: table.flag("missing_is_low").required("whether its signal is low while filament is missing"),
-        debounce_ms: (table.number("debounce_s", DEBOUNCE).or(DEBOUNCE_S, "how long it must say so") * 1e3).round()
-            as u16,
-    })
 }

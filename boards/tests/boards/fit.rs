@@ -106,7 +106,10 @@ fn a_filament_sensor_needs_an_input() {
         let plain = ferrostep_profiles::load(profile).unwrap();
         assert_eq!(fit::filament_pin(&board, &plain), None, "no profile says that there is one");
         let text = ferrostep_profiles::builtin_text(profile).unwrap();
-        let text = format!("{text}\n[filament_sensor]\nmissing_is_low = true\n");
+        let [motion, text] =
+            ["kind = \"motion\"", "missing_is_low = true"].map(|keys| format!("{text}\n[filament_sensor]\n{keys}\n"));
+        let motion = ferrostep_profiles::parse(&motion, "test.toml").unwrap();
+        assert_eq!(fit::filament_pin(&board, &motion).unwrap().0.to_string(), pin);
         let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
         let (found, missing_is_low) = fit::filament_pin(&board, &profile).unwrap();
         assert_eq!((found.to_string().as_str(), missing_is_low), (pin, true));

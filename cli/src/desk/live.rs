@@ -14,7 +14,7 @@ use super::accelerometer::{DeskAccelerometer, Tap};
 use super::desk_time::motion_ticks;
 use super::drivers::DeskDrivers;
 use super::queue_machine::{self, QueueMachine};
-use super::session_motion::Desk;
+use super::session_motion::{Desk, ExtruderNow};
 use super::step_queue::VirtualStepQueue;
 
 /// The planner task looks at the step queue this often, as on a board.
@@ -134,6 +134,13 @@ impl Desk for LiveDesk {
 
     fn now_ns(&self) -> u64 {
         self.now_ns.get()
+    }
+
+    fn extruder_now(&self) -> Option<ExtruderNow> {
+        let machine = self.machine.borrow();
+        let [.., steps] = machine.queue().motors().ledger.motor_steps();
+        let steps_per_mm = machine.extruder_steps_per_mm().to_f64();
+        Some(ExtruderNow { steps, pushed: machine.pushed_filament(), steps_per_mm })
     }
 
     fn state(&self) -> &Self::State {

@@ -1,5 +1,6 @@
 //! The motion of a session, as traits.
 
+use ferrostep_printer::machine::PushedFilament;
 use ferrostep_printer::{FanDemand, Motion, Signals};
 
 use super::figures::Figures;
@@ -18,6 +19,17 @@ pub trait MotionState {
     fn plan_block_by_block(&self) -> bool;
     /// The counts so far, without the print's time.
     fn figures(&self) -> Figures;
+}
+
+/// What the extruder does at present.
+#[derive(Clone, Copy, Debug)]
+pub struct ExtruderNow {
+    /// Where its motor stands, steps.
+    pub steps: i64,
+    /// What it has pushed, as the printer knows it.
+    pub pushed: PushedFilament,
+    /// Its steps in a millimetre of filament.
+    pub steps_per_mm: f64,
 }
 
 /// Motion of a session, in virtual time.
@@ -41,6 +53,10 @@ pub trait Desk {
     fn wait_until(&self, wake_ns: u64);
     /// Virtual time since the machine was switched on.
     fn now_ns(&self) -> u64;
+    /// What the extruder does at present; `None` where time leaps, so that no sensor could follow it.
+    fn extruder_now(&self) -> Option<ExtruderNow> {
+        None
+    }
     /// Planner and motors.
     fn state(&self) -> &Self::State;
 }

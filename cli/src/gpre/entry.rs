@@ -43,7 +43,7 @@ impl Passed {
                     | Command::RetractSettings(_)
                     | Command::RecoverSettings(_)
                     | Command::SoftLimits(_)
-                    | Command::FilamentSensor(Some(_))
+                    | Command::FilamentSensor(_)
                     | Command::ColdExtrusion { .. }
                     // The frame has nozzle and bed only.
                     | Command::SetChamber(_)
@@ -115,7 +115,6 @@ impl Passed {
                     | Command::LoadFilament { .. }
                     | Command::ResumePrint
                     | Command::ReportFans
-                    | Command::FilamentSensor(None)
                     | Command::Autotune { .. }
                     | Command::PromptAnswer(_)
                     | Command::QuickStop

@@ -191,17 +191,40 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// A switch that tells whether there is filament; Klipper's is triggered while there is.
+    /// A switch that tells whether there is filament; Klipper's is triggered while there is. Or a sensor that sees filament move, which
+    /// goes before: it sees as well that there is none.
     fn filament_sensor(&mut self) {
-        let switch = |section: &&Section| section.name.split(' ').next() == Some("filament_switch_sensor");
-        let Some(section) = self.config.sections.iter().find(switch) else { return };
-        let name = section.name.as_str();
-        let pauses = self.entry(name, "pause_on_runout").is_none_or(|entry| !entry.value.eq_ignore_ascii_case("false"));
-        let Some(pin) = self.entry(name, "switch_pin").filter(|_| pauses) else { return };
-        let missing_is_low = !pin.value.contains('!');
+        let [motion, switch] =
+            ["filament_motion_sensor", "filament_switch_sensor"].map(|kind| self.pausing_sensor(kind));
         let why = "its pin is the board's";
-        self.keep(name, "switch_pin", &["filament_sensor.missing_is_low"], missing_is_low, why);
-        self.keep_number(name, "debounce_delay", &["filament_sensor.debounce_s"], |seconds| seconds);
+        if let Some(name) = motion {
+            self.keep(name, "switch_pin", &["filament_sensor.kind"], "motion", why);
+            self.keep_number(name, "detection_length", &["filament_sensor.detection_mm"], |length| length);
+            if let Some(switch) = switch {
+                self.lose(
+                    switch,
+                    "switch_pin",
+                    "one filament sensor, and the other one sees as well that there is none",
+                );
+            }
+        } else if let Some(name) = switch
+            && let Some(pin) = self.entry(name, "switch_pin")
+        {
+            let missing_is_low = !pin.value.contains('!');
+            self.keep(name, "switch_pin", &["filament_sensor.missing_is_low"], missing_is_low, why);
+            self.keep_number(name, "debounce_delay", &["filament_sensor.debounce_s"], |seconds| seconds);
+        }
+    }
+
+    /// The first filament sensor of a kind that has a pin and pauses a print.
+    fn pausing_sensor(&self, kind: &str) -> Option<&'a str> {
+        let pauses = |name: &str| {
+            let pause = self.entry(name, "pause_on_runout");
+            pause.is_none_or(|entry| !entry.value.eq_ignore_ascii_case("false"))
+                && self.entry(name, "switch_pin").is_some()
+        };
+        let mut names = self.config.sections.iter().map(|section| section.name.as_str());
+        names.find(|name| name.split(' ').next() == Some(kind) && pauses(name))
     }
 
     /// The pin that switches the power supply, which Klipper knows as any other: by the names that its own samples give it.

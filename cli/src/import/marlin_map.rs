@@ -474,10 +474,18 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// The switch that tells whether there is filament; the state is the one without.
+    /// The sensor that sees filament move, or the switch that tells whether there is some; its state is the one without.
     fn filament_sensor(&mut self) {
         let is_on = self.get("FIL_RUNOUT_ENABLED_DEFAULT").is_none_or(|definition| definition.value != "false");
         if self.get("FILAMENT_RUNOUT_SENSOR").is_none() || !is_on {
+            return;
+        }
+        if self.get("FILAMENT_MOTION_SENSOR").is_some() {
+            for name in ["FILAMENT_RUNOUT_SENSOR", "FILAMENT_MOTION_SENSOR"] {
+                self.keep(name, "filament_sensor.kind", "motion", "its pin is the board's");
+            }
+            self.keep_number("FILAMENT_RUNOUT_DISTANCE_MM", "filament_sensor.detection_mm", |length| length);
+            self.lose("FIL_RUNOUT_STATE", "neither level of a motion sensor says anything");
             return;
         }
         let path = "filament_sensor.missing_is_low";

@@ -10,7 +10,7 @@ use ferrostep_virtual_board::HeaterFailure;
 /// The kinds of faults, for help and errors.
 pub const KINDS: &str = "nozzle-HOW, bed-HOW or chamber-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
                          drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out, \
-                         filament-back, hotend-fan-stuck or hotend-fan-turns";
+                         filament-back, filament-jam, filament-free, hotend-fan-stuck or hotend-fan-turns";
 
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +36,8 @@ pub enum FaultKind {
     FilamentOut,
     /// New filament is there.
     FilamentBack,
+    /// The filament does not follow the extruder any more (`true`), or does again.
+    FilamentStuck(bool),
     /// A fan stands still whatever its power (`true`), or turns again.
     Fan(FanOutput, bool),
 }
@@ -51,6 +53,12 @@ impl FaultKind {
     #[must_use]
     pub const fn is_of_filament(self) -> bool {
         matches!(self, Self::FilamentOut | Self::FilamentBack)
+    }
+
+    /// Whether it needs a sensor that sees filament move.
+    #[must_use]
+    pub const fn is_of_moving_filament(self) -> bool {
+        matches!(self, Self::FilamentStuck(_))
     }
 }
 
@@ -78,6 +86,8 @@ impl FromStr for FaultKind {
             "card-back" => return Ok(Self::CardPutBack),
             "filament-out" => return Ok(Self::FilamentOut),
             "filament-back" => return Ok(Self::FilamentBack),
+            "filament-jam" => return Ok(Self::FilamentStuck(true)),
+            "filament-free" => return Ok(Self::FilamentStuck(false)),
             "hotend-fan-stuck" => return Ok(Self::Fan(FanOutput::HotEnd, true)),
             "hotend-fan-turns" => return Ok(Self::Fan(FanOutput::HotEnd, false)),
             _ => {}
@@ -118,6 +128,8 @@ mod tests {
         assert_eq!(fault("card-pull@60"), Ok(pulled));
         let out = Fault { kind: FaultKind::FilamentOut, at: Duration::from_secs(90) };
         assert_eq!(fault("filament-out@90"), Ok(out));
+        let jam = Fault { kind: FaultKind::FilamentStuck(true), at: Duration::from_secs(30) };
+        assert_eq!(fault("filament-jam@30"), Ok(jam));
         for text in [
             "card",
             "card-pull:1%",

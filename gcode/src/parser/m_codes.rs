@@ -4,8 +4,8 @@ use super::code::Code;
 use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
 use crate::{
-    AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, ParseError, PrintClockCommand, RetractionWords,
-    SettingsCommand, SkewCommand, SupplyCommand, WaitTarget,
+    AxisWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords, GainWords, ParseError, PrintClockCommand,
+    RetractionWords, SettingsCommand, SkewCommand, SupplyCommand, WaitTarget,
 };
 
 /// Maximum interval of M113 and M155, seconds.
@@ -212,7 +212,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             Ok(Command::Settings(SettingsCommand::Report { headings }))
         }
         504 => code.without_words(Command::Settings(SettingsCommand::Validate), remarks),
-        412 => Ok(Command::FilamentSensor(code.words(remarks)?.switch(b'S')?)),
+        412 => {
+            let mut words = code.words(remarks)?;
+            let (on, distance, resets) = (words.switch(b'S')?, words.value(b'D'), words.has(b'R'));
+            Ok(Command::FilamentSensor(FilamentSensorWords { on, distance, resets }))
+        }
         569 => stealth_chop(code, remarks),
         572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),
         900 => pressure_advance::parse(code, remarks, &pressure_advance::M900),

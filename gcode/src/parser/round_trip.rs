@@ -4,8 +4,8 @@ use proptest::option::of;
 use proptest::prelude::*;
 
 use crate::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, GainWords, LineReader,
-    PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units, WaitTarget, parse,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords,
+    GainWords, LineReader, PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units, WaitTarget, parse,
 };
 use crate::{PinCommand, SettingsCommand, SupplyCommand};
 
@@ -184,7 +184,11 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             (600, [axes(park), given([('U', unload), ('L', load)])].concat())
         }
         Command::ResumePrint => (602, vec![]),
-        Command::FilamentSensor(on) => (412, given([('S', switch(on))])),
+        Command::FilamentSensor(FilamentSensorWords { on, distance, resets }) => {
+            let mut words = given([('S', switch(on)), ('D', distance)]);
+            words.extend(resets.then_some(('R', None)));
+            (412, words)
+        }
         Command::PromptAnswer(button) => (876, vec![('S', Some(whole(button.into())))]),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
         Command::FeedPercent(FeedWords { percent, keeps, restores }) => {
@@ -505,7 +509,9 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_shaper(),
         any_advance(),
         any_gains(),
-        of(any::<bool>()).prop_map(Command::FilamentSensor),
+        (of(any::<bool>()), of(not_negative()), any::<bool>()).prop_map(|(on, distance, resets)| {
+            Command::FilamentSensor(FilamentSensorWords { on, distance, resets })
+        }),
         any_autotune(),
         any::<bool>().prop_map(|clear| Command::BlackBox { clear }),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),

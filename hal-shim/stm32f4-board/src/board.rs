@@ -64,6 +64,8 @@ pub fn is_triggered(pin: SensorPin) -> bool {
 }
 
 impl Motors<MOTOR_PORTS> for BoardPins {
+    const FOLLOWS_FILAMENT: bool = cfg!(follows_filament);
+
     fn is_sensor_triggered(&self, axis: usize) -> bool {
         // SAFETY: a port is only read.
         self.sensors.is_triggered(axis, &mut unsafe { Volatile::new() })

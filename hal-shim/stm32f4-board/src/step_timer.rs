@@ -16,6 +16,8 @@ use crate::servo;
 
 /// A board's motors.
 pub trait Motors<const PORTS: usize> {
+    /// As [`MotionWatch::FOLLOWS_FILAMENT`].
+    const FOLLOWS_FILAMENT: bool = false;
     /// The ports that carry their step and direction signals.
     fn ports(&self) -> MotorPorts<PORTS>;
     /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
@@ -391,6 +393,8 @@ impl<B, M, const PORTS: usize, const N: usize> StepObserver for MotorQueue<B, M,
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotionWatch for MotorQueue<B, M, PORTS, N> {
+    const FOLLOWS_FILAMENT: bool = B::FOLLOWS_FILAMENT;
+
     fn digests(&self) -> StepDigests {
         self.digests
     }

@@ -106,6 +106,8 @@ impl<Q: StepObserver> StepObserver for ModelledSensors<Q> {
 }
 
 impl<Q: MotionWatch> MotionWatch for ModelledSensors<Q> {
+    const FOLLOWS_FILAMENT: bool = Q::FOLLOWS_FILAMENT;
+
     fn digests(&self) -> StepDigests {
         self.queue.digests()
     }

@@ -6,6 +6,7 @@ use super::{Plant, REFERENCE_MV, Role, Source, Switched, WiredFan, WiredHeater, 
 use crate::parts::adxl345::{self, Adxl345};
 use crate::parts::at24c32::At24c32;
 use crate::parts::bltouch::BlTouch;
+use crate::parts::encoder::{self, FilamentEncoder};
 use crate::parts::fan::{self, Fan};
 use crate::parts::frame::Mode;
 use crate::parts::heat::thermistor::{Curve, SensorFault, Thermistor, ThermistorConfig};
@@ -28,6 +29,9 @@ const FRAME_MM: f64 = 3.0;
 const PROBE_TRIGGER_MM: f64 = 1.0;
 /// The same of a probe with a pin, mm.
 const BLTOUCH_TRIGGER_MM: f64 = 2.0;
+/// A smart filament sensor of BIGTREETECH's, the second: filament from edge to edge, mm, and the play of its wheel.
+const FILAMENT_EDGE_MM: f64 = 2.88;
+const FILAMENT_PLAY_MM: f64 = 0.05;
 /// How far the sheet gives way, mm.
 const ALLOWED_PRESS_MM: f64 = 0.5;
 
@@ -52,6 +56,7 @@ impl Plant {
             accelerometer: None,
             eeprom: None,
             bltouch: None,
+            filament_encoder: None,
             motor_rail: Rail::new(supply::Config::motors_24_v()),
             chip_rail: Rail::new(supply::Config::chip_3_3_v()),
             ambient_celsius: AMBIENT_CELSIUS,
@@ -138,7 +143,12 @@ impl Plant {
         }
         if let Some(input) = board.input("filament") {
             // Filament is loaded: its switch connects the pin to the supply.
-            self.inputs.push((input.pin, Source::Held(true)));
+            let source = if printer.sees_filament_move { Source::FilamentEncoder } else { Source::Held(true) };
+            self.inputs.push((input.pin, source));
+            self.filament_encoder = printer.sees_filament_move.then(|| {
+                let start_mm = 0.41 * FILAMENT_EDGE_MM;
+                FilamentEncoder::new(encoder::Config { edge_mm: FILAMENT_EDGE_MM, play_mm: FILAMENT_PLAY_MM, start_mm })
+            });
         }
     }
 

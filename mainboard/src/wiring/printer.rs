@@ -37,6 +37,8 @@ pub struct Printer {
     pub power_supply: Option<PowerSupply>,
     /// The probe has a pin that a servo's signal moves.
     pub has_bltouch: bool,
+    /// Whether its filament sensor sees filament move.
+    pub sees_filament_move: bool,
 }
 
 /// A supply that a board switches. Without a level at its input it is off, as ATX supplies and relay modules are.
@@ -349,6 +351,7 @@ impl Printer {
             frame,
             power_supply: raw.power_supply,
             has_bltouch: raw.bltouch.is_some(),
+            sees_filament_move: raw.filament_sensor.is_some_and(|sensor| sensor.kind.as_deref() == Some("motion")),
         })
     }
 }
@@ -432,6 +435,7 @@ struct RawPrinter {
     frame: RawFrame,
     power_supply: Option<PowerSupply>,
     bltouch: Option<toml::Value>,
+    filament_sensor: Option<RawFilamentSensor>,
 }
 
 #[derive(Deserialize, Default)]
@@ -499,4 +503,9 @@ struct RawDrivers {
     y: Option<DriverSettings>,
     z: Option<DriverSettings>,
     e: Option<DriverSettings>,
+}
+
+#[derive(Deserialize)]
+struct RawFilamentSensor {
+    kind: Option<String>,
 }

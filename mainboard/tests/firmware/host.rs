@@ -161,6 +161,15 @@ impl<P: Port> Host<P> {
         self.settle()
     }
 
+    /// Sends a command as the next numbered line, and does not wait for its acknowledgement.
+    ///
+    /// # Errors
+    /// The printer has ended.
+    pub fn begin(&mut self, command: &str) -> Result<(), HostError> {
+        self.history.push(command.to_owned());
+        self.transmit()
+    }
+
     /// Sends a command and returns the first line of its answer that begins with `prefix`.
     ///
     /// # Errors

@@ -18,6 +18,7 @@ mod chamber;
 mod choices;
 mod eeprom;
 mod emergency;
+mod filament_motion;
 mod foreign_code;
 mod halted;
 mod heater_fault;

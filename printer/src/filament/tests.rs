@@ -15,8 +15,10 @@ use super::*;
 use crate::heat::{HeatFault, HeaterStatus};
 use crate::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::printer::Source;
+use crate::profile::FilamentSensorKind;
 
-const SENSOR: FilamentSensor = FilamentSensor { missing_is_low: true, debounce_ms: 500 };
+const SENSOR: FilamentSensor =
+    FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 500 };
 
 /// A hot nozzle, and what was said.
 struct World {
@@ -212,4 +214,81 @@ fn m412_and_m119_report_the_sensor() {
     assert!(!world.said("filament"));
     world.signals.set_filament_missing(true);
     assert!(!world.pauses(&mut printer, "G1 X20 E2 F600", true));
+}
+
+const ENCODER: FilamentSensor =
+    FilamentSensor { kind: FilamentSensorKind::Encoder { detection_10nm: 700_000 }, debounce_ms: 5 };
+
+#[test]
+fn filament_that_stands_pauses_a_print_in_words_of_its_own() {
+    let world = World::new(210.0, Some(ENCODER));
+    let mut printer = world.printer();
+    assert!(!world.pauses(&mut printer, "G1 X10 E1 F600", true));
+    world.signals.set_filament_missing(true);
+    assert!(world.pauses(&mut printer, "G1 X20 E2", true));
+    for text in [
+        "//action:paused",
+        "echo:The filament does not move, it is jammed or has run out; M412 S0 ignores the sensor",
+        "//action:prompt_begin Change the filament",
+        "//action:resumed",
+    ] {
+        assert!(world.said(text), "{text}: {:?}", world.texts);
+    }
+    // The encoder has said nothing since, but a person has had the filament in hand.
+    assert!(!world.pauses(&mut printer, "G1 X30 E3", true));
+    assert!(!world.signals.is_filament_missing());
+}
+
+#[test]
+fn an_encoder_counts_anew_where_a_person_may_have_moved_filament() {
+    for (line, is_numbered, counts_anew) in [
+        ("G28", true, true),
+        ("M104 S200", true, true),
+        ("G1 E5 F300", false, true),
+        ("G1 E-0.8 F2400", true, false),
+        ("G1 X50 F6000", true, false),
+        ("M105", false, false),
+    ] {
+        let world = World::new(210.0, Some(ENCODER));
+        let mut printer = world.printer();
+        world.pauses(&mut printer, "G1 X10 E1 F600", true);
+        assert!(world.signals.take_filament_counts_anew(), "a print begins");
+        world.pauses(&mut printer, line, is_numbered);
+        world.pauses(&mut printer, "G1 X20 E2 F600", true);
+        assert_eq!(world.signals.take_filament_counts_anew(), counts_anew, "{line}");
+        world.pauses(&mut printer, "G1 X30 E3", true);
+        assert!(!world.signals.take_filament_counts_anew(), "{line}");
+    }
+}
+
+#[test]
+fn m412_sets_an_encoders_length_and_counts_anew() {
+    let world = World::new(210.0, Some(ENCODER));
+    let mut printer = world.printer();
+    let asks = |printer: &mut TestPrinter<'_>, line: &str, answer: &str| {
+        world.pauses(printer, line, false);
+        assert!(world.said(answer), "{line}: {:?}", world.texts);
+    };
+    asks(&mut printer, "M412", "echo:Filament runout ON; distance: 7 mm; filament: present");
+    world.signals.take_filament_counts_anew();
+    asks(&mut printer, "M412 D12.5", "ok");
+    assert!(!world.said("echo") && !world.signals.take_filament_counts_anew());
+    for refused in ["M412 D0.9", "M412 D100.1", "M412 D-7", "M412 S0 D0"] {
+        asks(&mut printer, refused, "is out of range");
+    }
+    world.signals.set_filament_missing(true);
+    asks(&mut printer, "M412", "echo:Filament runout ON; distance: 12.5 mm; filament: missing");
+    asks(&mut printer, "M119", "filament: open");
+    asks(&mut printer, "M412 R", "ok");
+    assert!(world.signals.take_filament_counts_anew());
+    asks(&mut printer, "M412 S0", "ok");
+    asks(&mut printer, "M412", "echo:Filament runout OFF; distance: 12.5 mm; filament: present");
+    asks(&mut printer, "G20", "ok");
+    asks(&mut printer, "M412 D1", "ok");
+    asks(&mut printer, "M412", "distance: 25.4 mm");
+
+    let world = World::new(210.0, Some(SENSOR));
+    let mut printer = world.printer();
+    world.pauses(&mut printer, "M412 D5", false);
+    assert!(!world.said("out of range") && !world.said("distance"), "{:?}", world.texts);
 }

@@ -5,6 +5,7 @@ use ferrostep_planner::surface::{Bed, BedEntries};
 use ferrostep_planner::{Geometry, Notice, StepEntry, StepLedger, StepSink};
 use ferrostep_step_player::DroppedSteps;
 
+use super::pushed::{FilamentCount, PushedFilament};
 use super::timeline::Timeline;
 use super::watched_line::WatchedLine;
 use crate::motion_fault::{HomingOutcome, Miscount, MotionFault};
@@ -95,6 +96,8 @@ pub struct Feeder<Q, B> {
     pub ledger: StepLedger,
     /// How much motion is in the queue.
     pub timeline: Timeline,
+    /// The new filament of the queue, where a sensor sees it move.
+    filament: FilamentCount,
     /// The fans, which change with the motion.
     pub fan: FanChanges,
     /// Tick at which the last move ends.
@@ -117,6 +120,7 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
             queue,
             ledger: StepLedger::default(),
             timeline: Timeline::default(),
+            filament: FilamentCount::default(),
             fan: FanChanges::new(fan_powers),
             last_move_end: 0,
             last_block_end: 0,
@@ -138,8 +142,30 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
 
     /// Marks the queue's end in the timeline, and drops the marks that have been played.
     pub fn update_timeline(&mut self) {
-        self.timeline.mark(self.queue.queued(), self.ledger.tick());
+        self.mark();
         self.timeline.pass(self.queue.played());
+    }
+
+    fn mark(&mut self) {
+        if Q::FOLLOWS_FILAMENT {
+            self.filament.follow(self.extruder_steps());
+        }
+        self.timeline.mark(self.queue.queued(), self.ledger.tick(), self.filament.at_end());
+    }
+
+    /// Where the extruder stands at the end of the queue.
+    fn extruder_steps(&self) -> i64 {
+        let [.., extruder] = self.ledger.motor_steps();
+        extruder
+    }
+
+    /// What the extruder has pushed now.
+    pub fn pushed_filament(&self) -> PushedFilament {
+        let end = self.filament.at_end();
+        if self.queue.waiting() == 0 {
+            return PushedFilament { at_least: end, at_most: end };
+        }
+        self.timeline.pushed(end)
     }
 
     /// After a stop: the queue forgets the entries that were not played, and the ledger takes their steps back. Returns
@@ -173,7 +199,11 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
     pub fn stand(&mut self) -> [i64; 4] {
         // A move ends half a step after its last event; the clock does not go back before that.
         self.ledger.advance_to(self.last_move_end);
-        self.timeline.clear(self.ledger.tick());
+        if Q::FOLLOWS_FILAMENT {
+            let played = self.timeline.pushed(self.filament.at_end()).at_least;
+            self.filament.stop_at(played, self.extruder_steps());
+        }
+        self.timeline.clear(self.ledger.tick(), self.filament.at_end());
         self.queue.stands_at(self.ledger.tick());
         let [x, y, z, extruder] = self.ledger.motor_steps();
         let correction = self.bed.stand([x, y, z], self.ledger.directions());
@@ -222,7 +252,7 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
                 self.refuse();
             }
             some.iter().for_each(|&entry| self.ledger.play(entry, &mut self.queue));
-            self.timeline.mark(self.queue.queued(), self.ledger.tick());
+            self.mark();
         }
     }
 

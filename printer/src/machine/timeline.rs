@@ -1,6 +1,8 @@
-//! Duration of the motion in the step queue.
+//! Duration of the motion in the step queue, and the filament that it pushes.
 
 use heapless::Deque;
+
+use super::pushed::{Pushed, PushedFilament};
 
 /// Marks in the queue.
 const MARKS: usize = 64;
@@ -8,16 +10,29 @@ const MARKS: usize = 64;
 /// Marks are at least this far apart: 1 ms.
 const SPACING_TICKS: u64 = ferrostep_planner::TICKS_PER_SECOND as u64 / 1000;
 
+/// An interval of the queue, from the mark before it.
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    /// Slots filled up to its end, modulo 2^32.
+    queued: u32,
+    /// What has been pushed up to its beginning.
+    pushed_before: Pushed,
+    /// Its end.
+    tick: u64,
+}
+
 /// Marks that say at which tick a slot of the queue ends.
 #[derive(Debug, Default)]
 pub struct Timeline {
-    marks: Deque<(u32, u64), MARKS>,
+    marks: Deque<Mark, MARKS>,
     last_tick: u64,
+    /// What has been pushed up to the newest mark.
+    marked: Pushed,
 }
 
 impl Timeline {
-    /// `queued` slots have been filled so far, modulo 2^32, and end at `tick`.
-    pub fn mark(&mut self, queued: u32, tick: u64) {
+    /// `queued` slots have been filled so far, modulo 2^32, and end at `tick`, when filament will have been pushed up to `pushed`.
+    pub fn mark(&mut self, queued: u32, tick: u64, pushed: Pushed) {
         // The fuller the queue, the coarser the marks, so that they always suffice.
         let spacing = SPACING_TICKS.max(self.remaining_ticks(tick) / (MARKS as u64 / 2));
         if tick.saturating_sub(self.last_tick) < spacing {
@@ -26,39 +41,55 @@ impl Timeline {
         if self.marks.is_full() {
             self.thin_out();
         }
-        if self.marks.push_back((queued, tick)).is_ok() {
+        if self.marks.push_back(Mark { queued, pushed_before: self.marked, tick }).is_ok() {
             self.last_tick = tick;
+            self.marked = pushed;
         }
     }
 
     /// Keeps every second mark.
     fn thin_out(&mut self) {
+        let mut pushed_before = Pushed::default();
         for index in 0..self.marks.len() {
-            if let Some(mark) = self.marks.pop_front()
-                && index % 2 == 1
-            {
+            let Some(mark) = self.marks.pop_front() else { return };
+            if index % 2 == 0 {
+                pushed_before = mark.pushed_before;
+            } else {
                 // There is room: one mark was taken out just now.
-                let _ = self.marks.push_back(mark);
+                let _ = self.marks.push_back(Mark { pushed_before, ..mark });
             }
         }
     }
 
     /// Drops the marks of the slots that have been played: `played` of them, modulo 2^32.
     pub fn pass(&mut self, played: u32) {
-        while self.marks.front().is_some_and(|&(slot, _)| played.wrapping_sub(slot) as i32 >= 0) {
+        while self.marks.front().is_some_and(|mark| played.wrapping_sub(mark.queued) as i32 >= 0) {
             self.marks.pop_front();
         }
     }
 
     /// Least motion that remains if the queue ends at `end_tick`: from the first mark that has not been played to there.
     pub fn remaining_ticks(&self, end_tick: u64) -> u64 {
-        self.marks.front().map_or(0, |&(_, tick)| end_tick.saturating_sub(tick))
+        self.marks.front().map_or(0, |mark| end_tick.saturating_sub(mark.tick))
     }
 
-    /// Drops all marks: the queue is empty, and goes on at `tick`.
-    pub fn clear(&mut self, tick: u64) {
+    /// The interval that is being played, by the filament pushed up to its beginning and its end; the queue ends with `end`.
+    pub fn pushed(&self, end: Pushed) -> PushedFilament {
+        let mut marks = self.marks.iter();
+        match marks.next() {
+            None => PushedFilament { at_least: self.marked, at_most: end },
+            Some(played) => PushedFilament {
+                at_least: played.pushed_before,
+                at_most: marks.next().map_or(self.marked, |next| next.pushed_before),
+            },
+        }
+    }
+
+    /// Drops all marks: the queue is empty, and goes on at `tick`, with so much pushed.
+    pub fn clear(&mut self, tick: u64, pushed: Pushed) {
         self.marks.clear();
         self.last_tick = tick;
+        self.marked = pushed;
     }
 }
 
@@ -76,7 +107,7 @@ mod tests {
             let (mut end, mut played_end) = (0, 0);
             let ends: Vec<u64> = slots.iter().map(|ticks| { end += ticks; end }).collect();
             for (index, &end) in ends.iter().enumerate() {
-                timeline.mark(index as u32 + 1, end);
+                timeline.mark(index as u32 + 1, end, Pushed::default());
                 if let Some(played) = index.checked_sub(ahead) {
                     played_end = ends[played];
                     timeline.pass(played as u32 + 1);

@@ -7,6 +7,7 @@ mod book;
 mod builtin;
 mod error_budget;
 mod fans;
+mod filament_sensors;
 mod heater_keys;
 mod heaters;
 mod input_shaper;

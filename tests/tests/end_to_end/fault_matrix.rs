@@ -3,7 +3,7 @@
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_checked_toml::book;
 use ferrostep_hal_shim::{FanOutput, Heater};
-use ferrostep_printer::{FilamentSensor, Profile};
+use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
 use ferrostep_tests::host_side::numbered;
 use ferrostep_tmc2209::DriverStatus;
 use ferrostep_virtual_board::{DriverChip, HeaterFailure, VirtualDelay};
@@ -277,7 +277,8 @@ fn halted(trial: &mut Trial<'_>, is_off: bool) -> String {
 #[test]
 fn each_fault_at_each_time_is_in_the_book() {
     let mut machine = profile("prusa-mini");
-    machine.filament_sensor = Some(FilamentSensor { missing_is_low: true, debounce_ms: 500 });
+    machine.filament_sensor =
+        Some(FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 500 });
     let mut text = format!("| | {} |\n|---|{}\n", TIMES.map(|(name, _)| name).join(" | "), "---|".repeat(TIMES.len()));
     for (name, fault) in FAULTS {
         let cells = TIMES.map(|(_, at)| outcome(&machine, at, fault));

@@ -234,6 +234,37 @@ fn marlins_skew_is_kept() {
     assert!(profile(&marlin(lengths)).get("skew").is_none());
 }
 
+/// A sensor that sees filament move goes before a switch, whichever maker's.
+#[test]
+fn a_motion_sensor_is_kept() {
+    let imported = marlin(
+        "#define FILAMENT_RUNOUT_SENSOR\n#define FIL_RUNOUT_STATE LOW\n#define FILAMENT_RUNOUT_DISTANCE_MM 3.5\n\
+         #define FILAMENT_MOTION_SENSOR\n",
+    );
+    says(&imported, "filament_sensor = { kind = \"motion\", detection_mm = 3.5 }\n");
+    assert!(lost(&imported, "FIL_RUNOUT_STATE").unwrap().contains("neither level"));
+    let switch = marlin("#define FILAMENT_RUNOUT_SENSOR\n#define FILAMENT_RUNOUT_DISTANCE_MM 25\n");
+    says(&switch, "filament_sensor = { missing_is_low = true }\n");
+    assert!(lost(&switch, "FILAMENT_RUNOUT_DISTANCE_MM").unwrap().contains("at once"));
+
+    let path = ferrostep_tests::program::repository().join("tests/configurations/corexy.cfg");
+    let text = std::fs::read_to_string(path).unwrap()
+        + "\n[filament_motion_sensor encoder]\nswitch_pin = ^PC2\ndetection_length = 2.88\nextruder = extruder\n";
+    let klipper = |text: &str| {
+        serde_json::to_value(of_text("printer.cfg", text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+    };
+    let imported = klipper(&text);
+    says(&imported, "filament_sensor = { kind = \"motion\", detection_mm = 2.88 }\n");
+    assert!(profile(&imported)["filament_sensor"].get("missing_is_low").is_none());
+    assert!(lost(&imported, "[filament_switch_sensor toolhead] switch_pin").unwrap().contains("one filament sensor"));
+    assert_eq!(lost(&imported, "[filament_motion_sensor encoder] extruder").unwrap(), "one extruder");
+    // One that pauses nothing is none; without a length the profile's default is Klipper's.
+    let imported = klipper(&text.replace("^PC2", "^PC2\npause_on_runout = False"));
+    says(&imported, "filament_sensor = { missing_is_low = true }\n");
+    let imported = klipper(&text.replace("detection_length = 2.88\n", ""));
+    says(&imported, "filament_sensor = { kind = \"motion\" }\n");
+}
+
 /// A mesh with a radius makes a round bed.
 #[test]
 fn klippers_round_bed_is_kept() {

@@ -4,7 +4,7 @@ use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::record::Observer;
 use ferrostep::session::{PrintSession, Session};
 use ferrostep_planner::{PressureAdvance, StepObserver, TICKS_PER_SECOND};
-use ferrostep_printer::{FilamentSensor, Profile};
+use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
 use ferrostep_simulator::nozzle::{Nozzle, NozzleSettings};
 use ferrostep_tests::host_side::numbered;
 
@@ -47,7 +47,8 @@ type Machine = PrintSession<Steps, Collector>;
 
 fn machine(advance_s: f64) -> Machine {
     let mut profile: Profile = profile("cartesian");
-    profile.filament_sensor = Some(FilamentSensor { missing_is_low: true, debounce_ms: 200 });
+    profile.filament_sensor =
+        Some(FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 200 });
     profile.motion.pressure_advance = PressureAdvance { seconds: advance_s, ..PressureAdvance::NONE };
     Session::print(profile, LOOK_AHEAD_BLOCKS, Steps::default(), Collector::default())
 }

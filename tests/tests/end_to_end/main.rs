@@ -19,6 +19,7 @@ mod exactness;
 mod extrusion;
 mod fans;
 mod fault_matrix;
+mod filament_motion;
 mod hazards;
 mod heater_faults;
 mod homing_places;

@@ -143,6 +143,35 @@ fn filament_that_runs_out_pauses_the_print_until_new_one_is_there() {
 }
 
 #[test]
+fn filament_that_is_jammed_pauses_the_print_until_it_is_free() {
+    let lines = part();
+    let expected = printed(&lines);
+    let folder = folder_with_part(&lines);
+    let profile = folder.path().with_extension("motion.toml");
+    let text = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    std::fs::write(&profile, format!("{text}\n[filament_sensor]\nkind = \"motion\"\ndetection_mm = 3\n")).unwrap();
+    let faults = ["--fault", "filament-jam@200", "--fault", "filament-free@260"];
+    let machine = ["--speed", "max", "--profile", profile.to_str().unwrap(), "--card", path(&folder)];
+    let printer = Printer::at_pty(&[&machine[..], &faults[..]].concat());
+    let mut host = printer.connect();
+    host.say("M32 !My parts/First layers.gcode#");
+    host.hear_until(|line| line.starts_with("echo:The filament does not move"));
+    host.hear_until(|line| line.starts_with("echo:Change the filament"));
+    let report = "echo:Filament runout ON; distance: 3 mm; filament: missing";
+    assert!(host.say("M412").contains(&report.to_owned()));
+    host.say("G4 S90");
+    host.say("M108");
+    host.hear_until(|line| line == "//action:resumed");
+    let said = host.hear_until(|line| line == "Done printing file");
+    assert!(!said.iter().any(|line| line == "//action:paused"), "{said:?}");
+    let done = printer.end();
+    for key in ["position_mm", "filament_mm"] {
+        assert_eq!(done[key], expected[key], "{key}");
+    }
+    std::fs::remove_file(profile).unwrap();
+}
+
+#[test]
 fn what_is_no_card_is_refused() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let missing = folder.path().join("none.img");

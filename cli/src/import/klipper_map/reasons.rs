@@ -40,7 +40,8 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         }
         "display" | "display_template" | "neopixel" | "led" | "menu" => "no display and no lights",
         "filament_switch_sensor" => "a profile's sensor pauses a print when it says that filament is missing",
-        "filament_motion_sensor" => "the filament's sensor is a switch",
+        "filament_motion_sensor" if key == "extruder" => "one extruder",
+        "filament_motion_sensor" => "a profile's sensor pauses a print when filament is pushed and does not move",
         "virtual_sdcard" | "pause_resume" | "display_status" | "respond" | "exclude_object" | "gcode_arcs"
         | "save_variables" => "Klipper's own module",
         "adxl345" | "resonance_tester" | "lis2dw" | "mpu9250" => "an accelerometer is the board's",

@@ -1,0 +1,36 @@
+//! An encoder in the filament's path, of a machine in virtual time.
+
+/// How much filament turns its wheel from one change of its level to the next, of what its user lets count as standing still: 2.88 of
+/// 3 mm (BIGTREETECH, smart filament sensor 2.0).
+const EDGE_OF_DETECTION: f64 = 0.96;
+
+/// The encoder, and the filament in it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Encoder {
+    /// The extruder at the last look, and the filament, steps.
+    extruder: i64,
+    filament: i64,
+    /// The extruder grinds on filament that does not move, or there is none.
+    is_stuck: bool,
+}
+
+impl Encoder {
+    /// Whether the filament does not follow the extruder any more.
+    pub fn set_stuck(&mut self, is_stuck: bool) {
+        self.is_stuck = is_stuck;
+    }
+
+    /// The extruder stands here now, steps.
+    pub fn follow(&mut self, extruder: i64) {
+        if !self.is_stuck {
+            self.filament += extruder - self.extruder;
+        }
+        self.extruder = extruder;
+    }
+
+    /// The level of its signal, for a machine with so many steps a millimetre that lets so much count as standing still.
+    pub fn level(&self, steps_per_mm: f64, detection_mm: f64) -> bool {
+        let edges = self.filament as f64 / (steps_per_mm * detection_mm * EDGE_OF_DETECTION);
+        edges.floor() as i64 & 1 != 0
+    }
+}

@@ -1,0 +1,75 @@
+//! The sensor in the filament's path.
+
+use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_printer::{FilamentSensor, FilamentSensorKind};
+
+use crate::axes::units_10nm;
+
+/// How long a sensor must say the same.
+const DEBOUNCE: Range = range(0.0, 10.0, "s");
+const SWITCH_DEBOUNCE_S: f64 = 0.5;
+
+/// A motion sensor's level lasts no longer than its filament takes from edge to edge.
+const MAX_MOTION_DEBOUNCE_S: f64 = 0.05;
+/// Contacts bounce for a few milliseconds; at 100 mm/s of filament an edge comes every 29 ms from a sensor with 2.88 mm.
+const MOTION_DEBOUNCE_S: f64 = 0.005;
+
+/// BIGTREETECH's of its first smart filament sensor, and Klipper's `detection_length`.
+const DETECTION_MM: f64 = 7.0;
+
+/// What a sensor's signal tells, before its other keys are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Switch,
+    Motion,
+}
+
+/// The filament sensor, if there is one.
+pub(crate) fn filament_sensor(keys: &Section<'_>) -> Option<FilamentSensor> {
+    let table = keys.optional_section(
+        "filament_sensor",
+        "no sensor",
+        "pauses a print [when the filament has run out](gcode.md#when-the-filament-runs-out); its pin is the board's `filament`",
+    )?;
+    let kind = table.word("kind", [("switch", Kind::Switch), ("motion", Kind::Motion)]).or(
+        Kind::Switch,
+        "what its signal tells: whether there is filament, or, by changing its level again and again, that filament moves",
+    );
+    let missing_is_low = table
+        .flag("missing_is_low")
+        .optional("required of a switch", "whether a switch's signal is low while filament is missing");
+    let [least, most] = [FilamentSensor::MIN_DETECTION_10NM, FilamentSensor::MAX_DETECTION_10NM];
+    let detection = range(least as f64 / 1e5, most as f64 / 1e5, "mm");
+    let detection_mm = table.number("detection_mm", detection).optional(
+        "7",
+        "how much filament is pushed without a change of a motion sensor's level before it counts as standing still (M412 D)",
+    );
+    let debounce_s = table.number("debounce_s", DEBOUNCE).optional(
+        "0.5 for a switch, 0.005 for a motion sensor",
+        "how long it must say the same; for a motion sensor at most 0.05",
+    );
+    match kind {
+        Kind::Switch if missing_is_low.is_none() => table.refuse("missing_is_low", "true or false, of a switch"),
+        Kind::Switch if detection_mm.is_some() => {
+            table.refuse("detection_mm", "no such key: a switch sees no filament move, kind = \"motion\" does");
+        }
+        Kind::Motion if missing_is_low.is_some() => {
+            table.refuse("missing_is_low", "no such key: neither level of a motion sensor says so");
+        }
+        Kind::Motion if debounce_s.is_some_and(|seconds| seconds > MAX_MOTION_DEBOUNCE_S) => {
+            table.refuse("debounce_s", "0 to 0.05 s for a motion sensor, whose level changes while filament moves");
+        }
+        _ => {}
+    }
+    let usual_s = if kind == Kind::Switch { SWITCH_DEBOUNCE_S } else { MOTION_DEBOUNCE_S };
+    Some(FilamentSensor {
+        kind: match kind {
+            Kind::Switch => FilamentSensorKind::Switch { missing_is_low: missing_is_low.unwrap_or_default() },
+            Kind::Motion => {
+                let detection_10nm = units_10nm(detection_mm.unwrap_or(DETECTION_MM)) as u32;
+                FilamentSensorKind::Encoder { detection_10nm }
+            }
+        },
+        debounce_ms: (debounce_s.unwrap_or(usual_s) * 1e3).round() as u16,
+    })
+}
