@@ -4,8 +4,8 @@ use core::fmt::{self, Display, Formatter, Write};
 
 use crate::decimal::divide_half_away;
 use crate::{
-    AdvanceState, ChamberTemperature, FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, ShaperState,
-    Temperatures, TimingFigures,
+    AdvanceState, FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, ShaperState, Temperatures,
+    TimingFigures,
 };
 
 /// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER stands between the two
@@ -215,14 +215,19 @@ fn write_hundredths(formatter: &mut Formatter<'_>, hundredths: i64) -> fmt::Resu
 
 fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures) -> fmt::Result {
     let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber } = *temperatures;
-    let mut pair = |label, celsius, target| {
+    let [chamber_now, chamber_target] = chamber.map_or([0.0; 2], |chamber| [chamber.celsius, chamber.target]);
+    let fields = [
+        (" T:", nozzle),
+        (" /", nozzle_target),
+        (" B:", bed),
+        (" /", bed_target),
+        (" C:", chamber_now),
+        (" /", chamber_target),
+    ];
+    for (label, value) in fields.into_iter().take(if chamber.is_some() { 6 } else { 4 }) {
+        formatter.write_str(label)?;
         // A value that is not finite is written as such, so that hosts find no temperature instead of a wrong one.
-        write!(formatter, " {label}:{} /{}", Real::fixed(celsius, 2), Real::fixed(target, 2))
-    };
-    pair('T', nozzle, nozzle_target)?;
-    pair('B', bed, bed_target)?;
-    if let Some(ChamberTemperature { celsius, target, .. }) = chamber {
-        pair('C', celsius, target)?;
+        write!(formatter, "{}", Real::fixed(value, 2))?;
     }
     write!(formatter, " @:{nozzle_power} B@:{bed_power}")?;
     match chamber.and_then(|chamber| chamber.power) {

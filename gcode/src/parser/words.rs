@@ -24,7 +24,8 @@ pub(super) struct Words<'a> {
     asked: u32,
     /// The letter has a number.
     valued: u32,
-    values: [Decimal; 26],
+    /// Units of a [`Decimal`]: zeros are cheaper to write than the numbers that they stand for.
+    values: [i64; 26],
 }
 
 /// The bit of an upper-case letter.
@@ -35,7 +36,7 @@ const fn bit(letter: u8) -> u32 {
 impl<'a> Words<'a> {
     /// No words.
     pub(super) fn new(remarks: &'a mut Remarks) -> Self {
-        Words { remarks, present: 0, asked: 0, valued: 0, values: [Decimal::ZERO; 26] }
+        Words { remarks, present: 0, asked: 0, valued: 0, values: [0; 26] }
     }
 
     pub(super) fn parse(text: &str, remarks: &'a mut Remarks, strays: Strays) -> Result<Self, ParseError> {
@@ -89,7 +90,7 @@ impl<'a> Words<'a> {
             let (length, number) = Decimal::parse_prefix(bytes.get(at..).unwrap_or_default());
             words.valued |= bit;
             words.values[index] = match number {
-                Ok(value) => value,
+                Ok(value) => value.nanos(),
                 Err(error) => {
                     let letter = char::from(upper);
                     let text = ShortText::new(text.get(at..at + length).unwrap_or_default());
@@ -109,6 +110,11 @@ impl<'a> Words<'a> {
         self.present == 0
     }
 
+    /// The number of a letter, 0 without one.
+    const fn number(&self, letter: u8) -> Decimal {
+        Decimal::from_nanos(self.values[(letter - b'A') as usize])
+    }
+
     /// Whether the letter is there, with or without a number.
     pub(super) const fn has(&mut self, letter: u8) -> bool {
         self.asked |= bit(letter);
@@ -122,7 +128,7 @@ impl<'a> Words<'a> {
 
     /// Whether the letter is there with another number than this one, with which it needs no remark.
     pub(super) fn is_other_than(&mut self, letter: u8, usual: i64) -> bool {
-        let value = self.values[usize::from(letter - b'A')];
+        let value = self.number(letter);
         let is_other = self.is_present(letter) && value != Decimal::from_nanos(usual * 1_000_000_000);
         if !is_other {
             self.needless(letter);
@@ -138,7 +144,7 @@ impl<'a> Words<'a> {
     /// A word that asks for what is so if its number is zero.
     pub(super) fn needless_zero(&mut self, letter: u8) {
         let bit = bit(letter);
-        if self.valued & bit != 0 && self.values[usize::from(letter - b'A')] == Decimal::ZERO {
+        if self.valued & bit != 0 && self.number(letter) == Decimal::ZERO {
             self.asked |= bit;
         }
     }
@@ -153,18 +159,17 @@ impl<'a> Words<'a> {
         if !self.has(letter) {
             return None;
         }
-        let index = usize::from(letter - b'A');
         if self.valued & bit(letter) == 0 {
             self.remarks.add(Remark::Zero(letter));
         }
-        Some(self.values[index])
+        Some(self.number(letter))
     }
 
     /// The number of a word. A letter without one is ignored, as in Marlin.
     pub(super) fn value(&mut self, letter: u8) -> Option<Decimal> {
         self.asked |= bit(letter);
         if self.valued & bit(letter) != 0 {
-            return Some(self.values[usize::from(letter - b'A')]);
+            return Some(self.number(letter));
         }
         if self.present & bit(letter) != 0 {
             self.remarks.add(Remark::NoNumber(letter));
@@ -302,7 +307,7 @@ impl<'a> Words<'a> {
 
     /// A letter that switches something on, alone or with a number other than zero.
     pub(super) fn flag(&mut self, letter: u8) -> bool {
-        self.has(letter) && (self.valued & bit(letter) == 0 || self.values[usize::from(letter - b'A')] != Decimal::ZERO)
+        self.has(letter) && (self.valued & bit(letter) == 0 || self.number(letter) != Decimal::ZERO)
     }
 
     /// Leaves a remark about the line.
@@ -311,7 +316,7 @@ impl<'a> Words<'a> {
     }
 
     fn out_of_range(&self, letter: u8, low: u16, high: u16) -> ParseError {
-        let value = self.values[usize::from(letter - b'A')];
+        let value = self.number(letter);
         ParseError::OutOfRange { letter: char::from(letter), value, low, high }
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::EndStopState;
+use crate::{ChamberTemperature, EndStopState};
 
 #[track_caller]
 fn says(reply: Reply<'_>, text: &str) {

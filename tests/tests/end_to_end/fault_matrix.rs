@@ -2,8 +2,8 @@
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_checked_toml::book;
-use ferrostep_hal_shim::{FanOutput, Heater};
-use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
+use ferrostep_hal_shim::{FanOutput, Heater, SpareConnector};
+use ferrostep_printer::{ChamberSettings, FilamentSensor, FilamentSensorKind, HeaterSettings, HeaterWatch, Profile};
 use ferrostep_tests::host_side::numbered;
 use ferrostep_tmc2209::DriverStatus;
 use ferrostep_virtual_board::{DriverChip, HeaterFailure, VirtualDelay};
@@ -28,7 +28,7 @@ enum Fault {
 /// The motor whose driver fails: Y.
 const MOTOR: usize = 1;
 
-const FAULTS: [(&str, Fault); 14] = [
+const FAULTS: [(&str, Fault); 15] = [
     ("the nozzle's thermistor breaks", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorOpen)),
     ("the nozzle's thermistor is shorted", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorShorted)),
     ("the nozzle's thermistor falls out", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorFellOut)),
@@ -37,6 +37,7 @@ const FAULTS: [(&str, Fault); 14] = [
     ("the bed's thermistor breaks", Fault::Heater(Heater::Bed, HeaterFailure::ThermistorOpen)),
     ("the bed's heater has no power", Fault::Heater(Heater::Bed, HeaterFailure::Dead)),
     ("the bed's heater cannot be switched off", Fault::Heater(Heater::Bed, HeaterFailure::StuckOn)),
+    ("the chamber's thermistor breaks", Fault::Heater(Heater::Chamber, HeaterFailure::ThermistorOpen)),
     ("a driver is too hot and switches its motor off", Fault::Driver(DriverStatus::OVER_TEMPERATURE)),
     ("a driver does not answer any more", Fault::DriverIsSilent),
     ("the filament runs out", Fault::FilamentRunsOut),
@@ -197,7 +198,7 @@ fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
         trial.say(line);
     }
     if at.is_hot() {
-        for line in ["M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 Y50 Z5 F3000", "M400"] {
+        for line in ["M141 S40", "M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 Y50 Z5 F3000", "M400"] {
             trial.say(line);
         }
     }
@@ -279,6 +280,9 @@ fn each_fault_at_each_time_is_in_the_book() {
     let mut machine = profile("prusa-mini");
     machine.filament_sensor =
         Some(FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 500 });
+    let settings = HeaterSettings { is_warmed_by_others: true, watch: HeaterWatch::CHAMBER, ..machine.bed };
+    let connector = SpareConnector::Nozzle1;
+    machine.chamber = Some(ChamberSettings { thermistor: connector, heater: Some(connector), settings });
     let mut text = format!("| | {} |\n|---|{}\n", TIMES.map(|(name, _)| name).join(" | "), "---|".repeat(TIMES.len()));
     for (name, fault) in FAULTS {
         let cells = TIMES.map(|(_, at)| outcome(&machine, at, fault));
