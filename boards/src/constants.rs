@@ -297,8 +297,8 @@ mod tests {
         let octopus = crate::load("btt-octopus-1.1").unwrap();
         let text = memories(&octopus, STACK_KIB);
         assert!(text.contains("FLASH (rx)  : ORIGIN = 0x8008000, LENGTH = 0x78000"), "{text}");
-        assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x5800"), "{text}");
-        assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20005800, LENGTH = 0x1a800"), "{text}");
+        assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x5c00"), "{text}");
+        assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20005c00, LENGTH = 0x1a400"), "{text}");
         let of = |address, bytes| Memory::of(&octopus, address, bytes);
         assert_eq!(of(0x0800_8000, 0x78000), Some(Memory::Flash));
         // The boot loader's part, beyond the end, and across a border.

@@ -4,6 +4,7 @@ use ferrostep_boards::registers::{all_off, pins};
 use ferrostep_boards::{
     AccelerometerChip, Board, Driver, DriverUart, EepromChip, Pin, Store, builtin_names, constants, load,
 };
+use ferrostep_hal_shim::SpareConnector;
 
 fn board(name: &str) -> Board {
     load(name).unwrap_or_else(|error| panic!("{error}"))
@@ -118,10 +119,10 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     let text = constants::rust(&board("prusa-buddy"));
     for part in [
         "pub const THERMISTORS: usize = 4;",
-        "converter: ConverterNumber::One, channels: &[10, 4, 3, 6], sensors: [0, 1]",
+        "converter: ConverterNumber::One, channels: &[10, 4, 3, 6], sensors: [Some(0), Some(1), None]",
         // PB1 on TIM3, channel 4, alternate function 2; then PB0.
-        "heaters: [OutputPin { port: 1, number: 1, channel: Some(TimerChannel { timer: 1073742848, channel: 4, function: 2, \
-         clock_bit: 1, is_fast: false, has_main_switch: false }) }, OutputPin { port: 1, number: 0, ",
+        "heaters: [Some(OutputPin { port: 1, number: 1, channel: Some(TimerChannel { timer: 1073742848, channel: 4, function: 2, \
+         clock_bit: 1, is_fast: false, has_main_switch: false }) }), Some(OutputPin { port: 1, number: 0, ",
         "fans: [Some(FanPins { power: OutputPin { port: 4, number: 11, channel: Some(TimerChannel { timer: 1073807360, \
          channel: 2, ",
         "}, tachometer: Some((4, 10)) }), Some(FanPins { power: OutputPin { port: 4, number: 9, ",
@@ -132,13 +133,26 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     let text = constants::rust(&board("btt-octopus-1.1"));
     for part in [
         // In the order of the names: the nozzle's is the first, the bed's the second.
-        "converter: ConverterNumber::Three, channels: &[14, 9, 15, 4, 5], sensors: [0, 1]",
-        "heaters: [OutputPin { port: 0, number: 2, channel: None }, OutputPin { port: 0, number: 1, channel: None }]",
+        "converter: ConverterNumber::Three, channels: &[14, 9, 15, 4, 5], sensors: [Some(0), Some(1), None]",
+        "heaters: [Some(OutputPin { port: 0, number: 2, channel: None }), Some(OutputPin { port: 0, number: 1, channel: None }), None]",
         "Some(FanPins { power: OutputPin { port: 4, number: 5, channel: None }, tachometer: None }), Some(FanPins {",
     ] {
         assert!(text.contains(part), "{part} in {text}");
     }
     assert!(constants::rust(&board("bench")).contains("pub const THERMAL: Option<ThermalPins> = None;"));
+    // A chamber at two connectors of others.
+    let mut warm = board("btt-octopus-1.1");
+    for (heater, expected) in [
+        (
+            None,
+            "heaters: [Some(OutputPin { port: 0, number: 2, channel: None }), Some(OutputPin { port: 0, number: 1, channel: None }), None]",
+        ),
+        (Some(SpareConnector::Nozzle2), "Some(OutputPin { port: 1, number: 10, channel: None })]"),
+    ] {
+        warm.used_chamber = Some((SpareConnector::Nozzle1, heater));
+        let text = constants::rust(&warm);
+        assert!(text.contains("sensors: [Some(0), Some(1), Some(2)]") && text.contains(expected), "{text}");
+    }
 }
 
 /// Marlin's `pins_BTT_OCTOPUS_V1_common.h`: I2C_SCL_PIN and I2C_SDA_PIN, a 24C32, which answers at 0x50 with its address pins low.

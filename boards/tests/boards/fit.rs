@@ -246,6 +246,27 @@ fn a_probes_pin_is_moved_where_the_board_has_an_output_for_a_servo() {
 }
 
 #[test]
+fn a_chamber_hangs_at_the_board_s_connectors() {
+    let of = |board, profile, sensor, keys: &str| {
+        let chamber = format!("[chamber]\nsensor = {sensor}\nmin_celsius = 0\nmax_celsius = 80\n{keys}\n[driver]");
+        error_after(board, profile, "[driver]", &chamber)
+    };
+    let epcos = "\"epcos-100k\"";
+    let both = "thermistor = \"nozzle1\"\nheater = \"nozzle3\"";
+    assert_eq!(of("btt-octopus-1.1", "corexy", epcos, both), None);
+    assert_eq!(of("prusa-buddy", "prusa-mini", epcos, "thermistor = \"probe\""), None);
+    for (keys, says) in [
+        (both, "chamber.thermistor = nozzle1: expected input for a thermistor of the board prusa-buddy: "),
+        ("thermistor = \"probe\"\nheater = \"nozzle1\"", "chamber.heater = nozzle1: expected no table [chamber]"),
+    ] {
+        let error = of("prusa-buddy", "prusa-mini", epcos, keys).unwrap();
+        assert!(error.contains(says), "{error}");
+    }
+    let error = of("btt-octopus-1.1", "corexy", epcos, "thermistor = \"nozzle1\"\npull_up_ohm = 1000").unwrap();
+    assert!(error.contains("chamber.pull_up_ohm = 1000: expected 4700 ohm, the resistor"), "{error}");
+}
+
+#[test]
 fn a_light_hangs_at_an_output_of_the_board() {
     let light = "[outputs.light]\noutput = \"fan4\"\n[driver]";
     assert_eq!(error_after("btt-octopus-1.1", "corexy", "[driver]", light), None);

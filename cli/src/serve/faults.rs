@@ -136,7 +136,7 @@ mod tests {
             "nozzle",
             "nozzle-open@",
             "nozzle-open@-1",
-            "chamber-open",
+            "door-open",
             "flip:1",
             "flip:101%",
             "drop:x%",
