@@ -236,7 +236,9 @@ impl Server {
         let answer = self.ask(&format!("m{address:x},{length:x}"))?;
         let digits = answer.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).ok());
         let bytes = digits.map(|pair| u8::from_str_radix(pair?, 16).ok()).collect::<Option<Vec<u8>>>();
-        bytes.filter(|bytes| bytes.len() == length).ok_or_else(|| io::Error::other(format!("{length} bytes at {address:#x}: {answer}")))
+        bytes
+            .filter(|bytes| bytes.len() == length)
+            .ok_or_else(|| io::Error::other(format!("{length} bytes at {address:#x}: {answer}")))
     }
 
     fn write_memory(&mut self, address: usize, bytes: &[u8]) -> io::Result<()> {
