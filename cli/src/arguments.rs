@@ -269,6 +269,9 @@ pub struct BlackBoxArguments {
     /// Writes the steps as a trace, which `simulate` reads; ticks count from the first of them.
     #[arg(long, value_name = "OUT")]
     pub trace: Option<PathBuf>,
+    /// Tells the place in the source where a panic or a fault ended the firmware: the ferrostep.elf that was flashed.
+    #[arg(long, value_name = "ELF")]
+    pub image: Option<PathBuf>,
 }
 
 /// Arguments of `serve`.

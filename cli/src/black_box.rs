@@ -1,6 +1,7 @@
 //! What a black box tells: records with their times, and the last steps, played again.
 
 mod lines;
+mod place;
 
 use std::fmt::{self, Write};
 
@@ -12,11 +13,15 @@ use ferrostep_step_player::{PastSlot, PositionMark, Replayed, replay};
 use serde::Serialize;
 
 pub use lines::{Assembly, LinesError, from_text};
+pub use place::Image;
 
 use crate::terminal::one_line;
 
 /// Gap after the last event of a motion, ticks: at this the motors may have stood for any time.
 const REST_RELOAD: u32 = ferrostep_step_player::IDLE_TICKS - 1;
+
+/// The kind of the record that a panic or a fault leaves.
+const LAST_WORDS: &str = "last words";
 
 /// What a black box tells.
 #[derive(Clone, Debug, Serialize)]
@@ -53,6 +58,9 @@ pub struct RecordLine {
     pub line: Option<u32>,
     /// In words.
     pub text: String,
+    /// Of last words with an address, if the image is at hand: the place in the source.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub place: Option<String>,
 }
 
 /// The steps of the queue.
@@ -142,6 +150,13 @@ fn origin(contents: &Contents<'_>) -> Option<[i64; 4]> {
 }
 
 impl BlackBoxReport {
+    /// Adds the places in the source that last words tell as addresses.
+    pub fn locate(&mut self, image: &Image) {
+        for record in self.records.iter_mut().filter(|record| record.kind == LAST_WORDS) {
+            record.place = image.place(&record.text);
+        }
+    }
+
     /// Of a black box. `profile` is that of its machine, if it is known.
     pub fn new(contents: &Contents<'_>, profile: Option<&Profile>) -> Self {
         let mut damaged_records = 0;
@@ -217,9 +232,9 @@ fn record_line(stamped: &Stamped<'_>) -> RecordLine {
         Record::Driver(words) => ("driver", None, text(words)),
         Record::Halt(words) => ("halt", None, text(words)),
         Record::Reset(words) => ("reset", None, text(words)),
-        Record::LastWords(words) => ("last words", None, text(words)),
+        Record::LastWords(words) => (LAST_WORDS, None, text(words)),
     };
-    RecordLine { time_s: f64::from(stamped.now_ms) / 1000.0, kind, line, text }
+    RecordLine { time_s: f64::from(stamped.now_ms) / 1000.0, kind, line, text, place: None }
 }
 
 fn heater(sample: HeaterSample) -> String {
@@ -238,9 +253,10 @@ impl fmt::Display for BlackBoxReport {
             (true, true) => writeln!(out, "no records: nothing was recorded since the power came on")?,
             (true, false) => {}
         }
-        for RecordLine { time_s, kind, line, text } in &self.records {
-            let place = line.map_or(String::new(), |line| format!("line {line}: "));
-            writeln!(out, "{time_s:10.3} s  {kind:<12}  {place}{}", one_line(text))?;
+        for RecordLine { time_s, kind, line, text, place } in &self.records {
+            let line = line.map_or(String::new(), |line| format!("line {line}: "));
+            let place = place.as_ref().map_or(String::new(), |place| format!(", {place}"));
+            writeln!(out, "{time_s:10.3} s  {kind:<12}  {line}{}{place}", one_line(text))?;
         }
         if self.damaged_records > 0 {
             writeln!(out, "{} records are damaged and left out", self.damaged_records)?;

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::black_box::{self, BlackBoxReport};
+use ferrostep::black_box::{self, BlackBoxReport, Image};
 use ferrostep::input;
 use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep::printer_line::{Address, PrinterLine};
@@ -73,7 +73,13 @@ pub fn run(arguments: &BlackBoxArguments) -> Result<ExitCode, String> {
     {
         return Ok(exit_code(Err(error)));
     }
-    let report = BlackBoxReport::new(&contents, profile.as_ref());
+    let mut report = BlackBoxReport::new(&contents, profile.as_ref());
+    if let Some(image) = &arguments.image {
+        match Image::open(image, &contents.identity) {
+            Ok(image) => report.locate(&image),
+            Err(error) => return Ok(exit_code(Err(error))),
+        }
+    }
     Ok(result(arguments.json.then_some(&report), || report.to_string()))
 }
 

@@ -56,6 +56,7 @@ pub fn is_only_called(code: &Code, setting: &Instruction, register: &str) -> boo
             }
             // With the value still in the register.
             Flow::Return { .. } => return false,
+            Flow::Trap => {}
             Flow::Computed => {
                 let targets = code.table_targets(&instruction);
                 if targets.is_empty() {
@@ -88,6 +89,7 @@ fn use_of(instruction: &Instruction, register: &str) -> Use {
         "ldr" | "ldrb" | "ldrh" | "mov" | "movs" | "movw" | "adr" | "add" | "adds" | "sub" | "subs" => {
             first == register && !names(rest)
         }
+        "ldrd" => operands.split_once('[').is_some_and(|(_, place)| !names(place)),
         _ => false,
     };
     if replaces { Use::Replaced } else { Use::Read }
@@ -105,9 +107,13 @@ mod tests {
         assert_eq!(of("blx", "r5"), Use::Call);
         assert_eq!(of("bl", "#0x8000108"), Use::No);
         assert_eq!(of("blx", "r4"), Use::No);
-        for (name, operands) in
-            [("pop", "{r4, r5, pc}"), ("mov", "r5, r6"), ("ldr", "r5, [r4, #8]"), ("movs", "r5, #1")]
-        {
+        for (name, operands) in [
+            ("pop", "{r4, r5, pc}"),
+            ("mov", "r5, r6"),
+            ("ldr", "r5, [r4, #8]"),
+            ("movs", "r5, #1"),
+            ("ldrd", "r4, r5, [r0]"),
+        ] {
             assert_eq!(of(name, operands), Use::Replaced, "{name} {operands}");
         }
         for (name, operands) in [
@@ -118,7 +124,7 @@ mod tests {
             ("push", "{r4, r5, lr}"),
             ("moveq", "r5, r6"),
             ("movt", "r5, #0x801"),
-            ("ldrd", "r4, r5, [r0]"),
+            ("ldrd", "r4, r5, [r5, #8]"),
             ("ldm", "r0, {r4-r6}"),
         ] {
             assert_eq!(of(name, operands), Use::Read, "{name} {operands}");

@@ -25,6 +25,8 @@ pub enum Flow {
     },
     /// To an address that is computed.
     Computed,
+    /// To the core's hard fault, and not back: a check that has failed.
+    Trap,
 }
 
 /// Names of conditions.
@@ -42,6 +44,9 @@ fn with_condition(name: &str, base: &str) -> Option<bool> {
 /// Where an instruction leads to.
 pub fn flow(instruction: &Instruction) -> Flow {
     let (name, operands) = (instruction.name.as_str(), instruction.operands.as_str());
+    if name == "udf" || name == "trap" {
+        return Flow::Trap;
+    }
     if ["bl", "blx"].iter().any(|base| with_condition(name, base).is_some()) && name != "bls" && name != "blt" {
         return instruction.target().map_or(Flow::ComputedCall, Flow::Call);
     }

@@ -269,7 +269,7 @@ fn follow(code: &Code, mut path: Path, time: &mut InterruptTime) -> Result<(), S
                     }
                 }
             }
-            Flow::Return { is_conditional: true } | Flow::ComputedCall | Flow::Computed => {
+            Flow::Return { is_conditional: true } | Flow::ComputedCall | Flow::Computed | Flow::Trap => {
                 return Err(format!("cannot be followed: {}", at()));
             }
         }

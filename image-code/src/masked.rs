@@ -1,7 +1,7 @@
 //! Where an image's code masks interrupts, and for how long at most.
 //!
 //! A section begins with the instruction that raises BASEPRI, or sets PRIMASK or FAULTMASK, and ends with the one that puts it
-//! back. All paths between the two are followed, through branches, tables and calls; what ends in a panic does not come back
+//! back. All paths between the two are followed, through branches, tables and calls; what ends in a trap does not come back
 //! and does not count. Cycles are the most that instructions take from the flash's cache (`cycles`), without what
 //! interrupts take that are not masked. A loop's instructions count once, and the section says that it has one.
 
@@ -215,6 +215,7 @@ impl Paths<'_> {
                     // Anything but a table is the call of a function in place of a return.
                     is_return = next.is_empty();
                 }
+                Flow::Trap => next.clear(),
             }
             let Some(&number) = numbers.get(&(address, depth)) else { continue };
             let own = cycles(&instruction, branches) + call.as_ref().map_or(0, |called| called.time.cycles);

@@ -50,8 +50,6 @@ pub struct StackUse<'a> {
     pointed_to: BTreeMap<Kind, BTreeSet<u32>>,
     /// Functions that make the text of a type of ours, those with the largest frames, at most [`TEXTS_IN_MIND`].
     own_texts: Vec<u32>,
-    /// The panic handler, which never returns: it does not count for each task, but once on top of all.
-    panic_handler: Option<u32>,
 }
 
 /// The greatest depth of a function.
@@ -124,17 +122,11 @@ impl<'a> StackUse<'a> {
                 pointed_to.entry(kind(&code.names(address))).or_default().insert(address);
             }
         }
-        let panic_handler = code.functions_named("rust_begin_unwind").first().copied();
         let own_texts = own_texts(code, &functions);
-        Ok(Self { code, functions, pointed_to, own_texts, panic_handler })
+        Ok(Self { code, functions, pointed_to, own_texts })
     }
 
-    /// The panic handler.
-    pub fn panic_handler(&self) -> Option<u32> {
-        self.panic_handler
-    }
-
-    /// The greatest depth of the stack in a function and all that it calls, without a panic.
+    /// The greatest depth of the stack in a function and all that it calls.
     ///
     /// # Errors
     /// A function can call itself without a known end.
@@ -211,8 +203,7 @@ impl Search<'_, '_> {
         let direct = function.calls.iter().map(|&callee| (callee, false));
         let through = if function.calls_pointers { self.stack_use.through_pointers(start) } else { Vec::new() };
         let mut below = Rc::<Deepest>::default();
-        let is_followed = |callee: u32| Some(callee) != self.stack_use.panic_handler;
-        for (callee, begins_text) in direct.chain(through).filter(|(callee, _)| is_followed(*callee)) {
+        for (callee, begins_text) in direct.chain(through) {
             // A reply is a text by itself, never in another.
             if begins_text && within.texts_left < NESTED_TEXTS && self.stack_use.is_text_of_reply(callee) {
                 continue;

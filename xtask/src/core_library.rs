@@ -9,50 +9,25 @@ use crate::system;
 /// The processor of every supported board: Cortex-M4 with its floating-point unit.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Where the target's core library comes from.
-pub enum CoreLibrary {
-    /// Installed by rustup.
-    Installed,
-    /// Compiled with the image, from the toolchain's component `rust-src`: a mirror of rustup's downloads may lack the
-    /// target.
-    FromSource,
-}
-
-/// Finds the core library, or has rustup install it: the target's, else the source.
-pub fn find() -> Result<CoreLibrary, Failure> {
-    if target_is_installed() {
-        eprintln!("    installed");
-        return Ok(CoreLibrary::Installed);
+/// Makes sure of the core library's source, from which it is compiled with every image: with the image's own levels of optimisation and flags it takes
+/// a twentieth of the flash less than the library that rustup has for the target.
+///
+/// # Errors
+/// The toolchain lacks the source, and rustup cannot add it.
+pub fn require_source() -> Result<(), Failure> {
+    if has_source() {
+        return Ok(());
     }
-    if has_library_source() {
-        eprintln!("    compiling it from source");
-        return Ok(CoreLibrary::FromSource);
+    let added = system::run(Command::new("rustup").args(["component", "add", "rust-src"]).current_dir(system::root()));
+    if has_source() {
+        return Ok(());
     }
-    let rustup = |words: [&str; 3]| system::run(Command::new("rustup").args(words).current_dir(system::root())).err();
-    let no_target = rustup(["target", "add", TARGET]);
-    if target_is_installed() {
-        return Ok(CoreLibrary::Installed);
-    }
-    let no_source = rustup(["component", "add", "rust-src"]);
-    if has_library_source() {
-        return Ok(CoreLibrary::FromSource);
-    }
-    let reason =
-        |failure: Option<Failure>| failure.unwrap_or_else(|| "rustup added it to another toolchain".to_owned());
-    Err(format!(
-        "no core library for {TARGET}: {}; and no source to compile it from: {}. Install one of them by hand",
-        reason(no_target),
-        reason(no_source),
-    ))
-}
-
-/// Whether the compiler in use has the target's libraries. The compiler knows, even without rustup.
-fn target_is_installed() -> bool {
-    rustc_prints(&["target-libdir", "--target", TARGET]).is_some_and(|folder| Path::new(&folder).is_dir())
+    let reason = added.err().unwrap_or_else(|| "rustup added it to another toolchain".to_owned());
+    Err(format!("the toolchain lacks the source of the core library (component rust-src): {reason}"))
 }
 
 /// Whether the compiler in use has the source of the core library.
-fn has_library_source() -> bool {
+fn has_source() -> bool {
     rustc_prints(&["sysroot"])
         .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib/src/rust/library/core/Cargo.toml").is_file())
 }
@@ -97,55 +72,38 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
 /// each change that an input shaper makes.
 const FOR_SIZE: [&str; 5] = ["ferrostep-card", "ferrostep-gcode", "ferrostep-gpre", "ferrostep-printer", "\"*\""];
 
-impl CoreLibrary {
-    /// Makes a cargo command build for [`TARGET`] with this library.
-    pub fn apply(&self, command: &mut Command) {
-        command.args(["--target", TARGET]);
-        command.args(["--config", "profile.release.package.ferrostep-planner.opt-level=\"s\""]);
-        for package in FOR_SIZE {
-            command.arg("--config").arg(format!("profile.release.package.{package}.opt-level=\"z\""));
-        }
-        if let CoreLibrary::FromSource = self {
-            // The smaller of two ways where the library has both, as for writing numbers: another KB.
-            command.args([
-                "-Zbuild-std=core,compiler_builtins",
-                "-Zbuild-std-features=compiler-builtins-mem,optimize_for_size",
-            ]);
-            // The linked part mostly formats text: optimised for size it takes 2 KB less.
-            command.args(["--config", "profile.release.package.core.opt-level=\"s\""]);
-            // The arithmetic of f64 is software: at level "z" an input shaper takes half as much again.
-            command.args(["--config", "profile.release.package.compiler_builtins.opt-level=\"s\""]);
-            // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode:
-            // 4 KB. A panic says its file: lines would make a place of its own of every check, 11 KB.
-            command
-                .arg("--config")
-                .arg(format!("target.{TARGET}.rustflags=[\"-Zfmt-debug=none\", \"-Zlocation-detail=file\"]"));
-            // -Zbuild-std wants a nightly compiler or this; the crates themselves use no nightly feature.
-            command.env("RUSTC_BOOTSTRAP", "1");
-        }
-    }
+/// What a failed check does: an overflow, an index out of range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FailedCheck {
+    /// It calls the program's panic handler with a text: for programs that a debugger watches.
+    Panics,
+    /// It executes an undefined instruction in its place, which the core answers with a hard fault. The address tells the place, and the calls
+    /// and texts of panics would take 23 KB of an image.
+    Traps,
 }
 
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod tests {
-    use super::*;
-
-    fn words(command: &Command) -> Vec<String> {
-        command.get_args().map(|word| word.to_str().unwrap().to_owned()).collect()
+/// Makes a cargo command build for [`TARGET`], with the core library compiled from its source.
+pub fn apply(command: &mut Command, failed_check: FailedCheck) {
+    command.args(["--target", TARGET]);
+    command.args(["--config", "profile.release.package.ferrostep-planner.opt-level=\"s\""]);
+    for package in FOR_SIZE {
+        command.arg("--config").arg(format!("profile.release.package.{package}.opt-level=\"z\""));
     }
-
-    #[test]
-    fn only_the_build_from_source_needs_more_than_the_target() {
-        let mut installed = Command::new("cargo");
-        CoreLibrary::Installed.apply(&mut installed);
-        assert!(words(&installed).starts_with(&["--target".to_owned(), TARGET.to_owned()]));
-        assert!(!words(&installed).iter().any(|word| word.starts_with("-Z")));
-        assert_eq!(installed.get_envs().count(), 0);
-
-        let mut from_source = Command::new("cargo");
-        CoreLibrary::FromSource.apply(&mut from_source);
-        assert!(words(&from_source).iter().any(|word| word == "-Zbuild-std=core,compiler_builtins"));
-        assert!(from_source.get_envs().any(|(key, value)| key == "RUSTC_BOOTSTRAP" && value == Some("1".as_ref())));
-    }
+    // The smaller of two ways where the library has both, as for writing numbers: another KB.
+    command
+        .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem,optimize_for_size"]);
+    // The linked part mostly formats text: optimised for size it takes 2 KB less.
+    command.args(["--config", "profile.release.package.core.opt-level=\"s\""]);
+    // The arithmetic of f64 is software: at level "z" an input shaper takes half as much again.
+    command.args(["--config", "profile.release.package.compiler_builtins.opt-level=\"s\""]);
+    let flags: &[&str] = match failed_check {
+        // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode: 4 KB.
+        FailedCheck::Panics => &["-Zfmt-debug=none"],
+        FailedCheck::Traps => {
+            &["-Zfmt-debug=none", "-Zlocation-detail=none", "-Zunstable-options", "-Cpanic=immediate-abort"]
+        }
+    };
+    command.arg("--config").arg(format!("target.{TARGET}.rustflags={flags:?}"));
+    // These want a nightly compiler or this; the crates themselves use no nightly feature.
+    command.env("RUSTC_BOOTSTRAP", "1");
 }

@@ -9,7 +9,7 @@ use ferrostep_image_code::interrupt_time;
 use ferrostep_planner::MotionChoice;
 use ferrostep_step_player::MIN_GAP_TICKS;
 
-use crate::core_library::{self, CoreLibrary};
+use crate::core_library::{self, FailedCheck};
 use crate::image;
 use crate::size::{Budget, Sizes, Table};
 use crate::steps::{Failure, Run};
@@ -187,11 +187,16 @@ impl Program {
             Self::OnTarget => "bench/src/bin/on_target/main.rs",
         }
     }
+
+    /// A probe reads what the others say of a failed check.
+    fn failed_check(self) -> FailedCheck {
+        if self == Self::Firmware { FailedCheck::Traps } else { FailedCheck::Panics }
+    }
 }
 
 /// Builds a program for a board as it is shipped, and returns the path of its image.
 pub fn build(run: &mut Run, program: Program, target: &Target) -> Result<PathBuf, Failure> {
-    let core_library = run.step("core library of thumbv7em-none-eabihf", core_library::find)?;
+    run.step("source of the core library", core_library::require_source)?;
     let name = match program {
         Program::Firmware => "firmware image",
         Program::Bench => "bench image",
@@ -199,7 +204,7 @@ pub fn build(run: &mut Run, program: Program, target: &Target) -> Result<PathBuf
         Program::OnTarget => "on-target image",
     };
     run.step(name, || {
-        let messages = system::run_for_output(&mut build_command(&core_library, program, target)?)?;
+        let messages = system::run_for_output(&mut build_command(program, target)?)?;
         executable(&messages, &system::root().join(program.source()))
             .ok_or_else(|| format!("cargo names no image of {}", program.source()))
     })
@@ -207,7 +212,7 @@ pub fn build(run: &mut Run, program: Program, target: &Target) -> Result<PathBuf
 
 /// Lints of the firmware's own packages, which the desk cannot build.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
-    let core_library = run.step("core library of thumbv7em-none-eabihf", core_library::find)?;
+    run.step("source of the core library", core_library::require_source)?;
     run.step("lints of the firmware", || {
         for name in ferrostep_boards::builtin_names() {
             let target = Target::new(name, None)?;
@@ -216,7 +221,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
             let firmware =
                 ["--package", "ferrostep-step-interrupt", "--package", "ferrostep-firmware", "--lib", "--bins"];
             let chip = ["--no-default-features", "--features", target.board.chip.feature];
-            system::run(&mut lint_command(&core_library, &target, &[&packages[..], &firmware, &chip].concat()))?;
+            system::run(&mut lint_command(&target, &[&packages[..], &firmware, &chip].concat()))?;
         }
         // The tally is the bench's source with another feature: only that package is linted twice.
         let bench = Target::bench()?;
@@ -225,7 +230,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
             &["--package", "ferrostep-bench", "--bin=bench", "--features", "tally"],
             &["--package", "ferrostep-bench", "--bin=on-target", "--features", "on-target"],
         ] {
-            system::run(&mut lint_command(&core_library, &bench, targets))?;
+            system::run(&mut lint_command(&bench, targets))?;
         }
         Ok(())
     })
@@ -264,16 +269,16 @@ fn cargo_in(folder: &str, target: &Target) -> Command {
 }
 
 /// Lints of the targets that cargo's arguments name.
-fn lint_command(core_library: &CoreLibrary, target: &Target, targets: &[&str]) -> Command {
+fn lint_command(target: &Target, targets: &[&str]) -> Command {
     let mut command = cargo_in("app", target);
     command.args(["clippy", "--release", "--locked"]).args(targets);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
-    core_library.apply(&mut command);
+    core_library::apply(&mut command, FailedCheck::Traps);
     command.args(["--", "-D", "warnings"]);
     command
 }
 
-fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) -> Result<Command, Failure> {
+fn build_command(program: Program, target: &Target) -> Result<Command, Failure> {
     let mut command = cargo_in(program.folder(), target);
     command.args(["build", "--release", "--locked", "--message-format", "json-render-diagnostics"]);
     // The chip of the board in the place of the default's.
@@ -291,7 +296,7 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
         Program::Tally => command.args(["--bin", "bench", "--features", "tally"]),
         Program::OnTarget => command.args(["--bin", "on-target", "--features", "on-target"]),
     };
-    core_library.apply(&mut command);
+    core_library::apply(&mut command, program.failed_check());
     command
         .arg("--config")
         .arg(renamed_folders(&format!("target.{}", core_library::TARGET), &core_library::folders()?)?);
@@ -392,7 +397,7 @@ mod tests {
     #[test]
     fn an_image_is_built_for_the_chip_of_its_board() {
         let target = Target::new("btt-octopus-1.1", Some("cartesian")).unwrap();
-        let command = build_command(&CoreLibrary::Installed, Program::Bench, &target).unwrap();
+        let command = build_command(Program::Bench, &target).unwrap();
         let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
         assert!(
             words.windows(3).any(|words| words == ["--no-default-features", "--features", "stm32f446"]),
@@ -400,12 +405,12 @@ mod tests {
         );
         assert_eq!(variable(&command, "FERROSTEP_BOARD"), Some("btt-octopus-1.1"));
         assert_eq!(variable(&command, "FERROSTEP_PROFILE"), Some("cartesian"));
-        let bench = build_command(&CoreLibrary::Installed, Program::Firmware, &Target::bench().unwrap()).unwrap();
+        let bench = build_command(Program::Firmware, &Target::bench().unwrap()).unwrap();
         assert_eq!(variable(&bench, "FERROSTEP_PROFILE"), None);
         assert_eq!(variable(&bench, "FERROSTEP_BOOT_OFFSET"), None);
         for (offset, expected) in [(None, None), (Some(0x20200), None), (Some(0), Some("0"))] {
             let target = Target::new("prusa-buddy", None).unwrap().at(offset).unwrap();
-            let command = build_command(&CoreLibrary::Installed, Program::Firmware, &target).unwrap();
+            let command = build_command(Program::Firmware, &target).unwrap();
             assert_eq!(variable(&command, "FERROSTEP_BOOT_OFFSET"), expected, "{offset:?}");
         }
         let error = Target::new("prusa-buddy", None).unwrap().at(Some(7)).unwrap_err();

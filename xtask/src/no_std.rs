@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::core_library::{self, CoreLibrary};
+use crate::core_library::{self, FailedCheck};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
@@ -28,16 +28,16 @@ const PACKAGES: [&str; 16] = [
 
 /// Checks [`PACKAGES`] for the target, after installing what is needed.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
-    let core_library = run.step("core library of thumbv7em-none-eabihf", core_library::find)?;
-    run.step("no_std check", || system::run(&mut check_command(&core_library)))
+    run.step("source of the core library", core_library::require_source)?;
+    run.step("no_std check", || system::run(&mut check_command()))
 }
 
 /// The check itself, with the profile and in the folder of the images, whose core library has been checked there by their lints.
-fn check_command(core_library: &CoreLibrary) -> Command {
+fn check_command() -> Command {
     let mut command = cargo();
     command.args(["check", "--release", "--target-dir"]);
     command.arg(system::target_directory().join("firmware"));
-    core_library.apply(&mut command);
+    core_library::apply(&mut command, FailedCheck::Traps);
     for package in PACKAGES {
         command.args(["--package", package]);
     }
@@ -52,15 +52,13 @@ mod tests {
     use crate::core_library::TARGET;
 
     #[test]
-    fn every_package_is_checked_for_the_target_either_way() {
-        for core_library in [CoreLibrary::Installed, CoreLibrary::FromSource] {
-            let command = check_command(&core_library);
-            let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
-            let target = words.iter().position(|word| *word == "--target").unwrap();
-            assert_eq!(words[target + 1], TARGET);
-            for package in PACKAGES {
-                assert!(words.contains(&package), "{package} in {words:?}");
-            }
+    fn every_package_is_checked_for_the_target() {
+        let command = check_command();
+        let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
+        let target = words.iter().position(|word| *word == "--target").unwrap();
+        assert_eq!(words[target + 1], TARGET);
+        for package in PACKAGES {
+            assert!(words.contains(&package), "{package} in {words:?}");
         }
     }
 }

@@ -1,13 +1,18 @@
-//! The hard fault: a stack that overflowed, a bus error, memory run wild.
+//! The hard fault: a check of the program that failed, a stack that overflowed, a bus error, memory run wild.
 
 use core::arch::naked_asm;
 use core::fmt;
+
+use cortex_m::peripheral::SCB;
 
 use crate::board::RAM;
 use crate::safe_state;
 
 /// Where the program counter stands in the eight words that the core pushes.
 const PROGRAM_COUNTER: u32 = 24;
+
+/// UNDEFINSTR of the configurable fault status register: the core met an instruction that it does not know (PM0214, 4.4.10).
+const UNDEFINED_INSTRUCTION: u32 = 1 << 16;
 
 /// The exception's entry. After a stack overflow the stack pointer is below RAM, and the first push of an ordinary
 /// handler would lock the core up, heaters on: so this one begins with a stack of its own, the same one anew.
@@ -28,7 +33,11 @@ extern "C" fn handle(frame: u32) -> ! {
     if frame.is_multiple_of(4) && RAM.contains(&frame) && RAM.contains(&(at + 3)) {
         // SAFETY: an aligned word of RAM that is not written any more.
         let address = unsafe { core::ptr::read_volatile(at as *const u32) };
-        tell(format_args!("fault at {address:#010x}"));
+        // SAFETY: a register is only read.
+        let status = unsafe { &*SCB::PTR }.cfsr.read();
+        // An image has one such instruction, for a check that fails: an overflow, an index out of range.
+        let what = if status & UNDEFINED_INSTRUCTION == 0 { "fault" } else { "panic" };
+        tell(format_args!("{what} at {address:#010x}"));
     } else {
         tell(format_args!("fault, stack overflow"));
     }

@@ -202,16 +202,6 @@ impl Bench {
         self.with(|machine, _| machine.plant.any_heater_on())
     }
 
-    /// Writes words to RAM.
-    pub fn write_memory(&mut self, address: u32, words: &[u32]) {
-        let words = words.to_vec();
-        self.with(move |_, core| {
-            for (place, word) in (u64::from(address)..).step_by(4).zip(words) {
-                core.write(place, Width::W32, u64::from(word)).unwrap();
-            }
-        });
-    }
-
     /// A word of RAM.
     pub fn word(&mut self, address: u32) -> u32 {
         self.with(move |_, core| core.read(u64::from(address), Width::W32).unwrap() as u32)

@@ -1,7 +1,7 @@
 //! The black box after a panic, a watchdog's reset, the reset button and M112, each in the midst of a move: the steps that it replays are
 //! the edges at the pins.
 
-use ferrostep::black_box::{BlackBoxReport, replay_made};
+use ferrostep::black_box::{BlackBoxReport, Image, replay_made};
 use ferrostep::send::fetch_black_box;
 use ferrostep_black_box::Contents;
 use ferrostep_mainboard::decode::Event;
@@ -122,11 +122,24 @@ fn texts<'a>(report: &'a BlackBoxReport, kind: &str) -> Vec<&'a str> {
     report.records.iter().filter(|record| record.kind == kind).map(|record| record.text.as_str()).collect()
 }
 
+/// Checks that the image tells where in the planner's source it was, and that another is refused.
+fn assert_located(board: &BoardFacts, report: &mut BlackBoxReport, bytes: &[u8]) {
+    let identity = Contents::read(bytes).unwrap().identity;
+    report.locate(&Image::open(&image_of(board.name), &identity).unwrap());
+    let [place] = report.records.iter().filter_map(|record| record.place.as_deref()).collect::<Vec<_>>()[..] else {
+        panic!("{}: {:?}", board.name, report.records)
+    };
+    assert!(place.contains("planner/src/"), "{}: {place}", board.name);
+    let other = BOARDS.iter().find(|other| other.name != board.name).unwrap();
+    let refused = Image::open(&image_of(other.name), &identity).err().unwrap();
+    assert!(refused.contains("expected the ferrostep.elf that was flashed"), "{refused}");
+}
+
 #[test]
 fn after_a_panic_the_last_steps_are_those_of_the_pins() {
     for board in &BOARDS {
         let mut bench = moving(board, 2600);
-        force_panic(&image_of(board.name), &mut bench);
+        let place = force_panic(&image_of(board.name), &mut bench);
         bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
         bench.pass(50);
         let events = events(&mut bench);
@@ -135,12 +148,13 @@ fn after_a_panic_the_last_steps_are_those_of_the_pins() {
         bench.pass(300);
         let bytes = fetch(&mut bench);
         let events = without_safe_state(board, events, &bytes);
-        let report = assert_replayed(board, &bytes, &events);
+        let mut report = assert_replayed(board, &bytes, &events);
         assert!(report.is_kept && report.steps.slots[1] > 10, "{}: {:?}", board.name, report.steps);
         // The ring was full, and its oldest slots were overwritten.
         assert!(report.steps.events < events.len() as u64, "{}", board.name);
         assert_eq!(texts(&report, "reset"), ["pin"]);
-        assert_eq!(texts(&report, "last words"), ["panic: panicked at nowhere.rs:1:1: attempt to add with overflow"]);
+        assert_eq!(texts(&report, "last words"), [format!("panic at {place:#010x}")]);
+        assert_located(board, &mut report, &bytes);
         assert!(texts(&report, "command").contains(&"G2 X6 Y0 I3 J0 F4000"), "{:?}", report.records);
         assert!(!texts(&report, "temperatures").is_empty());
         // Nothing has moved: it is still there, and once more after another reset.

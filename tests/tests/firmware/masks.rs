@@ -9,10 +9,9 @@ use ferrostep_image_code::code::{Code, Instruction, constant};
 use crate::image::image;
 
 /// The functions that may set PRIMASK, and why. `main` and the handlers' names are fixed by cortex-m-rt and the compiler.
-const MAY_SET_PRIMASK: [(&str, &str); 4] = [
+const MAY_SET_PRIMASK: [(&str, &str); 3] = [
     ("main", "RTIC's start: from reset to the end of `init`, when no task runs yet"),
-    ("__rustc::rust_begin_unwind", "the panic handler: heaters and motors off, for good"),
-    ("ferrostep_stm32f4_board::fault::handle", "the hard fault: the same"),
+    ("ferrostep_stm32f4_board::fault::handle", "the hard fault: heaters and motors off, for good"),
     ("DefaultHandler", "an unexpected interrupt: the same"),
 ];
 

@@ -37,7 +37,7 @@ fn objection(instruction: &Instruction, after: Option<&Instruction>) -> Option<&
     } else if is_one_of(&["cpsie", "svc", "bkpt", "wfi", "wfe"]) {
         Some("no business of an interrupt")
     } else if name == "udf" || name == "trap" {
-        Some("the end of a panic")
+        Some("a check that can fail")
     } else {
         None
     }
@@ -86,25 +86,21 @@ fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
             }
             Flow::Call(target) => {
                 called = Some(target);
-                // A panic does not return.
-                if !code.function(target).contains("panic") {
-                    pending.push(target);
-                    pending.push(next);
-                }
+                pending.push(target);
+                pending.push(next);
             }
             Flow::ComputedCall => {
                 reached.objections.push(format!("call of a computed address: {instruction}   in {place}"));
                 pending.push(next);
             }
             Flow::Return { is_conditional: true } => pending.push(next),
-            Flow::Return { is_conditional: false } => {}
+            // A trap is an objection already.
+            Flow::Return { is_conditional: false } | Flow::Trap => {}
             Flow::Computed => reached.objections.push(format!("leads who knows where: {instruction}   in {place}")),
         }
         if let Some(target) = called {
             let callee = code.function(target);
-            if callee.contains("panic") {
-                reached.objections.push(format!("panic path, {callee}: {instruction}   in {place}"));
-            } else if !may_call.iter().any(|name| callee.contains(name)) {
+            if !may_call.iter().any(|name| callee.contains(name)) {
                 reached.objections.push(format!("call of {callee}: {instruction}   in {place}"));
             }
         }
