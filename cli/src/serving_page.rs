@@ -113,6 +113,8 @@ impl VirtualPage {
             nozzle_target_celsius: status.temperatures.nozzle_target.into(),
             bed_celsius: status.temperatures.bed.into(),
             bed_target_celsius: status.temperatures.bed_target.into(),
+            chamber_celsius: status.temperatures.chamber.map(|chamber| chamber.celsius.into()),
+            chamber_target_celsius: status.temperatures.chamber.map(|chamber| chamber.target.into()),
         };
         self.host.tell(heat, status.position_mm, status.state == State::Halted);
     }

@@ -8,9 +8,9 @@ use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
-use ferrostep_printer::{Heating, Ports, Printer, Profile, Replies};
+use ferrostep_printer::{HeaterStatus, Heating, Ports, Printer, Profile, Replies};
 use ferrostep_show::{
-    Finding, Job, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text,
+    Chamber, Finding, Job, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text,
 };
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
@@ -208,6 +208,10 @@ fn note_time<R: Replies>(session: &PrintSession<ShowObserver, R>, heats: Option<
         time_s: now_s,
         celsius: status.map(|status| status.celsius),
         target_celsius: status.map(|status| status.target_celsius),
+        chamber: heating.chamber_is_heated().map(|_| {
+            let HeaterStatus { celsius, target_celsius, .. } = heating.status(Heater::Chamber);
+            Chamber { celsius, target_celsius }
+        }),
         fan_power,
     };
     // A prepared job does not say what it waits for.

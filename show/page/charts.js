@@ -121,6 +121,10 @@ function chartsOn(canvas, print) {
       context.stroke();
       context.setLineDash([]);
     };
+    if (c.chamber) {
+      curve(c.chamberTarget, theme.chamber, true);
+      curve(c.chamber, theme.chamber, false);
+    }
     curve(c.nozzleTarget, theme.nozzle, true);
     curve(c.bedTarget, theme.bed, true);
     curve(c.nozzle, theme.nozzle, false);

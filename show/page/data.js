@@ -109,7 +109,8 @@ function heatAt({ c }, time) {
   const span = c.heatTime[h] - c.heatTime[before];
   const share = span > 0 ? Math.min(1, Math.max(0, (time - c.heatTime[before]) / span)) : 1;
   const mix = (column) => column[before] + (column[h] - column[before]) * share;
-  return { nozzle: mix(c.nozzle), bed: mix(c.bed), nozzleTarget: c.nozzleTarget[h], bedTarget: c.bedTarget[h], fan: c.fan[before] };
+  const chamber = c.chamber ? { chamber: mix(c.chamber), chamberTarget: c.chamberTarget[h] } : {};
+  return { nozzle: mix(c.nozzle), bed: mix(c.bed), nozzleTarget: c.nozzleTarget[h], bedTarget: c.bedTarget[h], ...chamber, fan: c.fan[before] };
 }
 
 function clock(seconds) {

@@ -7,7 +7,7 @@ function themeNow() {
   const get = (name) => style.getPropertyValue(name).trim();
   const grid = rgb(get('--grid'));
   return { text: get('--text'), faint: get('--faint'), line: get('--line'), speed: get('--speed'), flow: get('--flow'), nozzle: get('--nozzle'),
-    bed: get('--bed'), warning: get('--warning'), accent: get('--accent'), grid: [...grid, Number(get('--grid-alpha'))], gridCss: get('--grid'),
+    bed: get('--bed'), chamber: get('--chamber'), warning: get('--warning'), accent: get('--accent'), grid: [...grid, Number(get('--grid-alpha'))], gridCss: get('--grid'),
     kinds: ['--k-travel', '--k-print', '--k-retract', '--k-prime', '--k-homing', '--k-heating', '--k-wait'].map(get) };
 }
 

@@ -140,9 +140,11 @@ function showHere(print, state) {
     ['flow', `${state.flow.toFixed(2)} mm³/s`],
     ['pressure', `${state.pressure.toFixed(3)} mm³`],
     ['off the path', `${state.deviation.toFixed(3)} mm` + (c.slowed[i] ? ', slowed for the board' : '')],
-    ['nozzle', `${state.nozzle.toFixed(1)} °C` + (state.nozzleTarget ? ` of ${state.nozzleTarget.toFixed(0)}` : '')],
-    ['bed', `${state.bed.toFixed(1)} °C` + (state.bedTarget ? ` of ${state.bedTarget.toFixed(0)}` : '')],
   ];
+  for (const heater of ['nozzle', 'bed', 'chamber']) {
+    const target = state[`${heater}Target`];
+    if (heater in state) rows.push([heater, `${state[heater].toFixed(1)} °C` + (target ? ` of ${target.toFixed(0)}` : '')]);
+  }
   if (now.childElementCount !== 2 * rows.length) now.replaceChildren(...rows.flatMap(() => [make('dt'), make('dd')]));
   rows.forEach(([name, value], k) => {
     if (now.children[2 * k].textContent !== name) now.children[2 * k].textContent = name;

@@ -26,5 +26,5 @@ pub use node::{Kind, Node};
 pub use page::{Finding, Job, write_page};
 pub use recorder::{Machine, Recorder, Recording};
 pub use source::{SourceText, Text};
-pub use temperatures::Temperature;
+pub use temperatures::{Chamber, Temperature};
 pub use totals::{Extreme, Totals};

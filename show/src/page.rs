@@ -148,6 +148,11 @@ fn columns(recording: &Recording) -> Columns {
         columns.add(celsius, 0.1, heat().map(|heat| heat.celsius[heater].into()));
         columns.add(target, 0.1, heat().map(|heat| heat.target_celsius[heater].into()));
     }
+    if recording.temperatures.iter().all(|heat| heat.chamber.is_some()) {
+        let chamber = || heat().filter_map(|heat| heat.chamber);
+        columns.add("chamber", 0.1, chamber().map(|chamber| chamber.celsius.into()));
+        columns.add("chamberTarget", 0.1, chamber().map(|chamber| chamber.target_celsius.into()));
+    }
     columns.add("fan", 1.0, heat().map(|heat| heat.fan_power.into()));
     columns
 }

@@ -6,6 +6,15 @@ const MAX_INSTANTS: usize = 1 << 15;
 const INTERVAL_S: f64 = 1.0;
 const DIFFERENCE_C: f32 = 0.5;
 
+/// A chamber's temperature at a time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Chamber {
+    /// Degrees Celsius.
+    pub celsius: f32,
+    /// Its target; 0 is off.
+    pub target_celsius: f32,
+}
+
 /// Temperatures and fan at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Temperature {
@@ -15,6 +24,8 @@ pub struct Temperature {
     pub celsius: [f32; 2],
     /// Their targets; 0 is off.
     pub target_celsius: [f32; 2],
+    /// The same of the chamber, if its temperature is known.
+    pub chamber: Option<Chamber>,
     /// Part-cooling fan, 0 to 255.
     pub fan_power: u8,
 }
@@ -37,8 +48,12 @@ impl Temperatures {
     pub fn note(&mut self, now: Temperature) {
         self.last = now;
         let is_new = self.kept.last().is_none_or(|kept| {
-            let differs = kept.celsius.iter().zip(now.celsius).any(|(a, b)| (a - b).abs() > DIFFERENCE_C);
-            let changed = kept.target_celsius != now.target_celsius || kept.fan_power != now.fan_power;
+            let chambers = kept.chamber.zip(now.chamber);
+            let pairs = kept.celsius.into_iter().zip(now.celsius).chain(chambers.map(|(a, b)| (a.celsius, b.celsius)));
+            let differs = pairs.into_iter().any(|(a, b)| (a - b).abs() > DIFFERENCE_C);
+            let targets = kept.target_celsius != now.target_celsius
+                || chambers.is_some_and(|(a, b)| a.target_celsius != b.target_celsius);
+            let changed = targets || kept.fan_power != now.fan_power;
             let passed_s = now.time_s - kept.time_s;
             passed_s >= 60.0 * self.interval_s || (differs || changed) && passed_s >= self.interval_s
         });

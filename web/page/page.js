@@ -51,6 +51,8 @@
   };
   const size = (bytes) => bytes >= 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.ceil(bytes / 1e3)} kB`;
 
+  const hasChamber = (heat) => heat !== null && heat.chamber_celsius !== null;
+
   function show() {
     const { activity, heat, job } = state;
     $('machine').textContent = state.machine;
@@ -60,6 +62,8 @@
     const heated = (now, target) => `${now.toFixed(1)} °C${target > 0 ? ` / ${target.toFixed(0)}` : ''}`;
     $('nozzle').textContent = heat ? heated(heat.nozzle_celsius, heat.nozzle_target_celsius) : '–';
     $('bed').textContent = heat ? heated(heat.bed_celsius, heat.bed_target_celsius) : '–';
+    $('has-chamber').hidden = !hasChamber(heat);
+    if (hasChamber(heat)) $('chamber').textContent = heated(heat.chamber_celsius, heat.chamber_target_celsius);
     ['x', 'y', 'z'].forEach((axis, k) => { $(axis).textContent = state.position_mm ? state.position_mm[k].toFixed(2) : '–'; });
     const runs = ['printing', 'pausing', 'paused', 'cancelling'].includes(activity);
     if (!uploading) {
@@ -136,7 +140,9 @@
     context.clearRect(0, 0, width, height);
     const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
     const LABEL = 34;
-    const values = history.flatMap((h) => [h.nozzle_celsius, h.nozzle_target_celsius, h.bed_celsius, h.bed_target_celsius]);
+    const heaters = ['bed', 'nozzle'];
+    if (history.every(hasChamber)) heaters.unshift('chamber');
+    const values = history.flatMap((h) => heaters.flatMap((heater) => [h[`${heater}_celsius`], h[`${heater}_target_celsius`]]));
     const top = Math.ceil((Math.max(50, ...values) * 1.05) / 50) * 50;
     const now = history.length > 0 ? history[history.length - 1].time : 0;
     const x = (time) => width - 4 - (now - time) / HISTORY_S * (width - LABEL - 4);
@@ -172,10 +178,8 @@
       context.stroke();
       context.setLineDash([]);
     };
-    curve('bed_target_celsius', '--bed', true);
-    curve('nozzle_target_celsius', '--nozzle', true);
-    curve('bed_celsius', '--bed', false);
-    curve('nozzle_celsius', '--nozzle', false);
+    for (const heater of heaters) curve(`${heater}_target_celsius`, `--${heater}`, true);
+    for (const heater of heaters) curve(`${heater}_celsius`, `--${heater}`, false);
   }
 
   // A file goes by XMLHttpRequest, which reports how much of it is sent.

@@ -40,6 +40,10 @@ pub struct Heat {
     pub bed_celsius: f64,
     /// Its target.
     pub bed_target_celsius: f64,
+    /// Of the chamber, if its temperature is known.
+    pub chamber_celsius: Option<f64>,
+    /// Its target.
+    pub chamber_target_celsius: Option<f64>,
 }
 
 /// The file that is printed, or could be.

@@ -15,8 +15,17 @@ pub enum Readings {
 pub fn heat(line: &str) -> Option<Heat> {
     let line = line.strip_prefix("ok").unwrap_or(line).trim_start();
     let (nozzle_celsius, nozzle_target_celsius) = pair(line.strip_prefix("T:")?)?;
-    let (bed_celsius, bed_target_celsius) = line.split_once(" B:").and_then(|(_, bed)| pair(bed)).unwrap_or_default();
-    Some(Heat { nozzle_celsius, nozzle_target_celsius, bed_celsius, bed_target_celsius })
+    let after = |name| line.split_once(name).and_then(|(_, words)| pair(words));
+    let (bed_celsius, bed_target_celsius) = after(" B:").unwrap_or_default();
+    let (chamber_celsius, chamber_target_celsius) = after(" C:").unzip();
+    Some(Heat {
+        nozzle_celsius,
+        nozzle_target_celsius,
+        bed_celsius,
+        bed_target_celsius,
+        chamber_celsius,
+        chamber_target_celsius,
+    })
 }
 
 /// A temperature and its target: `20.0 /0.0`.
@@ -44,13 +53,21 @@ mod tests {
 
     #[test]
     fn reports_are_read() {
-        let expected =
-            Heat { nozzle_celsius: 201.5, nozzle_target_celsius: 215.0, bed_celsius: 60.0, bed_target_celsius: 0.0 };
+        let expected = Heat {
+            nozzle_celsius: 201.5,
+            nozzle_target_celsius: 215.0,
+            bed_celsius: 60.0,
+            bed_target_celsius: 0.0,
+            chamber_celsius: None,
+            chamber_target_celsius: None,
+        };
         for line in
             ["ok T:201.50 /215.00 B:60.00 /0.00 @:12 B@:0", " T:201.5 /215 B:60.0 /0.00 @:1", "T:201.5 /215 B:60.0 /0"]
         {
             assert_eq!(heat(line), Some(expected), "{line}");
         }
+        let warm = Heat { chamber_celsius: Some(41.5), chamber_target_celsius: Some(50.0), ..expected };
+        assert_eq!(heat("ok T:201.5 /215 B:60.0 /0 C:41.5 /50 @:12 B@:0 C@:127"), Some(warm));
         for line in ["ok", "T:", "T:nan /0", "T:20", "echo:T:20 /0", ""] {
             assert_eq!(heat(line), None, "{line}");
         }

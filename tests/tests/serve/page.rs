@@ -235,6 +235,25 @@ fn a_print_from_the_page_makes_the_steps_of_print_whoever_asks_meanwhile() {
     }
 }
 
+/// A machine that knows its chamber's temperature shows it.
+#[test]
+fn a_chamber_is_shown() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let profile = folder.path().join("chamber.toml");
+    let chamber = "\n[chamber]\nthermistor = \"nozzle1\"\nheater = \"nozzle1\"\nsensor = \"epcos-100k\"\n\
+                   min_celsius = 0\nmax_celsius = 80\n";
+    std::fs::write(&profile, ferrostep_profiles::builtin_text("corexy").unwrap().to_owned() + chamber).unwrap();
+    let mut printer = Printer::at_page(&["--speed", "max", "--profile", profile.to_str().unwrap()]);
+    let page = printer.page();
+    page.look_until(|state| state["heat"]["chamber_target_celsius"] == 0.0);
+    page.wish("/line", b"M141 S45");
+    let state = page.look_until(|state| state["heat"]["chamber_target_celsius"] == 45.0);
+    assert!(state["heat"]["chamber_celsius"].as_f64().unwrap() >= 20.0, "{state:#}");
+    let mut plain = Printer::at_page(&["--speed", "max"]);
+    let state = plain.page().look_until(|state| state["heat"]["bed_target_celsius"] == 0.0);
+    assert!(state["heat"]["chamber_celsius"].is_null(), "{state:#}");
+}
+
 /// A job that lasts longer than any test.
 fn long_job() -> Vec<u8> {
     ["G28\nM140 S50\n".to_owned(), "G1 X10 F6000\nG1 X90\n".repeat(100_000)].concat().into_bytes()

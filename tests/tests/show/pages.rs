@@ -98,6 +98,25 @@ fn empty_prints_and_prints_without_layers_have_a_page() {
     assert_eq!(layers.clone().min().zip(layers.max()), Some((0, 1)));
 }
 
+/// A machine that knows its chamber's temperature shows it, and no other does.
+#[test]
+fn a_chamber_has_its_curve() {
+    let folder = job(&format!("M141 S40\n{PART}M191 S40\n"));
+    let chamber = "\n[chamber]\nthermistor = \"nozzle1\"\nheater = \"nozzle1\"\nsensor = \"epcos-100k\"\n\
+                   min_celsius = 0\nmax_celsius = 80\n";
+    let profile = ferrostep_profiles::builtin_text("cartesian").unwrap().to_owned() + chamber;
+    std::fs::write(folder.path().join("chamber.toml"), profile).unwrap();
+    let columns = |page: &str, arguments: &[&str]| {
+        let output = show(folder.path(), [&["job.gcode", "-o", page], arguments].concat());
+        assert!(output.status.success(), "{}", errors(&output));
+        let said = description(&std::fs::read_to_string(folder.path().join(page)).unwrap());
+        said["columns"].as_array().unwrap().iter().map(|column| column["name"].to_string()).collect::<Vec<_>>()
+    };
+    let has_chamber = |columns: &[String]| columns.iter().any(|name| name == "\"chamber\"");
+    assert!(has_chamber(&columns("chamber.html", &["--profile", "chamber.toml"])));
+    assert!(!has_chamber(&columns("plain.html", &[])));
+}
+
 #[test]
 fn findings_are_listed_with_their_lines() {
     let folder = job(&format!("{PART}G1 X500\nG4 S1\nM104 S200\n"));
