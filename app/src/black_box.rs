@@ -51,11 +51,14 @@ impl Records {
 
     /// Temperatures now.
     pub fn temperatures(&self, heating: &impl Heating) {
-        let samples = [Heater::Nozzle, Heater::Bed].map(|heater| {
+        let sample = |heater| {
             let status = heating.status(heater);
             HeaterSample::new(status.celsius, status.target_celsius, status.power)
-        });
-        self.record(&Record::Temperatures(samples));
+        };
+        self.record(&Record::Temperatures([Heater::Nozzle, Heater::Bed].map(sample)));
+        if heating.chamber_is_heated().is_some() {
+            self.record(&Record::Chamber(sample(Heater::Chamber)));
+        }
     }
 
     /// A driver has reported something.

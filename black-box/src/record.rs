@@ -29,6 +29,7 @@ const DRIVER: u8 = 3;
 const HALT: u8 = 4;
 const RESET: u8 = 5;
 const LAST_WORDS: u8 = 6;
+const CHAMBER: u8 = 7;
 
 /// A heater at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,6 +49,17 @@ impl HeaterSample {
         let tenths = |celsius: f32| (celsius * 10.0) as i16;
         Self { decicelsius: tenths(celsius), target_decicelsius: tenths(target_celsius), power: (power * 255.0) as u8 }
     }
+
+    fn to_bytes(self) -> [u8; 5] {
+        let [a, b] = self.decicelsius.to_le_bytes();
+        let [c, d] = self.target_decicelsius.to_le_bytes();
+        [a, b, c, d, self.power]
+    }
+
+    fn from_bytes([a, b, c, d, power]: [u8; 5]) -> Self {
+        let tenths = |bytes| i16::from_le_bytes(bytes);
+        Self { decicelsius: tenths([a, b]), target_decicelsius: tenths([c, d]), power }
+    }
 }
 
 /// What has happened. Texts are ASCII as a rule, and are cut where they are too long.
@@ -62,6 +74,8 @@ pub enum Record<'a> {
     },
     /// Nozzle and bed.
     Temperatures([HeaterSample; 2]),
+    /// The chamber, of a machine that knows its temperature.
+    Chamber(HeaterSample),
     /// A motor's driver has reported something.
     Driver(&'a [u8]),
     /// The machine was halted, for this reason.
@@ -108,11 +122,13 @@ impl Record<'_> {
             }
             Self::Temperatures(heaters) => {
                 for (place, heater) in head[6..].as_chunks_mut::<5>().0.iter_mut().zip(heaters) {
-                    let [a, b] = heater.decicelsius.to_le_bytes();
-                    let [c, d] = heater.target_decicelsius.to_le_bytes();
-                    *place = [a, b, c, d, heater.power];
+                    *place = heater.to_bytes();
                 }
                 (TEMPERATURES, 10, 0, &[][..])
+            }
+            Self::Chamber(heater) => {
+                head[6..11].copy_from_slice(&heater.to_bytes());
+                (CHAMBER, 5, 0, &[][..])
             }
             Self::Driver(text) => (DRIVER, 0, MAX_TEXT_BYTES, text),
             Self::Halt(text) => (HALT, 0, MAX_TEXT_BYTES, text),
@@ -164,16 +180,10 @@ fn decode(record: &[u8]) -> Option<Stamped<'_>> {
             Record::Command { line: u32::from_le_bytes(*line), text }
         }
         TEMPERATURES => {
-            let contents: &[u8; 10] = contents.try_into().ok()?;
-            let [a, b, c, d, power, rest @ ..] = *contents;
-            let [e, f, g, h, bed_power] = rest;
-            let heater = |celsius, target, power| HeaterSample {
-                decicelsius: i16::from_le_bytes(celsius),
-                target_decicelsius: i16::from_le_bytes(target),
-                power,
-            };
-            Record::Temperatures([heater([a, b], [c, d], power), heater([e, f], [g, h], bed_power)])
+            let (&[nozzle, bed], []) = contents.as_chunks() else { return None };
+            Record::Temperatures([nozzle, bed].map(HeaterSample::from_bytes))
         }
+        CHAMBER => Record::Chamber(HeaterSample::from_bytes(contents.try_into().ok()?)),
         DRIVER => Record::Driver(contents),
         HALT => Record::Halt(contents),
         RESET => Record::Reset(contents),

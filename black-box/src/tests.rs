@@ -96,6 +96,7 @@ fn memory(texts: &[Vec<u8>]) -> RecordMemory {
             0,
             &Record::Temperatures([HeaterSample::new(214.96, 215.0, 0.5), HeaterSample::default()]),
         );
+        memory.record(now_ms, 0, &Record::Chamber(HeaterSample::new(-1.0, 50.0, 1.0)));
     }
     memory
 }
@@ -121,7 +122,7 @@ proptest! {
         let expected = Past { oldest: 0, next: from_0(steps.past.next), filled: from_0(steps.past.filled), positions, ..steps.past };
         prop_assert_eq!(contents.past, expected);
         let records: Vec<_> = contents.records.collect::<Option<_>>().unwrap();
-        prop_assert!(records.len() >= (2 * texts.len()).min(80));
+        prop_assert!(records.len() >= (3 * texts.len()).min(80));
         for stamped in records {
             match stamped.record {
                 Record::Command { line, text } => {
@@ -129,6 +130,7 @@ proptest! {
                     prop_assert_eq!(text, &whole[..whole.len().min(MAX_COMMAND_BYTES)]);
                 }
                 Record::Temperatures([nozzle, _]) => prop_assert_eq!((nozzle.decicelsius, nozzle.target_decicelsius), (2149, 2150)),
+                Record::Chamber(chamber) => prop_assert_eq!(chamber, HeaterSample { decicelsius: -10, target_decicelsius: 500, power: 255 }),
                 other => prop_assert!(false, "{other:?}"),
             }
         }

@@ -51,7 +51,7 @@ pub struct BlackBoxReport {
 pub struct RecordLine {
     /// Time since the start of the program that wrote it, s.
     pub time_s: f64,
-    /// `command`, `temperatures`, `driver`, `halt`, `reset` or `last words`.
+    /// `command`, `temperatures`, `chamber`, `driver`, `halt`, `reset` or `last words`.
     pub kind: &'static str,
     /// Of a command: its line in the file or of its host.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -229,6 +229,7 @@ fn record_line(stamped: &Stamped<'_>) -> RecordLine {
         Record::Temperatures([nozzle, bed]) => {
             ("temperatures", None, format!("nozzle {}, bed {}", heater(nozzle), heater(bed)))
         }
+        Record::Chamber(chamber) => ("chamber", None, heater(chamber)),
         Record::Driver(words) => ("driver", None, text(words)),
         Record::Halt(words) => ("halt", None, text(words)),
         Record::Reset(words) => ("reset", None, text(words)),
@@ -368,6 +369,7 @@ mod tests {
         memory.restart(0);
         memory.record(1_500, 0, &Record::Command { line: 12, text: b"G1 X5 \x1b[2J" });
         memory.record(2_000, 0, &Record::Temperatures([HeaterSample::new(215.0, 215.0, 0.4), HeaterSample::default()]));
+        memory.record(2_000, 0, &Record::Chamber(HeaterSample::new(41.5, 50.0, 1.0)));
         memory.add_last(None, &Record::Reset(b"watchdog"));
         let bytes = fetched([None; 2], &memory);
         let text = BlackBoxReport::new(&Contents::read(&bytes).unwrap(), None).to_string();
@@ -375,9 +377,10 @@ mod tests {
             "black box of bench, profile cartesian, firmware 0.2.0",
             "     1.500 s  command       line 12: G1 X5 \\u{1b}[2J",
             "     2.000 s  temperatures  nozzle 215.0 of 215.0 C at 40 %, bed 0.0 of 0.0 C at 0 %",
+            "     2.000 s  chamber       41.5 of 50.0 C at 100 %",
             "     2.000 s  reset         watchdog",
             "steps         5 events in 0.012 ms, 1 motions",
         ];
-        assert_eq!(text.lines().take(5).collect::<Vec<_>>(), expected);
+        assert_eq!(text.lines().take(6).collect::<Vec<_>>(), expected);
     }
 }
