@@ -4,7 +4,7 @@
 //! |---|---|---|---|---|
 //! | 16 | `TIM2` in `step-interrupt/`, not a task of RTIC's | TIM2 update | its own: timer, ports, a ring of words | the event that ends a stair: 31 instructions |
 //! | 16 | `TIM1_BRK_TIM9`, there as well | `TIM2`, `planner` | the same | the start of a motion: 80 instructions |
-//! | 15 | `servo` | TIM6, twice in 20 ms while a probe's pin is told something | `local` only | an edge of the pulse |
+//! | 15 | `servo` | TIM6, twice in 20 ms while a probe's pin gets a command | `local` only | an edge of the pulse |
 //! | 15 | `sensor_*` | an edge at the sensor that an axis seeks (EXTI) | `sensors`: pins | 8 looks at a pin, the stop of the step timer |
 //! | 14 | `driver_line`, `driver_pins` | USART2, or TIM7 four times a bit | `driver_line`: the line to the motors' drivers | a byte, or a quarter of a bit |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |

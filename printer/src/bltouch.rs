@@ -1,6 +1,6 @@
 //! M280, M401, M402 and BLTOUCH_DEBUG, and the pin of a probe while Z seeks the bed.
 //!
-//! A BLTouch is told by the width of a servo's pulses. Klipper and Marlin know the widths from its maker's manual, and agree in what they
+//! The width of a servo's pulses is a BLTouch's command. Klipper and Marlin know the widths from its maker's manual, and agree in what they
 //! check (`klippy/extras/bltouch.py`, `Marlin/src/feature/bltouch.cpp`). Its signal is high
 //!
 //! - for about 10 ms when the pin that is out is pushed in: the probe draws it in then;

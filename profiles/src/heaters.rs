@@ -93,7 +93,7 @@ const CHAMBER: Kind = Kind {
     watch: HeaterWatch::CHAMBER,
     mass: HeatedMass::CHAMBER,
     mass_in_words: "200 W on 4000 J/K, and what the bed loses",
-    // Full power from 2 degrees below the target on: air is slow, and nobody tunes a thermometer.
+    // Full power up to 2 degrees below the target: air is slow, and a chamber has no autotune.
     control: Some(Control {
         gains: PidGains { proportional: 0.5, integral: 0.001, derivative: 0.0, fan: 0.0 },
         window_celsius: 2.0,

@@ -26,7 +26,7 @@ impl Servo {
     pub const REST: Self = {
         let pin = match SERVO {
             Some(pin) => pin,
-            // Of a board without one nobody calls the interrupt.
+            // A board without a servo never enables the interrupt.
             None => (0, 0),
         };
         // SAFETY: TIM6 is given up to `start`; of the ports it sets the board's servo pin alone, by one store.

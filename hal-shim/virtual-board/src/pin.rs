@@ -1,7 +1,7 @@
 //! The virtual board's probe with a pin, which a servo's pulses move in no time (BLTouch). It triggers as long as it touches: that its
 //! signal is a short one is for the model of the virtual mainboard.
 
-/// Half of the distance of two neighbouring widths at the least, microseconds: who is told something else does nothing.
+/// Half of the smallest distance between two widths, microseconds: any other width is ignored.
 const TOLERANCE_US: u16 = 100;
 
 /// Where the pin is, and what the signal says. It begins as it is switched on: in.

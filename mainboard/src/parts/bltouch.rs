@@ -12,7 +12,7 @@
 //! | the signal is high in alarm, whichever way the pin did not go; calling it in does not end that, the release does | Marlin 13814 | `an_alarm_is_high_until_it_is_released` |
 //! | in touch mode the signal follows the pin: high while it is in or pushed in; the mode ends an alarm | Marlin 13814, Klipper | `touch_mode_follows_the_pin` |
 //!
-//! Left out: the light, the self-test of the first seconds, the modes of the output (5 V, open drain) and of a V3 that is told them.
+//! Left out: the light, the self-test of the first seconds, the output modes (5 V, open drain) and a V3's commands for them.
 
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ const PERIOD_NS: std::ops::RangeInclusive<u64> = 18 * MS..=22 * MS;
 const MOVE_NS: u64 = 250 * MS;
 /// Its signal when it is touched.
 const SIGNAL_NS: u64 = 10 * MS;
-/// A pin that nobody calls in is dropped again after this.
+/// Without a command to go in, the pin drops again after this.
 const DROP_NS: u64 = 100 * MS;
 /// ... and must be off the bed this long after its signal.
 const OFF_NS: u64 = 650 * MS;
@@ -115,7 +115,7 @@ pub struct Record {
     pub commands: u32,
     /// Pulses.
     pub pulses: u32,
-    /// Pulses that are none of its commands.
+    /// Pulses of an unknown width.
     pub strange_pulses: u32,
     /// By how much a pulse was beside its width at most, ns.
     pub worst_width_ns: u64,

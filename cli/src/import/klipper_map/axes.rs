@@ -151,7 +151,7 @@ impl Reading<'_> {
         }
     }
 
-    /// A probe with a pin, of which the profile has a table even where Klipper has nothing but pins.
+    /// A probe with a pin: the profile gets its table even if Klipper's section has only pins.
     fn bltouch(&mut self) {
         const SECTION: &str = "bltouch";
         self.draft.put("bltouch.move_ms", PIN_MOVE_MS);

@@ -14,7 +14,9 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         "probe" | "bltouch" if key.starts_with("sample") || key.ends_with("speed") => {
             "the probe is homed with: twice, at the speeds of homing.z"
         }
-        "bltouch" if key == "set_output_mode" => "the probe is told by hand: M280 P0 S140 for 5 V, S150 for open drain",
+        "bltouch" if key == "set_output_mode" => {
+            "set the probe's output by hand: M280 P0 S140 for 5 V, S150 for open drain"
+        }
         "bltouch" if key == "probe_with_touch_mode" => "the bed is sought with the pin out, and not in touch mode",
         "bltouch" if key == "pin_up_reports_not_triggered" => "a pin that is in and reads as triggered is a failure",
         "gcode_macro" | "delayed_gcode" => {

@@ -21,7 +21,7 @@ pub(super) fn reason(name: &str) -> &'static str {
         "BLTOUCH_SET_5V_MODE"
         | "BLTOUCH_FORCE_5V_MODE"
         | "BLTOUCH_FORCE_OPEN_DRAIN_MODE"
-        | "BLTOUCH_FORCE_MODE_SET" => "the probe is told by hand: M280 P0 S140 for 5 V, S150 for open drain",
+        | "BLTOUCH_FORCE_MODE_SET" => "set the probe's output by hand: M280 P0 S140 for 5 V, S150 for open drain",
         "BLTOUCH_FORCE_SW_MODE" => "the bed is sought with the pin out, and not in touch mode",
         _ if name.starts_with("PSU_") || name.starts_with("AUTO_POWER") => {
             "a profile's supply has a level and a state at the start; only M80 switches it on"

@@ -1,4 +1,4 @@
-//! A probe with a pin: what it is told, in which order, and what follows from a signal that is wrong once or for good.
+//! A probe with a pin: its commands in order, and what follows from a signal that is wrong once or for good.
 
 use super::*;
 use crate::profile::{BlTouch, SafeHoming};
