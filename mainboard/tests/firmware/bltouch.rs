@@ -1,73 +1,13 @@
 //! A BLTouch at the Octopus's connector for one: homing, a mesh and lines that follow it, each of its faults, and every end of a program.
-//!
-//! The image is that of a board file without the accelerometer's plug: the flash does not hold both.
-
-use std::sync::OnceLock;
 
 use ferrostep_mainboard::parts::bltouch::{Fault, Record};
 
 use crate::bench::Bench;
 use crate::board_pins::force_panic;
-use crate::boards::{BOARDS, BoardFacts};
-use crate::images::{Variant, changed};
+use crate::equipped::{self, equipped};
 
-/// From the nozzle to the pin; the model triggers 2 mm above the bed.
-const PROBE: &str = r#"[homing]
-raise_mm = 10
-home_at_mm = { x = 150, y = 150 }
-probe_offset_mm = { x = -40, y = -10, z = -2 }
-
-[mesh]
-points = { x = 3, y = 3 }
-lift_mm = 6
-
-[bltouch]
-
-[homing.z]
-end = "min"
-sensor = "probe"
-position_mm = 0
-fast_mm_per_s = 10
-slow_mm_per_s = 2
-back_off_mm = 3
-"#;
-
-fn octopus() -> &'static BoardFacts {
-    BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
-}
-
-/// A file without one of its tables.
-fn without(text: &str, table: &str) -> String {
-    let header = format!("[{table}]\n");
-    let start = text.find(&header).unwrap();
-    let rest = &text[start + header.len()..];
-    let end = rest.find("\n\n").map_or(rest.len(), |end| end + 1);
-    format!("{}{}", &text[..start], &rest[end..])
-}
-
-fn image(name: &str, of_pin: &str) -> Variant {
-    changed(
-        "btt-octopus-1.1",
-        "corexy",
-        name,
-        |board| without(&board, "accelerometer"),
-        |profile| without(&profile, "homing.z") + &PROBE.replace("[bltouch]\n", &format!("[bltouch]\n{of_pin}")),
-    )
-}
-
-fn usual() -> &'static Variant {
-    static BUILT: OnceLock<Variant> = OnceLock::new();
-    BUILT.get_or_init(|| image("octopus-with-bltouch", ""))
-}
-
-/// A probe that stays out for both touches of a place.
-fn high_speed() -> &'static Variant {
-    static BUILT: OnceLock<Variant> = OnceLock::new();
-    BUILT.get_or_init(|| image("octopus-with-fast-bltouch", "stow_each_touch = false\n"))
-}
-
-fn boot(Variant { board, profile, image }: &Variant) -> Bench {
-    let mut bench = Bench::boot_variant(octopus(), board, profile, image);
+fn boot() -> Bench {
+    let mut bench = equipped::boot();
     // The pulses of the start.
     bench.pass(1_000);
     bench
@@ -111,31 +51,29 @@ const WIDTH_NS: u64 = 3_000;
 
 #[test]
 fn it_homes_measures_the_bed_and_lines_follow_it() {
-    for (variant, touches_of_a_place) in [(usual(), 2), (high_speed(), 1)] {
-        let mut bench = boot(variant);
-        assert_eq!(probe(&mut bench).0.commands, 1, "called in at the start");
-        bench.host.send("G28").unwrap();
-        assert!((height_mm(&mut bench) - 10.0).abs() < 0.02);
-        let (homed, is_out, alarm) = probe(&mut bench);
-        assert_eq!((homed.touches, is_out, alarm), (2, false, false));
-        bench.host.send("G29").unwrap();
-        let (measured, is_out, alarm) = probe(&mut bench);
-        assert_eq!((measured.touches, is_out, alarm), (2 + 2 * 9, false, false));
-        // Touch mode, out and in: for each touch, or once at a place.
-        assert_eq!(measured.commands - homed.commands, 3 * 9 * touches_of_a_place);
-        for line in ["G1 Z0.3 F600", "G1 X100 Y100 F6000", "G1 X200 Y120", "M400"] {
-            bench.host.send(line).unwrap();
-            assert!(height_mm(&mut bench) > 0.2);
-        }
-        assert!((height_mm(&mut bench) - 0.3).abs() < 0.02);
-        bench.host.send("G1 Z20 F600").unwrap();
-        bench.host.send("G30 X120 Y90").unwrap();
-        let (end, is_out, alarm) = probe(&mut bench);
-        assert_eq!((end.touches, is_out, alarm), (measured.touches + 2, false, false));
-        assert_eq!((end.steps_with_pin_out, end.strange_pulses, end.alarms), (0, 0, 0));
-        assert!(end.worst_width_ns < WIDTH_NS, "{} ns", end.worst_width_ns);
-        println!("{} pulses, at most {} ns beside their width", end.pulses, end.worst_width_ns);
+    let mut bench = boot();
+    assert_eq!(probe(&mut bench).0.commands, 1, "called in at the start");
+    bench.host.send("G28").unwrap();
+    assert!((height_mm(&mut bench) - 10.0).abs() < 0.02);
+    let (homed, is_out, alarm) = probe(&mut bench);
+    assert_eq!((homed.touches, is_out, alarm), (2, false, false));
+    bench.host.send("G29").unwrap();
+    let (measured, is_out, alarm) = probe(&mut bench);
+    assert_eq!((measured.touches, is_out, alarm), (2 + 2 * 9, false, false));
+    // Touch mode, out and in: for each of the two touches of a place.
+    assert_eq!(measured.commands - homed.commands, 3 * 9 * 2);
+    for line in ["G1 Z0.3 F600", "G1 X100 Y100 F6000", "G1 X200 Y120", "M400"] {
+        bench.host.send(line).unwrap();
+        assert!(height_mm(&mut bench) > 0.2);
     }
+    assert!((height_mm(&mut bench) - 0.3).abs() < 0.02);
+    bench.host.send("G1 Z20 F600").unwrap();
+    bench.host.send("G30 X120 Y90").unwrap();
+    let (end, is_out, alarm) = probe(&mut bench);
+    assert_eq!((end.touches, is_out, alarm), (measured.touches + 2, false, false));
+    assert_eq!((end.steps_with_pin_out, end.strange_pulses, end.alarms), (0, 0, 0));
+    assert!(end.worst_width_ns < WIDTH_NS, "{} ns", end.worst_width_ns);
+    println!("{} pulses, at most {} ns beside their width", end.pulses, end.worst_width_ns);
 }
 
 #[test]
@@ -147,7 +85,7 @@ fn each_fault_ends_homing_and_probing_before_z_goes_down() {
         (Fault::ServoWire, "does not trigger in touch mode"),
     ] {
         // Broken from the start, the pin where it sticks.
-        let mut bench = boot(usual());
+        let mut bench = boot();
         if fault == Fault::StuckOut {
             bench.change(|plant, _| plant.bltouch.as_mut().unwrap().pull_out());
         }
@@ -160,7 +98,6 @@ fn each_fault_ends_homing_and_probing_before_z_goes_down() {
         // Mended, it homes; broken anew, it measures nothing, and the nozzle stays up.
         break_it(&mut bench, None);
         bench.host.send("G28").unwrap();
-        bench.host.send("G29").unwrap();
         if fault == Fault::StuckOut {
             bench.host.send("M401").unwrap();
         }
@@ -176,7 +113,7 @@ fn each_fault_ends_homing_and_probing_before_z_goes_down() {
 /// A pin in alarm, as after a push by hand, is released once, and homing goes on.
 #[test]
 fn an_alarm_is_released_once() {
-    let mut bench = boot(usual());
+    let mut bench = boot();
     break_it(&mut bench, Some(Fault::StuckIn));
     bench.host.send("BLTOUCH_DEBUG COMMAND=pin_down").unwrap();
     assert!(probe(&mut bench).2);
@@ -189,7 +126,7 @@ fn an_alarm_is_released_once() {
 
 #[test]
 fn commands_move_the_pin() {
-    let mut bench = boot(usual());
+    let mut bench = boot();
     for (line, is_out_after) in [
         ("M401", true),
         ("M401", true),
@@ -224,7 +161,7 @@ fn commands_move_the_pin() {
 /// M410 and M112 while the nozzle goes down, M112 at rest, a panic and a reset: the pin goes in.
 #[test]
 fn no_end_leaves_the_pin_out() {
-    let mut bench = boot(usual());
+    let mut bench = boot();
     bench.host.send("G28").unwrap();
     for stop in ["M410", "M112"] {
         bench.host.send("G1 Z60 F900").unwrap();
@@ -250,7 +187,7 @@ fn no_end_leaves_the_pin_out() {
     bench.host.send_raw(b"M999\n").unwrap();
     bench.host.wait_for("ok", |line| line == "ok").unwrap();
     bench.host.send("M401").unwrap();
-    force_panic(&usual().image, &mut bench);
+    force_panic(&equipped().image, &mut bench);
     bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
     bench.pass(1_000);
     assert!(!is_out(&mut bench));

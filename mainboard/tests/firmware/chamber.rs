@@ -1,34 +1,13 @@
 //! A chamber at the Octopus's connectors for a second nozzle: the image heats it, reads it and halts for it.
 
-use std::sync::OnceLock;
-
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
 
 use crate::bench::Bench;
-use crate::boards::{BOARDS, BoardFacts, pin};
-use crate::images::{Variant, variant};
+use crate::boards::pin;
+use crate::equipped::boot;
 
 /// The heater's output.
 const HEATER: &str = "A3";
-
-/// A box so small that a test need not wait.
-const TABLE: &str = "\n[chamber]\nthermistor = \"nozzle2\"\nheater = \"nozzle1\"\nsensor = \"epcos-100k\"\nmin_celsius = 5\n\
-     max_celsius = 80\nproportional = 0.5\nintegral = 0.001\nderivative = 0\nresidency_window_celsius = 2\nresidency_s = 1\n\
-     model = { power_w = 100, capacity_j_per_k = 50, loss_w_per_k = 0.5 }\n";
-
-fn octopus() -> &'static BoardFacts {
-    BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
-}
-
-fn with_chamber() -> &'static Variant {
-    static BUILT: OnceLock<Variant> = OnceLock::new();
-    BUILT.get_or_init(|| variant("btt-octopus-1.1", "corexy", "octopus-with-chamber", TABLE))
-}
-
-fn boot() -> Bench {
-    let Variant { board, profile, image } = with_chamber();
-    Bench::boot_variant(octopus(), board, profile, image)
-}
 
 /// Whether the heater's pin is high at any time within a fifth of a second.
 fn is_heated(bench: &mut Bench) -> bool {

@@ -1,18 +1,12 @@
 //! A sensor that sees filament move, on the Octopus: its encoder is turned by the extruder's real steps. A print is never paused by it, a
 //! jam pauses it, and afterwards it goes on as if there had been none.
 
-use std::sync::OnceLock;
-
 use ferrostep_mainboard::parts::encoder::{FilamentEncoder, FilamentFault};
 
 use crate::bench::Bench;
-use crate::boards::{BOARDS, BoardFacts};
-use crate::images::{Variant, variant};
+use crate::equipped::{DETECTION_MM, boot};
 use crate::job::Job;
 use crate::pins::PinLog;
-
-/// The maker's 3 mm, for an encoder with an edge every 2.88 mm.
-const DETECTION_MM: f64 = 3.0;
 
 /// What the motion in the queue is known to, and how far the filament goes between two looks.
 const RESOLUTION_MM: f64 = 0.4;
@@ -25,22 +19,6 @@ const JAM_FROM: usize = 150;
 
 /// Lines of the cube: the skirt and a part of the first layer.
 const LINES: usize = 320;
-
-fn octopus() -> &'static BoardFacts {
-    BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
-}
-
-/// Its image, which is built once.
-fn with_encoder() -> &'static Variant {
-    static BUILT: OnceLock<Variant> = OnceLock::new();
-    let table = format!("\n[filament_sensor]\nkind = \"motion\"\ndetection_mm = {DETECTION_MM}\n");
-    BUILT.get_or_init(|| variant("btt-octopus-1.1", "corexy", "octopus-with-encoder", &table))
-}
-
-fn boot() -> Bench {
-    let Variant { board, profile, image } = with_encoder();
-    Bench::boot_variant(octopus(), board, profile, image)
-}
 
 /// What the encoder says, by this.
 fn encoder<T: Send + 'static>(bench: &mut Bench, ask: impl FnOnce(&mut FilamentEncoder) -> T + Send + 'static) -> T {

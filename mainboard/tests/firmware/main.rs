@@ -18,6 +18,7 @@ mod chamber;
 mod choices;
 mod eeprom;
 mod emergency;
+mod equipped;
 mod filament_motion;
 mod foreign_code;
 mod halted;

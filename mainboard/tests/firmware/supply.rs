@@ -1,38 +1,18 @@
 //! A power supply that the Octopus switches, and a light at one of its outputs for fans: by command, at every halt, and after a crash
 //! of the firmware.
 
-use std::sync::OnceLock;
-
 use ferrostep_mainboard::parts::heat::HeaterFault;
 
 use crate::bench::Bench;
 use crate::board_pins::{force_panic, jump_nowhere};
-use crate::boards::{BOARDS, BoardFacts, pin};
-use crate::images::{Variant, variant};
+use crate::boards::pin;
+use crate::equipped::{boot, equipped};
 
 /// The output PS-ON.
 const SUPPLY: &str = "E11";
 
 /// Long enough for the supply to fall, and for the image's last message, ms.
 const A_WHILE_MS: u64 = 300;
-
-fn octopus() -> &'static BoardFacts {
-    BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
-}
-
-/// What the profile says of both: a supply that is on while its input is low, as ATX supplies are.
-const TABLES: &str = "\n[power_supply]\non_is_low = true\n\n[outputs.light]\noutput = \"fan2\"\nnumber = 0\npwm = true\nat_start = 0.5\nat_halt = 1\n";
-
-/// Its image, which is built once.
-fn with_supply() -> &'static Variant {
-    static BUILT: OnceLock<Variant> = OnceLock::new();
-    BUILT.get_or_init(|| variant("btt-octopus-1.1", "corexy", "octopus-with-supply", TABLES))
-}
-
-fn boot() -> Bench {
-    let Variant { board, profile, image } = with_supply();
-    Bench::boot_variant(octopus(), board, profile, image)
-}
 
 /// Whether the pin switches the supply on, which it must drive; and whether motors and heaters have their voltage.
 fn supply(bench: &mut Bench) -> (bool, bool) {
@@ -96,7 +76,7 @@ fn every_halt_and_every_crash_switches_it_off() {
     bench.host.send("M80").unwrap();
     assert_eq!(supply(&mut bench), (true, true));
 
-    force_panic(&with_supply().image, &mut bench);
+    force_panic(&equipped().image, &mut bench);
     bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
     bench.pass(A_WHILE_MS);
     assert_eq!(supply(&mut bench), (false, false));
@@ -165,7 +145,7 @@ fn a_light_has_its_values_for_the_start_and_for_a_halt() {
     bench.host.send_raw(b"M999\n").unwrap();
     bench.host.wait_for("ok", |line| line == "ok").unwrap();
     assert!(light(&mut bench) < 0.01);
-    force_panic(&with_supply().image, &mut bench);
+    force_panic(&equipped().image, &mut bench);
     bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
     bench.pass(A_WHILE_MS);
     let state = bench.state();
