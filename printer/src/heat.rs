@@ -1,13 +1,17 @@
-//! Heater control: thermometers, one PID loop a heater, and the checks that switch everything off.
+//! Heater control: thermometers, one loop a heater, by PID or by its model, and the checks that switch everything off.
 //!
 //! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
 //! sets the power of every heater and fan. Nothing else sets one.
 
+mod filament_speed;
 mod gains;
+mod model;
+mod modelled;
 mod pid;
 mod relay;
 pub mod safety;
 mod sample_time;
+mod step_response;
 mod thermometer;
 mod tuning_rule;
 
@@ -17,13 +21,19 @@ use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 
 use crate::fans::{FanControl, FanDemand, FanTable, Heated};
+use crate::part::{Part, Present};
 use crate::profile::HeaterSettings;
+use filament_speed::FilamentSpeed;
 pub use gains::PidGains;
+use model::Cooling;
+pub use model::HeaterModel;
+use modelled::Modelled;
 use pid::Pid;
 use relay::Relay;
 pub use relay::{RelayFindings, RelayProgress};
 use safety::{Safety, Trip};
 pub use sample_time::SAMPLE_MS;
+pub use step_response::StepProgress;
 use thermometer::{MEDIAN_OF, Thermometer};
 pub use tuning_rule::gains_by_relay;
 
@@ -89,24 +99,27 @@ enum Loop {
 
 /// One heater.
 #[derive(Clone, Copy, Debug)]
-struct Channel {
+struct Channel<M: Part> {
     settings: HeaterSettings,
     thermometer: Thermometer,
     safety: Safety,
     control: Loop,
+    /// In force instead of [`Self::control`] if it has a model.
+    model: M::Of<Modelled>,
     /// The last temperature, degrees Celsius; `None` if there has never been one.
     celsius: Option<f32>,
     target: f32,
     power: f32,
 }
 
-impl Channel {
+impl<M: Part> Channel<M> {
     fn new(settings: HeaterSettings, readings: [u16; MEDIAN_OF]) -> Self {
         let thermometer = Thermometer::new(settings.thermistor, readings);
         // Without a temperature the first sample trips.
         let celsius = thermometer.celsius().ok();
         let (safety, control) = (Safety::new(), Loop::Pid(Pid::new()));
-        Self { settings, thermometer, safety, control, celsius, target: 0.0, power: 0.0 }
+        let model = M::of(Modelled::NONE);
+        Self { settings, thermometer, safety, control, model, celsius, target: 0.0, power: 0.0 }
     }
 
     /// Takes a sample; the power stays.
@@ -121,11 +134,16 @@ impl Channel {
     }
 
     /// Works out the power for the next sample. A heater without a temperature has none.
-    fn control(&mut self, fan_power: u8) {
+    fn control(&mut self, cooling: &Cooling) {
+        let last_power = self.power;
+        let modelled = M::get_mut(&mut self.model).filter(|modelled| modelled.is_in_force());
         self.power = match (self.celsius, &mut self.control) {
             (None, _) => 0.0,
             (Some(_), _) if !self.settings.is_heated => 0.0,
-            (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
+            (Some(celsius), _) if let Some(modelled) = modelled => {
+                modelled.power(celsius, &mut self.target, last_power, cooling)
+            }
+            (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, cooling.fan_power),
             (Some(celsius), Loop::Relay(relay)) => {
                 let power = relay.power(celsius, self.target);
                 if relay.has_ended() {
@@ -143,14 +161,34 @@ impl Channel {
             Loop::Pid(pid) => pid.reset(),
             Loop::Relay(_) => self.control = Loop::Pid(Pid::new()),
         }
+        if let Some(modelled) = M::get_mut(&mut self.model) {
+            modelled.end_step();
+        }
+    }
+
+    fn modelled(&self) -> Option<&Modelled> {
+        M::get(&self.model)
+    }
+
+    /// An autotune is at work.
+    fn is_tuned(&self) -> bool {
+        matches!(self.control, Loop::Relay(_)) || self.modelled().is_some_and(Modelled::has_step)
+    }
+
+    /// An autotune wants the part-cooling fan at full power.
+    fn wants_fan(&self) -> bool {
+        matches!(&self.control, Loop::Relay(relay) if relay.wants_fan())
+            || self.modelled().is_some_and(Modelled::wants_fan)
     }
 }
 
-/// Control of all heaters and fans.
+/// Control of all heaters and fans. `M`: whether heaters may be controlled by a model.
 #[derive(Clone, Copy, Debug)]
-pub struct HeatControl {
+pub struct HeatControl<M: Part = Present> {
     /// `None` for a heater that the machine does not have.
-    channels: [Option<Channel>; Heater::COUNT],
+    channels: [Option<Channel<M>>; Heater::COUNT],
+    /// Of the filament that the nozzle melts.
+    filament: M::Of<FilamentSpeed>,
     fault: Option<HeatFault>,
     fan_table: FanTable,
     fans: FanControl,
@@ -162,7 +200,7 @@ pub struct HeatControl {
     is_halted: bool,
 }
 
-impl HeatControl {
+impl<M: Part> HeatControl<M> {
     /// All heaters off. Takes as many readings as the median needs, so that temperatures are known from the start. The hot
     /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
     pub fn new(
@@ -179,6 +217,7 @@ impl HeatControl {
         });
         Self {
             channels,
+            filament: M::of(FilamentSpeed::NONE),
             fault: None,
             fan_table,
             fans: FanControl::new(),
@@ -202,12 +241,7 @@ impl HeatControl {
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
         let mut demand = self.fan_demand;
-        if self
-            .channels
-            .iter()
-            .flatten()
-            .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
-        {
+        if self.channels.iter().flatten().any(Channel::wants_fan) {
             demand.powers[FanOutput::Part.index()] = u8::MAX;
         }
         let heated = Heated {
@@ -221,7 +255,11 @@ impl HeatControl {
         let fan_power = self.fans.update(&self.fan_table, &demand, &heated, board);
         match self.fault {
             Some(_) => self.halt(),
-            None => self.channels.iter_mut().flatten().for_each(|channel| channel.control(fan_power)),
+            None => {
+                let filament_mm_per_s = M::get(&self.filament).map_or(0.0, |filament| filament.mm_per_s());
+                let cooling = Cooling { fan_power, filament_mm_per_s };
+                self.channels.iter_mut().flatten().for_each(|channel| channel.control(&cooling));
+            }
         }
         for (heater, channel) in channels(&mut self.channels) {
             board.set_power(heater, channel.power);
@@ -247,7 +285,7 @@ impl HeatControl {
             return;
         }
         let Some(channel) = self.channel_mut(heater) else { return };
-        if matches!(channel.control, Loop::Relay(_)) {
+        if channel.is_tuned() {
             channel.off();
         }
         channel.target = if celsius > 0.0 { celsius } else { 0.0 };
@@ -274,6 +312,53 @@ impl HeatControl {
             && let Some(channel) = self.channel_mut(heater)
         {
             channel.control = Loop::Relay(Relay::new(cycles, has_fan));
+        }
+    }
+
+    /// The model that controls a heater; `None` if a PID loop does.
+    pub fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.channel(heater)?.modelled()?.model()
+    }
+
+    /// Lets models control the nozzle's and the bed's heater, where there are any.
+    pub fn set_models(&mut self, models: &[Option<HeaterModel>; 2]) {
+        for (heater, model) in Heater::ALL.into_iter().zip(models) {
+            if let Some(model) = model {
+                self.set_model(heater, *model);
+            }
+        }
+    }
+
+    /// Lets a model control a heater from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
+    pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        if let Some(modelled) = self.channel_mut(heater).and_then(|channel| M::get_mut(&mut channel.model)) {
+            modelled.set_model(model);
+        }
+    }
+
+    /// Finds the model of a heater that has one by a step response up to a target, and with the part-cooling fan at full power if
+    /// `has_fan`. All checks go on; after it the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
+    pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
+        self.set_target(heater, celsius);
+        if self.fault.is_none()
+            && self.has_supply()
+            && let Some(channel) = self.channel_mut(heater)
+            && let Some(modelled) = M::get_mut(&mut channel.model)
+        {
+            modelled.begin_step(has_fan);
+        }
+    }
+
+    /// How far the step response of a heater has come; `None` without one.
+    pub fn step(&self, heater: Heater) -> Option<StepProgress> {
+        self.channel(heater)?.modelled()?.step()
+    }
+
+    /// Takes how much filament the extruder has pushed since some moment, thousandths of a millimetre; to be called before each [`Self::update`] of a
+    /// machine whose nozzle melts filament.
+    pub fn note_filament(&mut self, pushed_um: i32) {
+        if let Some(filament) = M::get_mut(&mut self.filament) {
+            filament.note(pushed_um);
         }
     }
 
@@ -367,17 +452,19 @@ impl HeatControl {
         self.channel(Heater::Chamber).map(|chamber| chamber.settings.is_heated)
     }
 
-    fn channel(&self, heater: Heater) -> Option<&Channel> {
+    fn channel(&self, heater: Heater) -> Option<&Channel<M>> {
         self.channels[heater.index()].as_ref()
     }
 
-    fn channel_mut(&mut self, heater: Heater) -> Option<&mut Channel> {
+    fn channel_mut(&mut self, heater: Heater) -> Option<&mut Channel<M>> {
         self.channels[heater.index()].as_mut()
     }
 }
 
 /// The heaters that the machine has.
-fn channels(channels: &mut [Option<Channel>; Heater::COUNT]) -> impl Iterator<Item = (Heater, &mut Channel)> {
+fn channels<M: Part>(
+    channels: &mut [Option<Channel<M>>; Heater::COUNT],
+) -> impl Iterator<Item = (Heater, &mut Channel<M>)> {
     Heater::ALL.into_iter().zip(channels).filter_map(|(heater, channel)| Some((heater, channel.as_mut()?)))
 }
 

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use ferrostep_hal_shim::{FanOutput, Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
+use ferrostep_printer::heat::{HeatControl, HeatFault, HeaterModel, RelayProgress, SAMPLE_MS, StepProgress};
 use ferrostep_printer::{FanDemand, FanStatus, HeaterStatus, Heating, PidGains, Profile};
 use ferrostep_virtual_board::{HeaterFailure, VirtualHeaters};
 
@@ -28,7 +28,8 @@ impl DeskHeat {
     pub fn new(profile: &Profile, steps_at_rest: bool) -> Self {
         let mut heaters = profile.virtual_heaters();
         // The first temperatures are there before the first command.
-        let mut control = HeatControl::new(profile.heaters(), profile.fans, &mut heaters);
+        let mut control: HeatControl = HeatControl::new(profile.heaters(), profile.fans, &mut heaters);
+        control.set_models(&profile.control_models);
         if let Some(supply) = profile.power_supply {
             control.set_supply(supply.on_at_start);
             heaters.set_supply(supply.on_at_start);
@@ -112,6 +113,7 @@ pub struct DeskHeating<'a>(pub &'a RefCell<DeskHeat>);
 
 impl Heating for DeskHeating<'_> {
     type Supply = ferrostep_printer::Present;
+    type Models = ferrostep_printer::Present;
 
     fn set_target(&mut self, heater: Heater, celsius: f32) {
         let heat = &mut *self.0.borrow_mut();
@@ -166,6 +168,26 @@ impl Heating for DeskHeating<'_> {
 
     fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.borrow().control.relay(heater)
+    }
+
+    fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.0.borrow().control.model(heater)
+    }
+
+    fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.set_model(heater, model);
+    }
+
+    fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.begin_step(heater, celsius, has_fan);
+    }
+
+    fn step(&self, heater: Heater) -> Option<StepProgress> {
+        self.0.borrow().control.step(heater)
     }
 
     fn fan(&self, output: FanOutput) -> FanStatus {

@@ -217,6 +217,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
                 ('U', uses.then_some(whole(1))),
             ]),
         ),
+        Command::HeaterModel { text, .. } => return text.to_owned(),
         // ANCHOR: m302
         Command::ColdExtrusion { minimum, allow } => (302, given([('S', minimum), ('P', switch(allow))])),
         // ANCHOR_END: m302

@@ -5,7 +5,7 @@ use core::cell::{Cell, RefCell};
 use ferrostep_settings::{Entry, MemoryFlash, RecordWriter, Slot, Store, StoreError, id_of};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
-use super::groups::GROUPS;
+use super::groups::Group;
 use super::values::Values;
 use crate::homing::tests::rig::{MM, Rig, RigPrinter, execute};
 use crate::ports::{MotorDrivers, SettingsMemory};
@@ -148,7 +148,7 @@ const CHANGES: [&str; 21] = [
     "M304 P51 I2.5 D255",
 ];
 
-fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values {
+fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<crate::Present> {
     for line in CHANGES {
         execute(printer, line).unwrap();
     }
@@ -422,7 +422,8 @@ fn settings_change_at_standstill() {
 /// Memories know settings by what their names hash to: none may share it, and no name may change.
 #[test]
 fn names_are_distinct_and_stay() {
-    let mut names: Vec<&str> = GROUPS.iter().flat_map(|group| group.settings).map(|setting| setting.name).collect();
+    let mut names: Vec<&str> =
+        Group::<crate::Present>::all().flat_map(|group| group.settings).map(|setting| setting.name).collect();
     let known = [
         "acceleration_mm_per_s2.print",
         "acceleration_mm_per_s2.retract",
