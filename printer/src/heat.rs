@@ -33,7 +33,7 @@ use relay::Relay;
 pub use relay::{RelayFindings, RelayProgress};
 use safety::{Safety, Trip};
 pub use sample_time::SAMPLE_MS;
-pub use step_response::StepProgress;
+pub use step_response::{StepProgress, hottest_start};
 use thermometer::{MEDIAN_OF, Thermometer};
 pub use tuning_rule::gains_by_relay;
 
@@ -336,7 +336,7 @@ impl<M: Part> HeatControl<M> {
         }
     }
 
-    /// Finds the model of a heater that has one by a step response up to a target, and with the part-cooling fan at full power if
+    /// Finds the model of a heater that has one, and is not hotter than [`hottest_start`], by a step response up to a target, and with the part-cooling fan at full power if
     /// `has_fan`. All checks go on; after it the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
         self.set_target(heater, celsius);

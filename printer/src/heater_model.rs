@@ -4,7 +4,7 @@ use ferrostep_gcode::{Decimal, HeaterModelWords, Real, Reply};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
-use crate::heat::{HeaterModel, StepProgress};
+use crate::heat::{HeaterModel, StepProgress, hottest_start};
 use crate::part::Part;
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
@@ -83,6 +83,16 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
+    /// Refuses the step response of a heater that is hot.
+    pub(crate) fn may_step(&self, heater: Heater, target: f32) -> Result<(), CommandError> {
+        if self.has_model(heater) && self.heating.status(heater).celsius > hottest_start(target) {
+            return Err(CommandError::HeaterControl(
+                "M306 T, and M303 of a heater with a model, begin with a cold heater: let it cool (M104 S0, M140 S0), then send it again",
+            ));
+        }
+        Ok(())
+    }
+
     /// Reports the model that a step response has found, as M306 and the profile have it, and takes it if `uses`.
     pub(crate) fn end_step(&mut self, heater: Heater, step: Option<StepProgress>, uses: bool) {
         let Some(StepProgress::Found(model)) = step else {
@@ -104,3 +114,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

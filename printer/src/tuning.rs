@@ -97,6 +97,7 @@ impl<P: Ports> Printer<'_, P> {
     ) -> Result<(), CommandError> {
         self.may_autotune()?;
         let (celsius, has_fan) = self.autotune_target(heater, target)?;
+        self.may_step(heater, celsius)?;
         self.signals.take_end_wait();
         self.motion.finish().await?;
         self.begin_autotune(heater, celsius, cycles, has_fan);

@@ -1,11 +1,12 @@
 //! The constants of a heater's model by its response to full power (M306 T).
 //!
-//! Full power from cold to the target, none until the temperature has passed its peak, then the target is held: without the part-cooling
+//! Full power from cold ([`hottest_start`]) to the target, none until the temperature has passed its peak, then the target is held: without the part-cooling
 //! fan and, for a nozzle, with it. For a mass `C` with a loss `G` to a room at 25 degrees, whose thermistor is late by `L`:
 //!
 //! - holding the target takes `G (T - room)`;
 //! - on the way up the temperature rises by `s = (P - G (B - room)) / C`, with the mass at `B = T + s L`;
-//! - without power the temperature rises further by `s L - r t` until its peak after `t`, with `r = G (T - room) / C`.
+//! - without power the temperature rises further by `s L - r t` until its peak after `t`, with `r = G (T - room) / C`. A dead time counts as
+//!   `1 + r / s` times as long a lag: the loop is the slower for it, and stable.
 //!
 //! The power at full is not found: `C` and `G` are in proportion to it.
 
@@ -14,12 +15,14 @@ use super::sample_time::SAMPLE_S;
 
 /// The room's temperature, degrees Celsius.
 const ROOM_CELSIUS: f32 = 25.0;
-/// The slope is that of this last share of the way from the room to the target. A step begins three of these below the target.
+/// The slope is that of this last share of the way from the room to the target.
 const SLOPE_SHARE: f32 = 0.15;
 /// The peak is over where the temperature is this much below it, degrees.
 const PAST_PEAK_CELSIUS: f32 = 1.0;
 /// Share of a new temperature that the smoothed one takes over, a sample: a time constant of 0.2 s.
 const SMOOTHING: f32 = 0.05;
+/// Loss with the fan over that without, before it is known.
+const FIRST_FAN: f32 = 1.5;
 /// Longest time of each part, samples: 20 minutes.
 const MAX_PART_SAMPLES: u32 = 20 * 60 * 100;
 /// How long the target is held before its power counts: delays, and least and most, s.
@@ -46,7 +49,6 @@ pub enum StepProgress {
 /// The parts of it, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Phase {
-    Cooling,
     Heating,
     Peak,
     Settling,
@@ -85,6 +87,11 @@ pub struct StepResponse {
     rises: f32,
 }
 
+/// The hottest that a heater may be when its step begins, degrees Celsius: the slope is to be that of full power alone.
+pub fn hottest_start(target: f32) -> f32 {
+    target - 3.0 * SLOPE_SHARE * (target - ROOM_CELSIUS)
+}
+
 /// Seconds in samples.
 fn samples(seconds: f32) -> u32 {
     (seconds / SAMPLE_S) as u32
@@ -94,7 +101,7 @@ impl StepResponse {
     /// A step of a heater of this model's power; `has_fan`: with the part-cooling fan at full power, too.
     pub const fn new(model: HeaterModel, has_fan: bool) -> Self {
         Self {
-            phase: Phase::Cooling,
+            phase: Phase::Heating,
             samples: 0,
             has_fan,
             model,
@@ -126,7 +133,7 @@ impl StepResponse {
         match self.phase {
             Phase::Found => StepProgress::Found(self.model),
             Phase::Failed => StepProgress::Failed,
-            phase => StepProgress::Parts { ended: phase as u8, of: if self.has_fan { 7 } else { 5 } },
+            phase => StepProgress::Parts { ended: phase as u8, of: if self.has_fan { 6 } else { 4 } },
         }
     }
 
@@ -149,12 +156,6 @@ impl StepResponse {
         let lag_s = 1.0 / self.model.sensor_per_s;
         let lasts = |[lags, least_s, most_s]: [f32; 3]| samples((lags * lag_s).clamp(least_s, most_s));
         match self.phase {
-            Phase::Cooling => {
-                if self.celsius <= target - 3.0 * slope_rise {
-                    self.enter(Phase::Heating);
-                }
-                0.0
-            }
             Phase::Heating => {
                 if self.celsius < target - slope_rise {
                     self.begun_celsius = self.celsius;
@@ -239,7 +240,9 @@ impl StepResponse {
         }
         self.model.capacity_j_per_k = capacity_j_per_k;
         self.model.sensor_per_s = (1.0 / lag_s).min(HeaterModel::SENSOR_PER_S[1] as f32);
-        (self.model.loss_w_per_k, self.model.fanned_loss_w_per_k) = (loss_w_per_k, loss_w_per_k);
+        // A first fan, until its power is known: they take up to as much again as the air.
+        let fanned = if self.has_fan { FIRST_FAN * loss_w_per_k } else { loss_w_per_k };
+        (self.model.loss_w_per_k, self.model.fanned_loss_w_per_k) = (loss_w_per_k, fanned);
         self.go_on(if self.has_fan { Phase::FannedSettling } else { Phase::Found });
     }
 
