@@ -144,16 +144,21 @@ fn control_model(heater: &Section<'_>, name: &str) -> Option<HeaterModel> {
     let loss = model.number("loss_w_per_k", MODEL_LOSS).required("to still air");
     let sensor_per_s =
         model.number("sensor_per_s", MODEL_SENSOR).required("how fast the thermistor follows: one over its lag") as f32;
-    let (mut fanned, mut filament) = (loss, 0.0);
-    if name == "nozzle" {
-        fanned = model
-            .number("fanned_loss_w_per_k", MODEL_LOSS.at_least(loss, "at least loss_w_per_k"))
-            .optional("`loss_w_per_k`", "with the part-cooling fan at full power, at least `loss_w_per_k`")
-            .unwrap_or(loss);
-        filament = model
-            .number("filament_j_per_k_mm", MODEL_FILAMENT)
-            .or(HeaterModel::PLA_J_PER_K_MM, "heat that a millimetre of filament takes; PLA of 1.75 mm");
+    let fanned = model
+        .number("fanned_loss_w_per_k", MODEL_LOSS.at_least(loss, "at least loss_w_per_k"))
+        .optional("`loss_w_per_k`", "the nozzle's with the part-cooling fan at full power");
+    let filament = model
+        .number("filament_j_per_k_mm", MODEL_FILAMENT)
+        .optional("0.0054, PLA of 1.75 mm", "heat that a millimetre of filament takes from the nozzle");
+    if name == "bed" {
+        for (key, value) in [("fanned_loss_w_per_k", fanned), ("filament_j_per_k_mm", filament)] {
+            if value.is_some() {
+                model.refuse(key, "no such key: neither fan nor filament cools the bed");
+            }
+        }
     }
+    let fanned = fanned.unwrap_or(loss);
+    let filament = filament.unwrap_or(if name == "bed" { 0.0 } else { HeaterModel::PLA_J_PER_K_MM });
     Some(HeaterModel {
         power_w,
         capacity_j_per_k,
