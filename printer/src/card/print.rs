@@ -196,6 +196,8 @@ impl<P: Ports> Printer<'_, P> {
         self.card.job == Job::Printing
             && match command {
                 Command::Bed(bed) => self.has_bed() && !bed.is_query(),
+                // M306 T is an autotune.
+                Command::HeaterModel { words, .. } => words.contains(['T', 't']),
                 _ => matches!(
                     command,
                     Command::Linear { .. }
