@@ -130,9 +130,6 @@ const SLOW_NS: u64 = 500_000;
 /// Time constant with which filament takes the heat on its way through the nozzle, s.
 const MELTING_S: f64 = 0.5;
 
-/// The extruder's motor among the drivers.
-const EXTRUDER: usize = 3;
-
 /// How fast filament is melted.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Filament {
