@@ -217,7 +217,6 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
                 ('U', uses.then_some(whole(1))),
             ]),
         ),
-        Command::HeaterModel { text, .. } => return text.to_owned(),
         // ANCHOR: m302
         Command::ColdExtrusion { minimum, allow } => (302, given([('S', minimum), ('P', switch(allow))])),
         // ANCHOR_END: m302
@@ -271,7 +270,7 @@ fn print(command: Command<'_>, style: Style) -> String {
             return format!("M118 {action}{echo}{text}");
         }
         Command::Accepted => return "M486 S1".to_owned(),
-        Command::Unknown(text) => return text.to_owned(),
+        Command::Unknown(text) | Command::HeaterModel { text, .. } => return text.to_owned(),
         _ => {}
     }
     let (letter, code, mut words) = take_apart(command);
@@ -548,6 +547,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             Command::Restart,
             Command::Accepted,
             Command::Unknown("M428 S3"),
+            Command::HeaterModel { text: "M306 E0 P40", words: " E0 P40" },
         ]),
     ]
 }

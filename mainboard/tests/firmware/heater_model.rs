@@ -87,7 +87,7 @@ fn an_image_finds_its_nozzle_s_model_and_prints_by_it() {
     bench.host.wait_for("ok", |line| line == "ok").unwrap();
     let found = tune(&mut bench);
     // The plant's constants, and with its lag of 0.5 s the dead time of 0.3 s and the image's own filter of 0.2 s.
-    for (letter, is, share) in [('C', 6.0, 0.1), ('A', 0.068, 0.05), ('F', 0.097, 0.05), ('R', 1.0, 0.3)] {
+    for (letter, is, share) in [('C', 6.0, 0.1), ('A', 0.068, 0.1), ('F', 0.097, 0.1), ('R', 1.0, 0.3)] {
         let number = number(&found, letter);
         assert!((number / is - 1.0).abs() < share, "{letter}: {number} of {is}, {found}");
     }

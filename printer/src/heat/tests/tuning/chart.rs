@@ -56,7 +56,7 @@ pub fn svg(chart: &Chart, rows: &[Row]) -> String {
 fn draw(out: &mut String, chart: &Chart, row: &Row, top: f64) {
     let [low, high] = chart.ends;
     let down = |degrees: f32| top + CURVE * f64::from((high - degrees.clamp(low, high)) / (high - low));
-    for (panel, [left, width]) in row.panels.iter().zip(COLUMNS) {
+    for (panel, [left, width]) in row.panels.iter().zip(COLUMNS).filter(|(panel, _)| !panel.curves.is_empty()) {
         let end = panel.curves.iter().map(|(_, curve)| curve.len()).max().unwrap_or(0).max(2) - 1;
         let across = |second: usize| left + width * second as f64 / end as f64;
         for [on, off] in &panel.marked_s {
