@@ -104,8 +104,6 @@ pub enum CommandError {
     TunesNoPrint,
     /// An autotune has found nothing, or the command is for the other kind of control: which, and what to do.
     HeaterControl(&'static str),
-    /// The words of M306.
-    HeaterModel(ParseError),
     /// M24 or M602 without a print that is paused.
     NotPaused,
     /// M290 has shifted Z, and a prepared job brings its own heights.

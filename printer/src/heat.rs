@@ -23,11 +23,9 @@ use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use crate::fans::{FanControl, FanDemand, FanTable, Heated};
 use crate::part::{Part, Present};
 use crate::profile::HeaterSettings;
-use filament_speed::FilamentSpeed;
 pub use gains::PidGains;
-use model::Cooling;
 pub use model::HeaterModel;
-use modelled::Modelled;
+use modelled::Models;
 use pid::Pid;
 use relay::Relay;
 pub use relay::{RelayFindings, RelayProgress};
@@ -99,27 +97,24 @@ enum Loop {
 
 /// One heater.
 #[derive(Clone, Copy, Debug)]
-struct Channel<M: Part> {
+struct Channel {
     settings: HeaterSettings,
     thermometer: Thermometer,
     safety: Safety,
     control: Loop,
-    /// In force instead of [`Self::control`] if it has a model.
-    model: M::Of<Modelled>,
     /// The last temperature, degrees Celsius; `None` if there has never been one.
     celsius: Option<f32>,
     target: f32,
     power: f32,
 }
 
-impl<M: Part> Channel<M> {
+impl Channel {
     fn new(settings: HeaterSettings, readings: [u16; MEDIAN_OF]) -> Self {
         let thermometer = Thermometer::new(settings.thermistor, readings);
         // Without a temperature the first sample trips.
         let celsius = thermometer.celsius().ok();
         let (safety, control) = (Safety::new(), Loop::Pid(Pid::new()));
-        let model = M::of(Modelled::NONE);
-        Self { settings, thermometer, safety, control, model, celsius, target: 0.0, power: 0.0 }
+        Self { settings, thermometer, safety, control, celsius, target: 0.0, power: 0.0 }
     }
 
     /// Takes a sample; the power stays.
@@ -134,16 +129,11 @@ impl<M: Part> Channel<M> {
     }
 
     /// Works out the power for the next sample. A heater without a temperature has none.
-    fn control(&mut self, cooling: &Cooling) {
-        let last_power = self.power;
-        let modelled = M::get_mut(&mut self.model).filter(|modelled| modelled.is_in_force());
+    fn control(&mut self, fan_power: u8) {
         self.power = match (self.celsius, &mut self.control) {
             (None, _) => 0.0,
             (Some(_), _) if !self.settings.is_heated => 0.0,
-            (Some(celsius), _) if let Some(modelled) = modelled => {
-                modelled.power(celsius, &mut self.target, last_power, cooling)
-            }
-            (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, cooling.fan_power),
+            (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
             (Some(celsius), Loop::Relay(relay)) => {
                 let power = relay.power(celsius, self.target);
                 if relay.has_ended() {
@@ -161,24 +151,6 @@ impl<M: Part> Channel<M> {
             Loop::Pid(pid) => pid.reset(),
             Loop::Relay(_) => self.control = Loop::Pid(Pid::new()),
         }
-        if let Some(modelled) = M::get_mut(&mut self.model) {
-            modelled.end_step();
-        }
-    }
-
-    fn modelled(&self) -> Option<&Modelled> {
-        M::get(&self.model)
-    }
-
-    /// An autotune is at work.
-    fn is_tuned(&self) -> bool {
-        matches!(self.control, Loop::Relay(_)) || self.modelled().is_some_and(Modelled::has_step)
-    }
-
-    /// An autotune wants the part-cooling fan at full power.
-    fn wants_fan(&self) -> bool {
-        matches!(&self.control, Loop::Relay(relay) if relay.wants_fan())
-            || self.modelled().is_some_and(Modelled::wants_fan)
     }
 }
 
@@ -186,9 +158,9 @@ impl<M: Part> Channel<M> {
 #[derive(Clone, Copy, Debug)]
 pub struct HeatControl<M: Part = Present> {
     /// `None` for a heater that the machine does not have.
-    channels: [Option<Channel<M>>; Heater::COUNT],
-    /// Of the filament that the nozzle melts.
-    filament: M::Of<FilamentSpeed>,
+    channels: [Option<Channel>; Heater::COUNT],
+    /// In force for the heaters that it has models of.
+    models: M::Of<Models>,
     fault: Option<HeatFault>,
     fan_table: FanTable,
     fans: FanControl,
@@ -217,7 +189,7 @@ impl<M: Part> HeatControl<M> {
         });
         Self {
             channels,
-            filament: M::of(FilamentSpeed::NONE),
+            models: M::of(Models::NONE),
             fault: None,
             fan_table,
             fans: FanControl::new(),
@@ -241,7 +213,13 @@ impl<M: Part> HeatControl<M> {
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
         let mut demand = self.fan_demand;
-        if self.channels.iter().flatten().any(Channel::wants_fan) {
+        if self
+            .channels
+            .iter()
+            .flatten()
+            .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+            || self.models().is_some_and(Models::wants_fan)
+        {
             demand.powers[FanOutput::Part.index()] = u8::MAX;
         }
         let heated = Heated {
@@ -256,9 +234,15 @@ impl<M: Part> HeatControl<M> {
         match self.fault {
             Some(_) => self.halt(),
             None => {
-                let filament_mm_per_s = M::get(&self.filament).map_or(0.0, |filament| filament.mm_per_s());
-                let cooling = Cooling { fan_power, filament_mm_per_s };
-                self.channels.iter_mut().flatten().for_each(|channel| channel.control(&cooling));
+                for (heater, channel) in channels(&mut self.channels) {
+                    let (celsius, power) = (channel.celsius, channel.power);
+                    let modelled = M::get_mut(&mut self.models)
+                        .and_then(|models| models.power(heater, celsius?, &mut channel.target, power, fan_power));
+                    match modelled {
+                        Some(power) => channel.power = power,
+                        None => channel.control(fan_power),
+                    }
+                }
             }
         }
         for (heater, channel) in channels(&mut self.channels) {
@@ -285,10 +269,13 @@ impl<M: Part> HeatControl<M> {
             return;
         }
         let Some(channel) = self.channel_mut(heater) else { return };
-        if channel.is_tuned() {
+        if matches!(channel.control, Loop::Relay(_)) {
             channel.off();
         }
         channel.target = if celsius > 0.0 { celsius } else { 0.0 };
+        if self.step(heater).is_some() {
+            self.end_step();
+        }
     }
 
     /// The gains of a heater.
@@ -315,9 +302,19 @@ impl<M: Part> HeatControl<M> {
         }
     }
 
+    fn models(&self) -> Option<&Models> {
+        M::get(&self.models)
+    }
+
+    fn end_step(&mut self) {
+        if let Some(models) = M::get_mut(&mut self.models) {
+            models.end_step();
+        }
+    }
+
     /// The model that controls a heater; `None` if a PID loop does.
     pub fn model(&self, heater: Heater) -> Option<HeaterModel> {
-        self.channel(heater)?.modelled()?.model()
+        self.models()?.model(heater)
     }
 
     /// Lets models control the nozzle's and the bed's heater, where there are any.
@@ -329,36 +326,36 @@ impl<M: Part> HeatControl<M> {
         }
     }
 
-    /// Lets a model control a heater from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
+    /// Lets a model control the nozzle or the bed from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
-        if let Some(modelled) = self.channel_mut(heater).and_then(|channel| M::get_mut(&mut channel.model)) {
-            modelled.set_model(model);
+        if let Some(models) = M::get_mut(&mut self.models) {
+            models.set_model(heater, model);
         }
     }
 
-    /// Finds the model of a heater that has one, and is not hotter than [`hottest_start`], by a step response up to a target, and with the part-cooling fan at full power if
-    /// `has_fan`. All checks go on; after it the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
+    /// Finds the model of a heater that has one, and is not hotter than [`hottest_start`], by a step response up to a target, and with the
+    /// part-cooling fan at full power if `has_fan`. All checks go on; after it the heater is off. [`Self::set_target`], a fault and [`Self::all_off`]
+    /// end it. Ignored after a fault.
     pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none()
             && self.has_supply()
-            && let Some(channel) = self.channel_mut(heater)
-            && let Some(modelled) = M::get_mut(&mut channel.model)
+            && let Some(models) = M::get_mut(&mut self.models)
         {
-            modelled.begin_step(has_fan);
+            models.begin_step(heater, has_fan);
         }
     }
 
     /// How far the step response of a heater has come; `None` without one.
     pub fn step(&self, heater: Heater) -> Option<StepProgress> {
-        self.channel(heater)?.modelled()?.step()
+        self.models()?.step(heater)
     }
 
-    /// Takes how much filament the extruder has pushed since some moment, thousandths of a millimetre; to be called before each [`Self::update`] of a
-    /// machine whose nozzle melts filament.
+    /// Takes how much filament the extruder has pushed since some moment, thousandths of a millimetre; to be called before each
+    /// [`Self::update`] of a machine whose nozzle melts filament.
     pub fn note_filament(&mut self, pushed_um: i32) {
-        if let Some(filament) = M::get_mut(&mut self.filament) {
-            filament.note(pushed_um);
+        if let Some(models) = M::get_mut(&mut self.models) {
+            models.note_filament(pushed_um);
         }
     }
 
@@ -388,6 +385,7 @@ impl<M: Part> HeatControl<M> {
     /// Switches all heaters off; the next [`Self::update`] sets the board's outputs.
     pub fn all_off(&mut self) {
         self.channels.iter_mut().flatten().for_each(Channel::off);
+        self.end_step();
     }
 
     /// Switches the power supply; off switches all heaters off as well. The next [`Self::update`] sets the board's output. A fault keeps
@@ -452,19 +450,17 @@ impl<M: Part> HeatControl<M> {
         self.channel(Heater::Chamber).map(|chamber| chamber.settings.is_heated)
     }
 
-    fn channel(&self, heater: Heater) -> Option<&Channel<M>> {
+    fn channel(&self, heater: Heater) -> Option<&Channel> {
         self.channels[heater.index()].as_ref()
     }
 
-    fn channel_mut(&mut self, heater: Heater) -> Option<&mut Channel<M>> {
+    fn channel_mut(&mut self, heater: Heater) -> Option<&mut Channel> {
         self.channels[heater.index()].as_mut()
     }
 }
 
 /// The heaters that the machine has.
-fn channels<M: Part>(
-    channels: &mut [Option<Channel<M>>; Heater::COUNT],
-) -> impl Iterator<Item = (Heater, &mut Channel<M>)> {
+fn channels(channels: &mut [Option<Channel>; Heater::COUNT]) -> impl Iterator<Item = (Heater, &mut Channel)> {
     Heater::ALL.into_iter().zip(channels).filter_map(|(heater, channel)| Some((heater, channel.as_mut()?)))
 }
 

@@ -40,7 +40,13 @@ impl<P: Ports> Printer<'_, P> {
     /// M306 with these words. Returns the heater whose model is to be found.
     pub(crate) fn heater_model(&mut self, words: &str) -> Result<Option<Heater>, CommandError> {
         self.needs(self.equipment.heaters, "heaters")?;
-        let words = HeaterModelWords::read(words).map_err(CommandError::HeaterModel)?;
+        let words = match HeaterModelWords::read(words) {
+            Ok(words) => words,
+            Err(error) => {
+                self.replies.say(format_args!("echo:M306: {error}"));
+                return Err(CommandError::HeaterControl("M306 has words that cannot be read: nothing has changed"));
+            }
+        };
         let heater = if words.of_bed { Heater::Bed } else { Heater::Nozzle };
         let Some(before) = self.heating.model(heater) else {
             return Err(CommandError::HeaterControl(

@@ -99,7 +99,6 @@ impl fmt::Display for CommandError {
                 "M303 is for an idle printer: the nozzle has a target or a print is paused; end it (M524, M104 S0), then tune",
             ),
             Self::HeaterControl(text) => out.write_str(text),
-            Self::HeaterModel(error) => error.fmt(out),
             Self::NotPaused => write!(out, "no print is paused: M601, M600 or M25 pauses one"),
             Self::Shifted { shift_10nm } => write!(
                 out,

@@ -119,6 +119,8 @@ impl ModelLoop {
             self.unmodelled_w = unmodelled_w.clamp(-most_w, most_w);
         }
         if target <= 0.0 {
+            // Another model, or another place, may come before the next target.
+            self.unmodelled_w = 0.0;
             return 0.0;
         }
         let approach_s = (APPROACH / response).max(MIN_APPROACH_S);

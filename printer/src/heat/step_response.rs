@@ -68,7 +68,6 @@ pub struct StepResponse {
     has_fan: bool,
     /// What is held by, and what is found in the end.
     model: HeaterModel,
-    control: ModelLoop,
     /// Smoothed, degrees Celsius; before the first sample not a number.
     celsius: f32,
     /// Samples since the slope is measured.
@@ -105,7 +104,6 @@ impl StepResponse {
             samples: 0,
             has_fan,
             model,
-            control: ModelLoop::new(),
             celsius: f32::NAN,
             slope_samples: 0,
             slope: 0.0,
@@ -142,8 +140,8 @@ impl StepResponse {
         (self.powers, self.rises, self.begun_celsius) = (0.0, 0.0, self.celsius);
     }
 
-    /// Power for the next sample, 0 to 1. `power` was that of the last.
-    pub fn power(&mut self, celsius: f32, target: f32, power: f32) -> f32 {
+    /// Power for the next sample, 0 to 1. `power` was that of the last, and `control` is what holds the target.
+    pub fn power(&mut self, control: &mut ModelLoop, celsius: f32, target: f32, power: f32) -> f32 {
         if self.celsius.is_nan() {
             self.celsius = celsius;
         }
@@ -176,6 +174,7 @@ impl StepResponse {
                 if self.celsius < self.highest - PAST_PEAK_CELSIUS {
                     self.rise = self.highest - self.begun_celsius;
                     self.begin_holding();
+                    *control = ModelLoop::new();
                 }
                 0.0
             }
@@ -184,7 +183,7 @@ impl StepResponse {
                     let is_fanned = self.phase == Phase::FannedSettling;
                     self.enter(if is_fanned { Phase::FannedMeasuring } else { Phase::Measuring });
                 }
-                self.hold(celsius, target, power)
+                self.hold(control, celsius, target, power)
             }
             Phase::Measuring | Phase::FannedMeasuring => {
                 self.powers += power;
@@ -192,17 +191,17 @@ impl StepResponse {
                 if self.samples >= lasts(MEASURING) {
                     self.measured(target - 0.5 * slope_rise);
                 }
-                self.hold(celsius, target, power)
+                self.hold(control, celsius, target, power)
             }
             Phase::Found | Phase::Failed => 0.0,
         }
     }
 
     /// By the model that is known so far.
-    fn hold(&mut self, celsius: f32, target: f32, power: f32) -> f32 {
+    fn hold(&self, control: &mut ModelLoop, celsius: f32, target: f32, power: f32) -> f32 {
         let fan_power = if self.wants_fan() { u8::MAX } else { 0 };
         let cooling = Cooling { fan_power, filament_mm_per_s: 0.0 };
-        self.control.power(&self.model, celsius, target, power, &cooling)
+        if self.has_ended() { 0.0 } else { control.power(&self.model, celsius, target, power, &cooling) }
     }
 
     /// A first model, whose loss is guessed: a third of the power. The loop finds what it lacks.

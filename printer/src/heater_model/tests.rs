@@ -60,6 +60,7 @@ fn absurd_constants_are_refused_by_name_and_nothing_changes() {
     ] {
         let said = say(&world, line);
         assert!(said[0].contains(why), "{line}: {said:?}");
+        assert!(said.iter().any(|text| text.starts_with("echo:line 1: ")), "{line}: {said:?}");
         assert_eq!(world.model(Heater::Nozzle), Some(MODEL), "{line}");
     }
     world.set_model(Heater::Bed, MODEL);

@@ -368,7 +368,7 @@ fn a_heater_that_does_not_cool_ends_the_step_without_a_model() {
 /// Whatever the model and the temperature: a power, and never one without a target.
 #[test]
 fn every_model_gives_a_power() {
-    let cooling = Cooling { fan_power: 200, filament_mm_per_s: 30.0 };
+    let cooling = model::Cooling { fan_power: 200, filament_mm_per_s: 30.0 };
     for [power_w, capacity_j_per_k, loss_w_per_k, sensor_per_s] in [0, 1].iter().flat_map(|&power| {
         [0, 1].into_iter().flat_map(move |capacity| {
             [0, 1].into_iter().flat_map(move |loss| {
