@@ -93,7 +93,7 @@ fn an_image_finds_its_nozzle_s_model_and_prints_by_it() {
     }
     assert_eq!(bench.host.ask("M306", "echo:M306").unwrap(), found, "what was found is in force");
 
-    // The board's thermistor is not exact: what it holds for 210 degrees.
+    // The plant's thermistor follows its maker's beta, the image the table: what it holds for 210 degrees.
     bench.host.send("M109 S210").unwrap();
     bench.pass(10_000);
     let at_rest = celsius(&mut bench);

@@ -126,7 +126,8 @@ impl ModelLoop {
         let approach_s = (APPROACH / response).max(MIN_APPROACH_S);
         let rise_w = model.capacity_j_per_k * (target - self.block) / approach_s;
         let wanted_w = rise_w + loss * (self.block - ROOM_CELSIUS) - self.unmodelled_w;
-        // In this order, so that what is not a number is no power.
-        (wanted_w / model.power_w).max(0.0).min(1.0)
+        let wanted = wanted_w / model.power_w;
+        // What is not a number is no power.
+        if wanted > 0.0 { wanted.min(1.0) } else { 0.0 }
     }
 }
