@@ -68,6 +68,10 @@ impl DeskHeat {
         let mut outcome = Ok(());
         while self.next_ns <= now_ns {
             if !self.steps_at_rest {
+                // A step response counts samples while it holds its target.
+                if Heater::ALL.into_iter().any(|heater| self.control.step(heater).is_some()) {
+                    self.at_rest.disturb();
+                }
                 if self.at_rest.is_at_rest() {
                     self.next_ns += (now_ns - self.next_ns) / SAMPLE_NS * SAMPLE_NS + SAMPLE_NS;
                     break;
@@ -202,5 +206,33 @@ impl Heating for DeskHeating<'_> {
         let heat = &mut *self.0.borrow_mut();
         heat.at_rest.disturb();
         heat.control.restart()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// Though the heater is at rest while its power is measured.
+    #[test]
+    fn a_step_response_ends_in_an_estimate_too() {
+        let model =
+            "[nozzle.control_model]\npower_w = 40\ncapacity_j_per_k = 10\nloss_w_per_k = 0.1\nsensor_per_s = 0.2\n";
+        let text = format!("{}\n{model}", ferrostep_profiles::builtin_text("cartesian").unwrap());
+        let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+        let heat = RefCell::new(DeskHeat::new(&profile, false));
+        let mut heating = DeskHeating(&heat);
+        heating.begin_step(Heater::Nozzle, 200.0, true);
+        for second in 1..900 {
+            heat.borrow_mut().pass_to(second * 1_000_000_000, FanDemand::default()).unwrap();
+        }
+        let Some(StepProgress::Found(found)) = heating.step(Heater::Nozzle) else {
+            panic!("{:?}", heating.step(Heater::Nozzle))
+        };
+        // What the built-in profile's nozzle is on the virtual board: without a lag.
+        assert!((found.capacity_j_per_k / 12.0 - 1.0).abs() < 0.1, "{found:?}");
+        assert!((found.fanned_loss_w_per_k / 0.13 - 1.0).abs() < 0.1, "{found:?}");
+        assert_eq!(heating.status(Heater::Nozzle).target_celsius, 0.0);
     }
 }

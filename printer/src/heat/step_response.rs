@@ -91,6 +91,11 @@ pub fn hottest_start(target: f32) -> f32 {
     target - 3.0 * SLOPE_SHARE * (target - ROOM_CELSIUS)
 }
 
+/// The response of a thermistor with this lag, 1/s; one without a lag counts as the fastest.
+fn response(lag_s: f32) -> f32 {
+    (1.0 / lag_s).min(HeaterModel::SENSOR_PER_S[1] as f32)
+}
+
 /// Seconds in samples.
 fn samples(seconds: f32) -> u32 {
     (seconds / SAMPLE_S) as u32
@@ -212,7 +217,7 @@ impl StepResponse {
         let capacity_j_per_k = (power_w - loss_w) / self.slope;
         let lag_s = (self.rise + loss_w / capacity_j_per_k * peak_s) / self.slope;
         self.model.capacity_j_per_k = capacity_j_per_k;
-        self.model.sensor_per_s = 1.0 / lag_s;
+        self.model.sensor_per_s = response(lag_s);
         self.model.loss_w_per_k = loss_w / (self.highest - ROOM_CELSIUS);
         self.model.fanned_loss_w_per_k = self.model.loss_w_per_k;
         self.go_on(Phase::Settling);
@@ -238,7 +243,7 @@ impl StepResponse {
             lag_s = (self.rise + loss_w / capacity_j_per_k * peak_s) / self.slope;
         }
         self.model.capacity_j_per_k = capacity_j_per_k;
-        self.model.sensor_per_s = (1.0 / lag_s).min(HeaterModel::SENSOR_PER_S[1] as f32);
+        self.model.sensor_per_s = response(lag_s);
         // A first fan, until its power is known: they take up to as much again as the air.
         let fanned = if self.has_fan { FIRST_FAN * loss_w_per_k } else { loss_w_per_k };
         (self.model.loss_w_per_k, self.model.fanned_loss_w_per_k) = (loss_w_per_k, fanned);

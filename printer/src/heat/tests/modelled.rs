@@ -245,7 +245,7 @@ fn a_model_may_be_wrong_by_a_fifth() {
     }
 }
 
-/// Two masses, and a dead time without a lag: heaters that the model cannot be.
+/// Two masses, and a dead time without a lag, or neither: heaters that the model cannot be.
 #[test]
 fn other_heaters_than_the_models_are_held() {
     for model in &MODELS {
@@ -260,7 +260,7 @@ fn other_heaters_than_the_models_are_held() {
         let what = format!("{} in two: {outcome:?} with {found:?}", model.name);
         assert!(outcome.overshoot <= MAX_OVERSHOOT && outcome.rest <= STEADY && outcome.fan <= MAX_FAN, "{what}");
     }
-    for dead_time_s in [2.0, 4.0, 5.6] {
+    for dead_time_s in [0.0, 2.0, 4.0, 5.6] {
         let mass = HeatedMass { dead_time_s, sensor_lag_s: 0.0, ..MODELS[4].mass };
         let model = Model { mass, ..MODELS[4] };
         let found = tune(&mut Bench::new(&model, 1.0));
