@@ -1,7 +1,9 @@
 //! The heaters: their control, and what it controls: the board's own, or on the bench their models.
 
+use core::sync::atomic::{AtomicI32, Ordering};
+
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
+use ferrostep_printer::heat::{HeatControl, HeatFault, HeaterModel, RelayProgress, SAMPLE_MS, StepProgress};
 use ferrostep_printer::{Equipment, FanDemand, FanRule, FanSettings, FanStatus, HeaterStatus, PidGains, Profile};
 use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
@@ -46,6 +48,18 @@ pub const HAS_OUTPUTS: bool = {
 
 /// A power supply that can be switched, or none, in an image.
 pub type SupplyPart = PartIf<HAS_SUPPLY>;
+
+/// Heaters may be controlled by a model.
+const HAS_MODELS: bool = PROFILE.control_models[0].is_some() || PROFILE.control_models[1].is_some();
+
+/// The nozzle's model wants to know how fast filament is melted. The bench melts none.
+pub const MELTS_FILAMENT: bool = PROFILE.control_models[0].is_some() && !VIRTUAL_SENSORS;
+
+/// Models of heaters, or none, in an image.
+pub type ModelsPart = PartIf<HAS_MODELS>;
+
+/// Where the extruder is, as [`ferrostep_printer::machine::Machine::pushed_um`] says; of a machine that [`MELTS_FILAMENT`].
+pub static PUSHED_UM: AtomicI32 = AtomicI32::new(0);
 
 /// Heaters, thermistors and fans: the board's own, or their models.
 pub trait Parts: ThermalBoard + Fans + Sized {
@@ -97,7 +111,7 @@ pub struct Heat(Option<Controlled<<Board<VIRTUAL_SENSORS> as Kind>::Parts>>);
 
 /// Control and what it controls.
 struct Controlled<P> {
-    control: HeatControl,
+    control: HeatControl<ModelsPart>,
     parts: P,
 }
 
@@ -106,6 +120,9 @@ impl Heat {
     pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
         Self(Parts::start(profile, converters, clock).map(|mut parts| {
             let mut control = HeatControl::new(profile.heaters(), profile.fans, &mut parts);
+            if HAS_MODELS {
+                control.set_models(&profile.control_models);
+            }
             if let Some(supply) = profile.power_supply {
                 control.set_supply(supply.on_at_start);
             }
@@ -120,6 +137,9 @@ impl Heat {
     pub fn update(&mut self, fans: FanDemand) -> Result<(), HeatFault> {
         let Some(Controlled { control, parts }) = &mut self.0 else { return Ok(()) };
         control.set_fan_demand(fans);
+        if MELTS_FILAMENT {
+            control.note_filament(PUSHED_UM.load(Ordering::Relaxed));
+        }
         parts.pass();
         control.update(parts)
     }
@@ -164,6 +184,30 @@ impl Heat {
     /// How far the autotune of a heater has come.
     pub fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.as_ref().and_then(|heat| heat.control.relay(heater))
+    }
+
+    /// The model that controls a heater.
+    pub fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.0.as_ref().and_then(|heat| heat.control.model(heater))
+    }
+
+    /// Sets the model of a heater.
+    pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        if let Some(heat) = &mut self.0 {
+            heat.control.set_model(heater, model);
+        }
+    }
+
+    /// Finds the model of a heater, see [`HeatControl::begin_step`].
+    pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
+        if let Some(heat) = &mut self.0 {
+            heat.control.begin_step(heater, celsius, has_fan);
+        }
+    }
+
+    /// How far the step response of a heater has come.
+    pub fn step(&self, heater: Heater) -> Option<StepProgress> {
+        self.0.as_ref().and_then(|heat| heat.control.step(heater))
     }
 
     /// Power and speed of a fan.

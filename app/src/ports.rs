@@ -10,7 +10,7 @@ use core::mem::MaybeUninit;
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{FanOutput, Heater, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::heat::{HeatFault, PidGains, RelayProgress};
+use ferrostep_printer::heat::{HeatFault, HeaterModel, PidGains, RelayProgress, StepProgress};
 use ferrostep_printer::machine::Machine;
 use ferrostep_printer::{FanStatus, HeaterRest, HeaterStatus, Heating, Replies, SharedMachine, Signals};
 use ferrostep_step_interrupt::{STEP_QUEUE_SLOTS, STEPS};
@@ -25,7 +25,7 @@ use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;
 
 use crate::clock::Mono;
-use crate::heat::{CHAMBER_IS_HEATED, HAS_OUTPUTS, Heat, SupplyPart};
+use crate::heat::{CHAMBER_IS_HEATED, HAS_OUTPUTS, Heat, ModelsPart, SupplyPart};
 use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
 use crate::part::PartIf;
 use crate::profile::{PROFILE, StepSignals};
@@ -204,6 +204,7 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
     }
 
     type Supply = SupplyPart;
+    type Models = ModelsPart;
 
     const HAS_OUTPUTS: bool = HAS_OUTPUTS;
 
@@ -237,6 +238,22 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
 
     fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.borrow_mut().lock(|heat| heat.relay(heater))
+    }
+
+    fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.0.borrow_mut().lock(|heat| heat.model(heater))
+    }
+
+    fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        self.0.get_mut().lock(|heat| heat.set_model(heater, model));
+    }
+
+    fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
+        self.0.get_mut().lock(|heat| heat.begin_step(heater, celsius, has_fan));
+    }
+
+    fn step(&self, heater: Heater) -> Option<StepProgress> {
+        self.0.borrow_mut().lock(|heat| heat.step(heater))
     }
 
     fn fan(&self, output: FanOutput) -> FanStatus {

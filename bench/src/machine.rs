@@ -118,6 +118,7 @@ impl Motion for Machine<'_, '_> {
 
 impl Heating for Machine<'_, '_> {
     type Supply = ferrostep_printer::Present;
+    type Models = ferrostep_printer::Absent;
 
     fn set_target(&mut self, _heater: Heater, _celsius: f32) {}
 

@@ -250,6 +250,13 @@ pub enum Command<'a> {
         /// U: the gains are used.
         uses: bool,
     },
+    /// M306: the model of a heater. A machine whose heaters have none answers as to an unknown command, and reads no words.
+    HeaterModel {
+        /// The whole line.
+        text: &'a str,
+        /// Its words: [`crate::HeaterModelWords::read`].
+        words: &'a str,
+    },
     // ANCHOR: m302
     /// M302: S = smallest extrusion temperature, P1 = allow cold extrusion; neither: a query.
     ColdExtrusion {

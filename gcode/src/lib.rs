@@ -42,7 +42,7 @@ pub use line::{Checksum, LINE_CAPACITY, Line, LineError};
 pub use line_reader::LineReader;
 pub use not_executed::{NAMED, NOT_EXECUTED, NotExecuted, Outcome};
 pub use parse_error::{ParseError, ShortText};
-pub use parser::{parse, parse_with_remarks};
+pub use parser::{HeaterModelWords, parse, parse_with_remarks};
 pub use pin_command::PinCommand;
 pub use protocol::{LineNumbers, Verdict};
 pub use real::Real;

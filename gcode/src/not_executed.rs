@@ -167,7 +167,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(250), "M250", "contrast of the display", NO_DISPLAY),
     unknown((b'M', 281, 282), "M281 and M282", "servo: its angles, or let it go", "M280 tells the probe's, which is the only one"),
     accepted(m(300), "M300", "sound", "there is no loudspeaker"),
-    unknown((b'M', 305, 306), "M305 and M306", "thermistors, models of heaters", "the profile's stay"),
+    unknown(m(305), "M305", "thermistors", "the profile's stay"),
     unknown((b'M', 320, 323), "M320 to M323", "bed levelling (Repetier)", "use G29 and M420"),
     unknown((b'M', 350, 351), "M350 and M351", "microsteps", "the profile's stay"),
     unknown(m(355), "M355", "light of the case", "use M42"),

@@ -5,6 +5,7 @@ mod bed;
 mod card_codes;
 mod code;
 mod g_codes;
+mod heater_model;
 mod input_shaper;
 mod m_codes;
 mod named;
@@ -15,6 +16,7 @@ mod words;
 use crate::remarks::{Remark, Remarks};
 use crate::{Command, NotExecuted, ParseError};
 use code::Code;
+pub use heater_model::HeaterModelWords;
 
 /// Reads one line, without its number, checksum and `;` comment, as [`Line::text`](crate::Line::text) has it.
 ///

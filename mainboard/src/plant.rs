@@ -126,6 +126,26 @@ enum Source {
 const EXTRUDER: usize = 3;
 /// Interval of analogue values and duty cycles, ns: converters do not sample more often.
 const SLOW_NS: u64 = 500_000;
+
+/// Time constant with which filament takes the heat on its way through the nozzle, s.
+const MELTING_S: f64 = 0.5;
+
+/// How fast filament is melted.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+struct Filament {
+    pushed_mm: f64,
+    mm_per_s: f64,
+}
+
+impl Filament {
+    /// Follows the extruder, every [`SLOW_NS`].
+    fn follow(&mut self, pushed_mm: f64) {
+        let passed_s = SLOW_NS as f64 * 1e-9;
+        let mm_per_s = (pushed_mm - self.pushed_mm) / passed_s;
+        self.pushed_mm = pushed_mm;
+        self.mm_per_s += (mm_per_s - self.mm_per_s) * passed_s / MELTING_S;
+    }
+}
 /// The chip's supply and its converters' reference, mV.
 const REFERENCE_MV: f64 = 3300.0;
 
@@ -156,6 +176,10 @@ pub struct Plant {
     pub bltouch: Option<BlTouch>,
     /// The sensor that sees filament move, on a printer that has one.
     pub filament_encoder: Option<FilamentEncoder>,
+    /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its motor pushes; 0: none. A print of PLA of
+    /// 1.75 mm takes 0.0054.
+    pub filament_j_per_k_mm: f64,
+    filament: Filament,
     /// The supply of motors and heaters.
     pub motor_rail: Rail,
     /// The chip's supply.
@@ -386,9 +410,13 @@ impl Plant {
         }
         let airflow = self.fans.iter_mut().find(|fan| fan.name == "part").map_or(0.0, |fan| fan.fan.airflow(now_ns));
         let rail = self.motor_rail.power_scale(now_ns);
+        self.filament.follow(self.motion.motor_mm(EXTRUDER));
         for place in &mut self.heaters {
             if place.name.starts_with("nozzle") {
                 place.heater.set_fan(now_ns, airflow);
+            }
+            if place.name == "nozzle" && self.filament_j_per_k_mm > 0.0 {
+                place.heater.set_filament(now_ns, self.filament.mm_per_s * self.filament_j_per_k_mm);
             }
             if place.power > 0.0 {
                 place.last_on_ns = Some(now_ns);

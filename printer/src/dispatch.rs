@@ -334,6 +334,14 @@ impl<P: Ports> Printer<'_, P> {
                 let heater = if of_bed { Heater::Bed } else { Heater::Nozzle };
                 return waiting(Waiting::Autotune { heater, target, cycles, uses });
             }
+            Command::HeaterModel { text, .. } if !<P::Heating as Heating>::Models::PRESENT => {
+                self.replies.unknown(self.line, text);
+            }
+            Command::HeaterModel { words, .. } => {
+                if let Some(heater) = self.heater_model(words)? {
+                    return waiting(Waiting::Autotune { heater, target: None, cycles: None, uses: true });
+                }
+            }
             Command::Fan { number: 0, power } if !self.equipment.fan && power > 0 => self.needs(false, "fan")?,
             Command::Fan { number, power } => {
                 if let Some(output) = self.numbered_fan(number) {

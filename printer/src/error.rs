@@ -102,8 +102,8 @@ pub enum CommandError {
     },
     /// M303 while the nozzle has a target, or a print is paused.
     TunesNoPrint,
-    /// M303 has found no gains: the heater does not swing around its target.
-    NotTuned,
+    /// An autotune has found nothing, or the command is for the other kind of control: which, and what to do.
+    HeaterControl(&'static str),
     /// M24 or M602 without a print that is paused.
     NotPaused,
     /// M290 has shifted Z, and a prepared job brings its own heights.

@@ -1,13 +1,17 @@
-//! Heater control: thermometers, one PID loop a heater, and the checks that switch everything off.
+//! Heater control: thermometers, one loop a heater, by PID or by its model, and the checks that switch everything off.
 //!
 //! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
 //! sets the power of every heater and fan. Nothing else sets one.
 
+mod filament_speed;
 mod gains;
+mod model;
+mod modelled;
 mod pid;
 mod relay;
 pub mod safety;
 mod sample_time;
+mod step_response;
 mod thermometer;
 mod tuning_rule;
 
@@ -17,13 +21,17 @@ use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 
 use crate::fans::{FanControl, FanDemand, FanTable, Heated};
+use crate::part::{Part, Present};
 use crate::profile::HeaterSettings;
 pub use gains::PidGains;
+pub use model::HeaterModel;
+use modelled::Models;
 use pid::Pid;
 use relay::Relay;
 pub use relay::{RelayFindings, RelayProgress};
 use safety::{Safety, Trip};
 pub use sample_time::SAMPLE_MS;
+pub use step_response::{StepProgress, hottest_start};
 use thermometer::{MEDIAN_OF, Thermometer};
 pub use tuning_rule::gains_by_relay;
 
@@ -146,11 +154,13 @@ impl Channel {
     }
 }
 
-/// Control of all heaters and fans.
+/// Control of all heaters and fans. `M`: whether heaters may be controlled by a model.
 #[derive(Clone, Copy, Debug)]
-pub struct HeatControl {
+pub struct HeatControl<M: Part = Present> {
     /// `None` for a heater that the machine does not have.
     channels: [Option<Channel>; Heater::COUNT],
+    /// In force for the heaters that it has models of.
+    models: M::Of<Models>,
     fault: Option<HeatFault>,
     fan_table: FanTable,
     fans: FanControl,
@@ -162,7 +172,7 @@ pub struct HeatControl {
     is_halted: bool,
 }
 
-impl HeatControl {
+impl<M: Part> HeatControl<M> {
     /// All heaters off. Takes as many readings as the median needs, so that temperatures are known from the start. The hot
     /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
     pub fn new(
@@ -179,6 +189,7 @@ impl HeatControl {
         });
         Self {
             channels,
+            models: M::of(Models::NONE),
             fault: None,
             fan_table,
             fans: FanControl::new(),
@@ -207,6 +218,7 @@ impl HeatControl {
             .iter()
             .flatten()
             .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+            || self.models().is_some_and(Models::wants_fan)
         {
             demand.powers[FanOutput::Part.index()] = u8::MAX;
         }
@@ -221,7 +233,17 @@ impl HeatControl {
         let fan_power = self.fans.update(&self.fan_table, &demand, &heated, board);
         match self.fault {
             Some(_) => self.halt(),
-            None => self.channels.iter_mut().flatten().for_each(|channel| channel.control(fan_power)),
+            None => {
+                for (heater, channel) in channels(&mut self.channels) {
+                    let (celsius, power) = (channel.celsius, channel.power);
+                    let modelled = M::get_mut(&mut self.models)
+                        .and_then(|models| models.power(heater, celsius?, &mut channel.target, power, fan_power));
+                    match modelled {
+                        Some(power) => channel.power = power,
+                        None => channel.control(fan_power),
+                    }
+                }
+            }
         }
         for (heater, channel) in channels(&mut self.channels) {
             board.set_power(heater, channel.power);
@@ -251,6 +273,9 @@ impl HeatControl {
             channel.off();
         }
         channel.target = if celsius > 0.0 { celsius } else { 0.0 };
+        if self.step(heater).is_some() {
+            self.end_step();
+        }
     }
 
     /// The gains of a heater.
@@ -274,6 +299,63 @@ impl HeatControl {
             && let Some(channel) = self.channel_mut(heater)
         {
             channel.control = Loop::Relay(Relay::new(cycles, has_fan));
+        }
+    }
+
+    fn models(&self) -> Option<&Models> {
+        M::get(&self.models)
+    }
+
+    fn end_step(&mut self) {
+        if let Some(models) = M::get_mut(&mut self.models) {
+            models.end_step();
+        }
+    }
+
+    /// The model that controls a heater; `None` if a PID loop does.
+    pub fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.models()?.model(heater)
+    }
+
+    /// Lets models control the nozzle's and the bed's heater, where there are any.
+    pub fn set_models(&mut self, models: &[Option<HeaterModel>; 2]) {
+        for (heater, model) in Heater::ALL.into_iter().zip(models) {
+            if let Some(model) = model {
+                self.set_model(heater, *model);
+            }
+        }
+    }
+
+    /// Lets a model control the nozzle or the bed from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
+    pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        if let Some(models) = M::get_mut(&mut self.models) {
+            models.set_model(heater, model);
+        }
+    }
+
+    /// Finds the model of a heater that has one, and is not hotter than [`hottest_start`], by a step response up to a target, and with the
+    /// part-cooling fan at full power if `has_fan`. All checks go on; after it the heater is off. [`Self::set_target`], a fault and [`Self::all_off`]
+    /// end it. Ignored after a fault.
+    pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
+        self.set_target(heater, celsius);
+        if self.fault.is_none()
+            && self.has_supply()
+            && let Some(models) = M::get_mut(&mut self.models)
+        {
+            models.begin_step(heater, has_fan);
+        }
+    }
+
+    /// How far the step response of a heater has come; `None` without one.
+    pub fn step(&self, heater: Heater) -> Option<StepProgress> {
+        self.models()?.step(heater)
+    }
+
+    /// Takes how much filament the extruder has pushed since some moment, thousandths of a millimetre; to be called before each
+    /// [`Self::update`] of a machine whose nozzle melts filament.
+    pub fn note_filament(&mut self, pushed_um: i32) {
+        if let Some(models) = M::get_mut(&mut self.models) {
+            models.note_filament(pushed_um);
         }
     }
 
@@ -303,6 +385,7 @@ impl HeatControl {
     /// Switches all heaters off; the next [`Self::update`] sets the board's outputs.
     pub fn all_off(&mut self) {
         self.channels.iter_mut().flatten().for_each(Channel::off);
+        self.end_step();
     }
 
     /// Switches the power supply; off switches all heaters off as well. The next [`Self::update`] sets the board's output. A fault keeps

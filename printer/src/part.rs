@@ -1,9 +1,10 @@
 //! Parts that only some machines have, as types: the code for them is compiled only where they are.
 
+use core::fmt::Debug;
 use core::future::{Future, Pending, pending};
 
 /// Whether the machine has a part: [`Present`] or [`Absent`].
-pub trait Part {
+pub trait Part: Copy + Debug + PartialEq + 'static {
     /// Whether it has.
     const PRESENT: bool;
 
@@ -13,14 +14,26 @@ pub trait Part {
 
     /// The future that `begin` makes, on a machine with the part.
     fn only<F: Future>(begin: impl FnOnce() -> F) -> Self::Only<F>;
+
+    /// A value that only a machine with the part has room for.
+    type Of<T: Copy + Debug + PartialEq>: Copy + Debug + PartialEq;
+
+    /// Keeps a value, or forgets it.
+    fn of<T: Copy + Debug + PartialEq>(value: T) -> Self::Of<T>;
+
+    /// What is kept.
+    fn get<T: Copy + Debug + PartialEq>(of: &Self::Of<T>) -> Option<&T>;
+
+    /// The same, to be changed.
+    fn get_mut<T: Copy + Debug + PartialEq>(of: &mut Self::Of<T>) -> Option<&mut T>;
 }
 
 /// The machine has the part.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Present;
 
 /// The machine does not have the part.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Absent;
 
 impl Part for Present {
@@ -30,6 +43,20 @@ impl Part for Present {
     fn only<F: Future>(begin: impl FnOnce() -> F) -> F {
         begin()
     }
+
+    type Of<T: Copy + Debug + PartialEq> = T;
+
+    fn of<T: Copy + Debug + PartialEq>(value: T) -> T {
+        value
+    }
+
+    fn get<T: Copy + Debug + PartialEq>(of: &T) -> Option<&T> {
+        Some(of)
+    }
+
+    fn get_mut<T: Copy + Debug + PartialEq>(of: &mut T) -> Option<&mut T> {
+        Some(of)
+    }
 }
 
 impl Part for Absent {
@@ -38,5 +65,17 @@ impl Part for Absent {
 
     fn only<F: Future>(_: impl FnOnce() -> F) -> Pending<F::Output> {
         pending()
+    }
+
+    type Of<T: Copy + Debug + PartialEq> = ();
+
+    fn of<T: Copy + Debug + PartialEq>(_: T) {}
+
+    fn get<T: Copy + Debug + PartialEq>((): &()) -> Option<&T> {
+        None
+    }
+
+    fn get_mut<T: Copy + Debug + PartialEq>((): &mut ()) -> Option<&mut T> {
+        None
     }
 }

@@ -13,7 +13,7 @@ use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError
 use ferrostep_settings::{Slot, StoreError};
 
 use crate::error::Failure;
-use crate::heat::{FanStatus, HeatFault, HeaterStatus, PidGains, RelayProgress};
+use crate::heat::{FanStatus, HeatFault, HeaterModel, HeaterStatus, PidGains, RelayProgress, StepProgress};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 use crate::part::Part;
 
@@ -194,6 +194,20 @@ pub trait Heating {
     fn begin_relay(&mut self, _heater: Heater, _celsius: f32, _cycles: u8, _has_fan: bool) {}
     /// How far the autotune of a heater has come; `None` without one.
     fn relay(&self, _heater: Heater) -> Option<RelayProgress> {
+        None
+    }
+    /// Whether heaters may be controlled by a model.
+    type Models: Part;
+    /// The model that controls a heater; `None` if a PID loop does.
+    fn model(&self, _heater: Heater) -> Option<HeaterModel> {
+        None
+    }
+    /// Changes the model of a heater.
+    fn set_model(&mut self, _heater: Heater, _model: HeaterModel) {}
+    /// Finds the model of a heater, see [`crate::heat::HeatControl::begin_step`].
+    fn begin_step(&mut self, _heater: Heater, _celsius: f32, _has_fan: bool) {}
+    /// How far the step response of a heater has come; `None` without one.
+    fn step(&self, _heater: Heater) -> Option<StepProgress> {
         None
     }
     /// Power and speed of a fan.

@@ -11,7 +11,7 @@ use ferrostep_virtual_board::{
 };
 
 use crate::fans::FanTable;
-use crate::heat::PidGains;
+use crate::heat::{HeaterModel, PidGains};
 use crate::skew::Skew;
 
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
@@ -438,6 +438,8 @@ pub struct Profile {
     pub nozzle: HeaterSettings,
     /// The bed's heater.
     pub bed: HeaterSettings,
+    /// The models that control the nozzle's and the bed's heater, where no PID loop does.
+    pub control_models: [Option<HeaterModel>; 2],
     /// The chamber, if its temperature is known.
     pub chamber: Option<ChamberSettings>,
     /// What a pause does.

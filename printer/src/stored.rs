@@ -1,6 +1,6 @@
 //! M500 to M504: settings that survive the power.
 //!
-//! A memory keeps the values that differ from the profile's ([`groups::GROUPS`]): where a new image brings a better profile, that one's
+//! A memory keeps the values that differ from the profile's ([`groups::Group::all`]): where a new image brings a better profile, that one's
 //! values come into force wherever no others were set.
 
 mod groups;
@@ -16,16 +16,20 @@ use ferrostep_planner::MotionChoice;
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 use ferrostep_tmc2209::DriverSettings;
 
+use crate::part::{Part, Present};
 use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
 use crate::print_clock::Statistics;
 use crate::printer::Printer;
 
-use groups::{GROUPS, Group, Setting, Shown};
+use groups::{Group, Setting, Shown};
 use values::{Values, advance_numbers};
 
+/// Whether heaters may be controlled by a model.
+type Models<P> = <<P as Ports>::Heating as Heating>::Models;
+
 /// What a look at the memory has found.
-struct Stored {
-    values: Values,
+struct Stored<M: Part> {
+    values: Values<M>,
     /// Values in the memory that this machine knows.
     known: usize,
     /// Those that are another version's, or another machine's.
@@ -38,7 +42,7 @@ struct Stored {
     statistics: Statistics,
 }
 
-impl fmt::Display for Stored {
+impl<M: Part> fmt::Display for Stored<M> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { known, foreign, faults, mesh, .. } = self;
         write!(out, "{known} values, {faults} faults")?;
@@ -53,8 +57,8 @@ impl fmt::Display for Stored {
 const STATISTICS: u16 = id_of("statistics");
 
 /// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
-fn setting_of(entry: Entry) -> Option<(&'static Group, &'static Setting)> {
-    for group in &GROUPS {
+fn setting_of<M: Part>(entry: Entry) -> Option<(&'static Group<M>, &'static Setting<M>)> {
+    for group in Group::all() {
         for setting in group.settings {
             if id_of(setting.name) == entry.id {
                 return Some((group, setting));
@@ -191,7 +195,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// The settings in force.
-    fn live_values(&self) -> Values {
+    fn live_values(&self) -> Values<Models<P>> {
         let MotionChoice { shapers, pressure_advance, .. } = self.motion.motion_choice();
         let modal = &self.interpreter.modal;
         Values {
@@ -209,10 +213,11 @@ impl<'a, P: Ports> Printer<'a, P> {
                 .equipment
                 .heaters
                 .then(|| [Heater::Nozzle, Heater::Bed].map(|heater| self.heating.gains(heater))),
+            models: <Models<P>>::of([Heater::Nozzle, Heater::Bed].map(|heater| self.heating.model(heater))),
         }
     }
 
-    fn profile_values(&self) -> Values {
+    fn profile_values(&self) -> Values<Models<P>> {
         Values::of_profile(self.profile, &self.live_drivers(), self.equipment.heaters)
     }
 
@@ -223,7 +228,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             self.replies.send(Reply::Text("echo:; Linear Units:"));
         }
         self.replies.send(Reply::Text("echo:  G21 ; (mm)"));
-        for group in &GROUPS {
+        for group in Group::all() {
             let mut headings = headings;
             for axis in 0..group.axes.map_or(1, str::len) {
                 let mut text = Text::new();
@@ -248,7 +253,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         let (mut live, mut of_profile) = (self.live_values(), self.profile_values());
         let mut record = RecordWriter::new(self.profile.name);
         let (mut count, mut is_whole) = (0_usize, true);
-        for group in &GROUPS {
+        for group in Group::all() {
             for setting in group.settings {
                 for index in 0..group.values_of(setting) {
                     let (Some(live), Some(of_profile)) =
@@ -343,7 +348,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The profile's values with the stored ones in their places. What cannot be used is named.
     #[inline(never)]
-    fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored> {
+    fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored<Models<P>>> {
         let mut stored = Stored {
             values: self.profile_values(),
             known: 0,
@@ -376,7 +381,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// Puts a stored value in its place, if there is one and it is within its range.
-    fn take_entry(&self, entry: Entry, stored: &mut Stored) {
+    fn take_entry(&self, entry: Entry, stored: &mut Stored<Models<P>>) {
         let index = usize::from(entry.index);
         if entry.id == STATISTICS {
             // A number that we do not have counts as the nearest that could be.
@@ -415,13 +420,13 @@ impl<'a, P: Ports> Printer<'a, P> {
 
 /// The keys of a profile that M500 stores, with `*` for the axis, and the command of each.
 pub fn stored_keys() -> impl Iterator<Item = (&'static str, &'static str)> {
-    GROUPS.iter().flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
+    Group::<Present>::all().flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
 }
 
 /// Each value of each setting.
 #[cfg(test)]
-fn all_values() -> impl Iterator<Item = (&'static Setting, usize)> {
-    GROUPS.iter().flat_map(|group| {
+fn all_values() -> impl Iterator<Item = (&'static Setting<Present>, usize)> {
+    Group::all().flat_map(|group| {
         group.settings.iter().flat_map(|setting| (0..group.values_of(setting)).map(move |index| (setting, index)))
     })
 }

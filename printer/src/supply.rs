@@ -48,6 +48,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Home(_)
             | Command::EnableMotors(_)
             | Command::Autotune { .. }
+            | Command::HeaterModel { .. }
             | Command::LoadFilament { .. }
             | Command::Pause(_)
             | Command::ChangeFilament { .. }

@@ -1,10 +1,11 @@
-//! M301, M303 and M304: the gains of heaters, and how they are found.
+//! M301, M303 and M304: the gains of heaters, and how they are found. Of a heater with a model M303 finds that ([`crate::heater_model`]).
 
 use ferrostep_gcode::{Decimal, GainWords, Real, Reply};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
 use crate::heat::{PidGains, RelayProgress, gains_by_relay};
+use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::in_range;
@@ -22,6 +23,10 @@ const MIN_CYCLES: u8 = 3;
 const MIN_CELSIUS: f64 = 40.0;
 /// How far the target stays below the maximum, degrees: the relay heats a little beyond it.
 const NOZZLE_MARGIN_CELSIUS: f32 = 15.0;
+/// The same of a step response, after which the temperature rises further by the slope at full power times the thermistor's lag.
+const STEP_MARGIN_CELSIUS: f32 = 40.0;
+/// Its target for a nozzle where there is none: Marlin's.
+const STEP_CELSIUS: f64 = 200.0;
 const BED_MARGIN_CELSIUS: f32 = 10.0;
 
 /// A gain of a line, if it has one.
@@ -44,10 +49,21 @@ fn tell_cycle(replies: &impl Replies, ended: u8, of: u8, ends: [f32; 2]) {
     replies.say(format_args!(" cycle: {ended}/{of} min: {lowest} max: {highest}"));
 }
 
+/// Reports a part of a step response.
+#[inline(never)]
+fn tell_step(replies: &impl Replies, ended: u8, of: u8) {
+    replies.say(format_args!(" part: {ended}/{of}"));
+}
+
 impl<P: Ports> Printer<'_, P> {
     /// M301, M304.
     pub(crate) fn heater_gains(&mut self, heater: Heater, words: &GainWords) -> Result<(), CommandError> {
         self.needs(self.equipment.heaters, "heaters")?;
+        if self.has_model(heater) {
+            return Err(CommandError::HeaterControl(
+                "M301 and M304 are for a PID loop, and a model controls this heater: M306 sets its constants, M306 T finds them",
+            ));
+        }
         if *words == GainWords::default() {
             self.report_gains(heater, &self.heating.gains(heater));
             return Ok(());
@@ -81,21 +97,39 @@ impl<P: Ports> Printer<'_, P> {
     ) -> Result<(), CommandError> {
         self.may_autotune()?;
         let (celsius, has_fan) = self.autotune_target(heater, target)?;
+        self.may_step(heater, celsius)?;
         self.signals.take_end_wait();
         self.motion.finish().await?;
-        self.replies.send(Reply::Text("PID Autotune start"));
-        self.heating.begin_relay(heater, celsius, cycles.unwrap_or(CYCLES).max(MIN_CYCLES), has_fan);
+        self.begin_autotune(heater, celsius, cycles, has_fan);
         let (mut waits, stops) = (self.waits(), self.motion.stops());
         let (heating, motion, replies) = (&self.heating, &self.motion, self.replies);
         let outcome = waits
-            .for_relay(
+            .for_autotune(
                 heater,
                 heating,
                 || motion.stops() != stops,
-                |ended, of, ends| tell_cycle(replies, ended, of, ends),
+                |ended, of, ends| match ends {
+                    Some(ends) => tell_cycle(replies, ended, of, ends),
+                    None if <P::Heating as Heating>::Models::PRESENT => tell_step(replies, ended, of),
+                    None => {}
+                },
             )
             .await;
         self.end_autotune(heater, celsius, uses, outcome)
+    }
+
+    /// By a relay, or of a heater with a model by a step response.
+    #[inline(never)]
+    fn begin_autotune(&mut self, heater: Heater, celsius: f32, cycles: Option<u8>, has_fan: bool) {
+        if self.has_model(heater) {
+            if cycles.is_some() {
+                self.replies.send(Reply::Text("echo:M303: C has no effect, a model is found by one step"));
+            }
+            self.replies.send(Reply::Text("MPC Autotune start"));
+            return self.heating.begin_step(heater, celsius, has_fan);
+        }
+        self.replies.send(Reply::Text("PID Autotune start"));
+        self.heating.begin_relay(heater, celsius, cycles.unwrap_or(CYCLES).max(MIN_CYCLES), has_fan);
     }
 
     /// The heater goes off, whatever has ended the autotune.
@@ -108,8 +142,13 @@ impl<P: Ports> Printer<'_, P> {
         outcome: Result<(), CommandError>,
     ) -> Result<(), CommandError> {
         let progress = self.heating.relay(heater);
+        let step = if self.has_model(heater) { self.heating.step(heater) } else { None };
         self.heating.set_target(heater, 0.0);
         outcome?;
+        if self.has_model(heater) {
+            self.end_step(heater, step, uses);
+            return Ok(());
+        }
         match progress {
             Some(RelayProgress::Found(findings)) => self.tuned(heater, &gains_by_relay(&findings, celsius), uses),
             _ => self.replies.send(Reply::Text("PID Autotune ended by M108, the gains stay")),
@@ -129,12 +168,17 @@ impl<P: Ports> Printer<'_, P> {
     /// The target of an autotune, degrees Celsius, and whether a fan cools the heater.
     #[inline(never)]
     fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
-        let (usual, margin, has_fan) = match heater {
+        let (mut usual, mut margin, has_fan) = match heater {
             Heater::Nozzle => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
             Heater::Bed | Heater::Chamber => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
         };
         let settings = self.heater_settings(heater)?;
-        let highest = settings.max_target_celsius.min(settings.max_celsius - margin);
+        let highest = |margin| settings.max_target_celsius.min(settings.max_celsius - margin);
+        if heater == Heater::Nozzle && self.has_model(heater) {
+            margin = STEP_MARGIN_CELSIUS;
+            usual = STEP_CELSIUS.min(highest(margin).into());
+        }
+        let highest = highest(margin);
         let celsius = in_range('S', target.map_or(usual, Decimal::to_f64), MIN_CELSIUS, highest.into())?;
         Ok((celsius as f32, has_fan))
     }

@@ -4,7 +4,8 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
-use crate::heat::{HeaterStatus, RelayProgress};
+use crate::heat::{HeaterStatus, RelayProgress, StepProgress};
+use crate::part::Part;
 use crate::paused::PauseAnswer;
 use crate::ports::Heating;
 use crate::profile::HeaterSettings;
@@ -20,6 +21,40 @@ const REPORT_MS: u64 = 1000;
 /// slope is well above the noise of a thermistor, and well below that of a heater 10 degrees above the room.
 const MIN_COOLING_CELSIUS: f32 = 0.5;
 const MIN_COOLING_MS: u64 = 120_000;
+
+/// Parts of an autotune.
+struct Parts {
+    ended: u8,
+    of: u8,
+    /// The lowest and the highest temperature of the last, for a relay's cycle.
+    ends_celsius: Option<[f32; 2]>,
+}
+
+/// How far the autotune of a heater has come; `None`: it has found something.
+fn parts<H: Heating>(heater: Heater, heating: &H) -> Result<Option<Parts>, CommandError> {
+    if H::Models::PRESENT
+        && let Some(step) = heating.step(heater)
+    {
+        return match step {
+            StepProgress::Found(_) => Ok(None),
+            StepProgress::Parts { ended, of } => Ok(Some(Parts { ended, of, ends_celsius: None })),
+            StepProgress::Failed => Err(CommandError::HeaterControl(
+                "MPC Autotune failed! The temperature does not follow the power: is P (power_w) what the heater has? The model stays",
+            )),
+        };
+    }
+    match heating.relay(heater) {
+        // Only a fault or a timeout ends it.
+        None => Err(CommandError::HeatersTimedOut),
+        Some(RelayProgress::Failed) => Err(CommandError::HeaterControl(
+            "PID Autotune failed! timeout: the temperature does not swing around S, is the heater strong enough for it?",
+        )),
+        Some(RelayProgress::Found(_)) => Ok(None),
+        Some(RelayProgress::Cycles { ended, of, lowest_celsius, highest_celsius }) => {
+            Ok(Some(Parts { ended, of, ends_celsius: Some([lowest_celsius, highest_celsius]) }))
+        }
+    }
+}
 
 /// Watches a heater cool.
 #[derive(Clone, Copy, Debug, Default)]
@@ -83,13 +118,13 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
-    /// Waits until the relay of a heater has found something, or M108 ends the wait. `is_stopped` says whether motion was stopped.
-    pub async fn for_relay(
+    /// Waits until the autotune of a heater has found something, or M108 ends the wait. `is_stopped` says whether motion was stopped.
+    pub async fn for_autotune(
         &mut self,
         heater: Heater,
         heating: &impl Heating,
         is_stopped: impl Fn() -> bool,
-        tell: impl Fn(u8, u8, [f32; 2]),
+        tell: impl Fn(u8, u8, Option<[f32; 2]>),
     ) -> Result<(), CommandError> {
         let mut told = 0;
         loop {
@@ -102,16 +137,9 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             if self.signals.take_end_wait() {
                 return Ok(());
             }
-            match heating.relay(heater) {
-                // Only a fault or a timeout ends it.
-                None => return Err(CommandError::HeatersTimedOut),
-                Some(RelayProgress::Failed) => return Err(CommandError::NotTuned),
-                Some(RelayProgress::Found(_)) => return Ok(()),
-                Some(RelayProgress::Cycles { ended, of, lowest_celsius, highest_celsius }) => {
-                    if core::mem::replace(&mut told, ended) != ended {
-                        tell(ended, of, [lowest_celsius, highest_celsius]);
-                    }
-                }
+            let Some(Parts { ended, of, ends_celsius }) = parts(heater, heating)? else { return Ok(()) };
+            if core::mem::replace(&mut told, ended) != ended {
+                tell(ended, of, ends_celsius);
             }
             self.clock.delay_ms(LOOK_MS as u32).await;
         }

@@ -2,7 +2,7 @@
 
 use ferrostep_checked_toml::{Field, Range, Section, range};
 use ferrostep_hal_shim::SpareConnector;
-use ferrostep_printer::{ChamberSettings, HeaterSettings, HeaterWatch, PidGains};
+use ferrostep_printer::{ChamberSettings, HeaterModel, HeaterSettings, HeaterWatch, PidGains};
 use ferrostep_thermistor::{Thermistor, ThermistorType};
 use ferrostep_virtual_board::HeatedMass;
 
@@ -14,6 +14,11 @@ const PROPORTIONAL: Range = gain(PidGains::PROPORTIONAL, "per degree");
 const INTEGRAL: Range = gain(PidGains::INTEGRAL, "per degree and second");
 const DERIVATIVE: Range = gain(PidGains::DERIVATIVE, "seconds per degree");
 const FAN: Range = gain(PidGains::FAN, "per degree");
+const MODEL_POWER: Range = gain(HeaterModel::POWER_W, "W");
+const MODEL_CAPACITY: Range = gain(HeaterModel::CAPACITY_J_PER_K, "J/K");
+const MODEL_LOSS: Range = gain(HeaterModel::LOSS_W_PER_K, "W/K");
+const MODEL_SENSOR: Range = gain(HeaterModel::SENSOR_PER_S, "1/s");
+const MODEL_FILAMENT: Range = gain(HeaterModel::FILAMENT_J_PER_K_MM, "J/K for each mm");
 const RESIDENCY_WINDOW: Range = range(0.1, 20.0, "degrees");
 const RESIDENCY: Range = range(0.0, 600.0, "s");
 const R25: Range = range(1_000.0, 1_000_000.0, "ohms");
@@ -121,14 +126,47 @@ pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
     Some(ChamberSettings { thermistor, heater, settings })
 }
 
-/// Nozzle and bed.
-pub(crate) fn heaters(keys: &Section<'_>) -> [HeaterSettings; 2] {
-    [("nozzle", NOZZLE), ("bed", BED)].map(|(name, kind)| heater(keys, name, &kind))
+/// Nozzle and bed, each with the model that controls it if one does.
+pub(crate) fn heaters(keys: &Section<'_>) -> [(HeaterSettings, Option<HeaterModel>); 2] {
+    [("nozzle", NOZZLE), ("bed", BED)].map(|(name, kind)| {
+        let table = keys.section(name, "");
+        (heater_of(&table, name, &kind), control_model(&table.apart(), name))
+    })
 }
 
-/// Range and control of one heater. A prepared job sets its targets, so that it is bound to their end; the rest is apart.
-fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings {
-    heater_of(&keys.section(name, ""), name, kind)
+/// The model that controls a heater.
+fn control_model(heater: &Section<'_>, name: &str) -> Option<HeaterModel> {
+    let about = "a [model](heaters.md#control-by-a-model) controls the heater: M306 T finds all but `power_w` and the filament's; the gains \
+                 of the PID loop have no effect beside it";
+    let model = heater.optional_section("control_model", "the PID loop controls it", about)?;
+    let power_w = model.number("power_w", MODEL_POWER).required("of the heater at full") as f32;
+    let capacity_j_per_k = model.number("capacity_j_per_k", MODEL_CAPACITY).required("of what it heats") as f32;
+    let loss = model.number("loss_w_per_k", MODEL_LOSS).required("to still air");
+    let sensor_per_s =
+        model.number("sensor_per_s", MODEL_SENSOR).required("how fast the thermistor follows: one over its lag") as f32;
+    let fanned = model
+        .number("fanned_loss_w_per_k", MODEL_LOSS.at_least(loss, "at least loss_w_per_k"))
+        .optional("`loss_w_per_k`", "the nozzle's with the part-cooling fan at full power");
+    let filament = model
+        .number("filament_j_per_k_mm", MODEL_FILAMENT)
+        .optional("0.0054, PLA of 1.75 mm", "heat that a millimetre of filament takes from the nozzle");
+    if name == "bed" {
+        for (key, value) in [("fanned_loss_w_per_k", fanned), ("filament_j_per_k_mm", filament)] {
+            if value.is_some() {
+                model.refuse(key, "no such key: neither fan nor filament cools the bed");
+            }
+        }
+    }
+    let fanned = fanned.unwrap_or(loss);
+    let filament = filament.unwrap_or(if name == "bed" { 0.0 } else { HeaterModel::PLA_J_PER_K_MM });
+    Some(HeaterModel {
+        power_w,
+        capacity_j_per_k,
+        loss_w_per_k: loss as f32,
+        fanned_loss_w_per_k: fanned as f32,
+        sensor_per_s,
+        filament_j_per_k_mm: filament as f32,
+    })
 }
 
 fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings {

@@ -89,7 +89,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let bltouch = bltouch::bltouch(keys, is_probe, &homing[2], &safe_homing, mesh.as_ref());
     let bed_screws =
         bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), &safe_homing, mesh.is_some());
-    let [nozzle, bed] = heaters::heaters(keys);
+    let [(nozzle, nozzle_model), (bed, bed_model)] = heaters::heaters(keys);
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
         keys.refuse("min_extrusion_celsius", expected);
@@ -130,6 +130,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,
         bed,
+        control_models: [nozzle_model, bed_model],
         chamber: heaters::chamber(&apart),
         pause: pause::pause(&apart, &travel),
         fans: fans::fans(&apart),

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use ferrostep_hal_shim::{FanOutput, Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, RelayProgress, SAMPLE_MS};
+use ferrostep_printer::heat::{HeatControl, HeatFault, HeaterModel, RelayProgress, SAMPLE_MS, StepProgress};
 use ferrostep_printer::{FanDemand, FanStatus, HeaterStatus, Heating, PidGains, Profile};
 use ferrostep_virtual_board::{HeaterFailure, VirtualHeaters};
 
@@ -28,7 +28,8 @@ impl DeskHeat {
     pub fn new(profile: &Profile, steps_at_rest: bool) -> Self {
         let mut heaters = profile.virtual_heaters();
         // The first temperatures are there before the first command.
-        let mut control = HeatControl::new(profile.heaters(), profile.fans, &mut heaters);
+        let mut control: HeatControl = HeatControl::new(profile.heaters(), profile.fans, &mut heaters);
+        control.set_models(&profile.control_models);
         if let Some(supply) = profile.power_supply {
             control.set_supply(supply.on_at_start);
             heaters.set_supply(supply.on_at_start);
@@ -67,6 +68,10 @@ impl DeskHeat {
         let mut outcome = Ok(());
         while self.next_ns <= now_ns {
             if !self.steps_at_rest {
+                // A step response counts samples while it holds its target.
+                if Heater::ALL.into_iter().any(|heater| self.control.step(heater).is_some()) {
+                    self.at_rest.disturb();
+                }
                 if self.at_rest.is_at_rest() {
                     self.next_ns += (now_ns - self.next_ns) / SAMPLE_NS * SAMPLE_NS + SAMPLE_NS;
                     break;
@@ -112,6 +117,7 @@ pub struct DeskHeating<'a>(pub &'a RefCell<DeskHeat>);
 
 impl Heating for DeskHeating<'_> {
     type Supply = ferrostep_printer::Present;
+    type Models = ferrostep_printer::Present;
 
     fn set_target(&mut self, heater: Heater, celsius: f32) {
         let heat = &mut *self.0.borrow_mut();
@@ -168,6 +174,26 @@ impl Heating for DeskHeating<'_> {
         self.0.borrow().control.relay(heater)
     }
 
+    fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.0.borrow().control.model(heater)
+    }
+
+    fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.set_model(heater, model);
+    }
+
+    fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.begin_step(heater, celsius, has_fan);
+    }
+
+    fn step(&self, heater: Heater) -> Option<StepProgress> {
+        self.0.borrow().control.step(heater)
+    }
+
     fn fan(&self, output: FanOutput) -> FanStatus {
         self.0.borrow().control.fan(output)
     }
@@ -180,5 +206,33 @@ impl Heating for DeskHeating<'_> {
         let heat = &mut *self.0.borrow_mut();
         heat.at_rest.disturb();
         heat.control.restart()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// Though the heater is at rest while its power is measured.
+    #[test]
+    fn a_step_response_ends_in_an_estimate_too() {
+        let model =
+            "[nozzle.control_model]\npower_w = 40\ncapacity_j_per_k = 10\nloss_w_per_k = 0.1\nsensor_per_s = 0.2\n";
+        let text = format!("{}\n{model}", ferrostep_profiles::builtin_text("cartesian").unwrap());
+        let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+        let heat = RefCell::new(DeskHeat::new(&profile, false));
+        let mut heating = DeskHeating(&heat);
+        heating.begin_step(Heater::Nozzle, 200.0, true);
+        for second in 1..900 {
+            heat.borrow_mut().pass_to(second * 1_000_000_000, FanDemand::default()).unwrap();
+        }
+        let Some(StepProgress::Found(found)) = heating.step(Heater::Nozzle) else {
+            panic!("{:?}", heating.step(Heater::Nozzle))
+        };
+        // What the built-in profile's nozzle is on the virtual board: without a lag.
+        assert!((found.capacity_j_per_k / 12.0 - 1.0).abs() < 0.1, "{found:?}");
+        assert!((found.fanned_loss_w_per_k / 0.13 - 1.0).abs() < 0.1, "{found:?}");
+        assert_eq!(heating.status(Heater::Nozzle).target_celsius, 0.0);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use ferrostep_gcode::{Command, parse};
+use ferrostep_gcode::{Command, HeaterModelWords, parse};
 use ferrostep_gpre::compact::{Decoder, FrameState};
 use ferrostep_gpre::{Fault, Item};
 use ferrostep_printer::{CommandError, Ports, Printer, Profile};
@@ -69,6 +69,11 @@ impl Passed {
                     | Command::IdleTimeout { .. }
                     | Command::HeaterTimeout(Some(_)),
                 ) => self.others.push((line, text.to_owned())),
+                Ok(Command::HeaterModel { words, .. }) => {
+                    if HeaterModelWords::read(words).is_ok_and(|words| !words.tunes) {
+                        self.others.push((line, text.to_owned()));
+                    }
+                }
                 // The frame itself contains what these have set.
                 Ok(
                     Command::SetPosition(_)

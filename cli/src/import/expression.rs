@@ -86,7 +86,19 @@ impl Reader<'_> {
 
     fn word(&mut self) -> Option<f64> {
         let is_part = |char: char| char.is_ascii_alphanumeric() || char == '_' || char == '.';
-        let end = self.rest.find(|char| !is_part(char)).unwrap_or(self.rest.len());
+        let word_end = |from: usize| {
+            let rest = self.rest.get(from..).unwrap_or_default();
+            from + rest.find(|char| !is_part(char)).unwrap_or(rest.len())
+        };
+        let mut end = word_end(0);
+        let (word, rest) = self.rest.split_at(end);
+        // The sign of an exponent: 5.6e-3.
+        if word.starts_with(|char: char| char.is_ascii_digit() || char == '.')
+            && word.ends_with(['e', 'E'])
+            && rest.starts_with(['-', '+'])
+        {
+            end = word_end(end + 1);
+        }
         let (word, rest) = self.rest.split_at(end);
         self.rest = rest;
         if word.starts_with(|char: char| char.is_ascii_digit() || char == '.') {
@@ -112,6 +124,7 @@ mod tests {
         let names = HashMap::from([("TEETH", "20"), ("STEPS", "((200) * (16) / double(2) / double(TEETH))")]);
         let names = names.into_iter().map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
         assert_eq!(number("STEPS", &names), Some(80.0));
+        assert_eq!(list("{ 5.6e-3f, 2E+1-3, 1e, 5e-TEETH }", &names), Some(vec![Some(0.0056), Some(17.0), None, None]));
         assert_eq!(
             list("{ STEPS, 760*1.5, unknown(3), double(1 }", &names),
             Some(vec![Some(80.0), Some(1140.0), None, None])

@@ -353,6 +353,7 @@ impl<'a> Reading<'a> {
                 }
             }
         }
+        self.heater_model();
         self.chamber();
         for (name, path) in [
             ("EXTRUDE_MINTEMP", "min_extrusion_celsius"),
@@ -370,6 +371,33 @@ impl<'a> Reading<'a> {
             ("TEMP_BED_WINDOW", "bed.residency_window_celsius"),
         ] {
             self.keep_number(name, path, |number| number);
+        }
+    }
+
+    /// The nozzle's model (MPC), of which there is one for each nozzle: the first is the profile's.
+    fn heater_model(&mut self) {
+        if self.get("MPCTEMP").is_none() {
+            return;
+        }
+        let mut power_w = None;
+        for (name, key) in [
+            ("MPC_HEATER_POWER", "power_w"),
+            ("MPC_BLOCK_HEAT_CAPACITY", "capacity_j_per_k"),
+            ("MPC_SENSOR_RESPONSIVENESS", "sensor_per_s"),
+            ("MPC_AMBIENT_XFER_COEFF", "loss_w_per_k"),
+            ("MPC_AMBIENT_XFER_COEFF_FAN255", "fanned_loss_w_per_k"),
+            ("FILAMENT_HEAT_CAPACITY_PERMM", "filament_j_per_k_mm"),
+        ] {
+            match self.list(name).and_then(|list| list.first().copied().flatten()) {
+                Some(constant) => {
+                    power_w = power_w.or(Some(constant));
+                    self.keep(name, &format!("nozzle.control_model.{key}"), constant, "");
+                }
+                None => self.lose(name, NO_NUMBER),
+            }
+        }
+        if let Some(power_w) = power_w {
+            self.keep("MPCTEMP", "nozzle.control_model.power_w", power_w, "");
         }
     }
 

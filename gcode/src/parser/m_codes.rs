@@ -190,6 +190,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         301 | 304 => gains(code, remarks),
         303 => autotune(code, remarks),
+        306 => Ok(Command::HeaterModel { text: code.text.trim_matches([' ', '\t']), words: code.rest }),
         // ANCHOR: m302
         302 => {
             let mut words = code.words(remarks)?;

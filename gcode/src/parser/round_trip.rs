@@ -270,7 +270,7 @@ fn print(command: Command<'_>, style: Style) -> String {
             return format!("M118 {action}{echo}{text}");
         }
         Command::Accepted => return "M486 S1".to_owned(),
-        Command::Unknown(text) => return text.to_owned(),
+        Command::Unknown(text) | Command::HeaterModel { text, .. } => return text.to_owned(),
         _ => {}
     }
     let (letter, code, mut words) = take_apart(command);
@@ -547,6 +547,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             Command::Restart,
             Command::Accepted,
             Command::Unknown("M428 S3"),
+            Command::HeaterModel { text: "M306 E0 P40", words: " E0 P40" },
         ]),
     ]
 }

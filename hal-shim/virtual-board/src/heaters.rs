@@ -156,6 +156,13 @@ impl VirtualHeaters {
         self.heater(heater).map_or(AMBIENT_CELSIUS, |heater| heater.thermistor_celsius)
     }
 
+    /// What a heater heats takes heat from elsewhere, W, for `seconds`; filament that it melts takes some away.
+    pub fn warm(&mut self, heater: Heater, watts: f32, seconds: f32) {
+        if let Some(heater) = self.heater_mut(heater) {
+            heater.model.warm(watts, seconds);
+        }
+    }
+
     /// Last power set for a heater, 0 to 1.
     pub fn power(&self, heater: Heater) -> f32 {
         self.heater(heater).map_or(0.0, |heater| heater.power)

@@ -8,13 +8,15 @@
 //! C dT/dt = P - G (T - ambient)        lag dS/dt = T - S
 //! ```
 //!
+//! G is the loss to still air, more of it with the fan, and what filament takes that is melted.
+//!
 //! | what | test |
 //! |---|---|
-//! | mass, loss, fan, sensor lag, each in closed form | `fine_steps_agree`, `the_body_settles_*`, `equal_times_*` |
+//! | mass, loss, fan, filament, sensor lag, each in closed form | `fine_steps_agree`, `the_body_settles_*`, `equal_times_*` |
 //! | transport delay | `a_dead_time_*` |
 //! | supply voltage, broken heater, switch shorted | `faults_*` |
 //!
-//! Left out: radiation (loss that grows faster than the difference), the heat of melting filament, heat from the bed to
+//! Left out: radiation (loss that grows faster than the difference), heat from the bed to
 //! the nozzle. Set `loss_w_per_k` for the temperature of interest.
 
 pub mod thermistor;
@@ -56,6 +58,7 @@ pub struct Heater {
     on: bool,
     power_scale: f64,
     fan: f64,
+    filament_w_per_k: f64,
     fault: Option<HeaterFault>,
     ambient_celsius: f64,
     /// Changes of power that have not reached the body yet.
@@ -92,6 +95,7 @@ impl Heater {
             on: false,
             power_scale: 1.0,
             fan: 0.0,
+            filament_w_per_k: 0.0,
             fault: None,
             ambient_celsius,
             pending: VecDeque::new(),
@@ -133,6 +137,12 @@ impl Heater {
     pub fn set_fan(&mut self, now_ns: u64, fan: f64) {
         self.advance(now_ns);
         self.fan = fan.clamp(0.0, 1.0);
+    }
+
+    /// Sets the heat that filament takes, which comes as cold as the air, in watts per kelvin above ambient.
+    pub fn set_filament(&mut self, now_ns: u64, w_per_k: f64) {
+        self.advance(now_ns);
+        self.filament_w_per_k = w_per_k.max(0.0);
     }
 
     /// Sets the air's temperature in degrees Celsius.
@@ -214,7 +224,7 @@ impl Heater {
             return;
         }
         self.at_ns = until_ns;
-        let loss_w_per_k = self.config.loss_w_per_k + self.fan * self.config.fan_loss_w_per_k;
+        let loss_w_per_k = self.config.loss_w_per_k + self.fan * self.config.fan_loss_w_per_k + self.filament_w_per_k;
         let end_celsius = self.ambient_celsius + self.power_w / loss_w_per_k;
         let body_s = self.config.capacity_j_per_k / loss_w_per_k;
         let lag_s = self.config.sensor_lag_s;
@@ -297,6 +307,9 @@ mod tests {
         assert!((heater.sensor_celsius(3_000 * SECOND) - end).abs() < 0.01);
         heater.set_fan(3_000 * SECOND, 1.0);
         assert!((heater.sensor_celsius(6_000 * SECOND) - (21.0 + 40.0 / 0.16)).abs() < 0.01);
+        let mut melting = heater.clone();
+        melting.set_filament(6_000 * SECOND, 0.04);
+        assert!((melting.sensor_celsius(9_000 * SECOND) - (21.0 + 40.0 / 0.2)).abs() < 0.01);
         assert!((heater.energy_j(6_000 * SECOND) - 240_000.0).abs() < 1e-6);
         heater.set_on(6_000 * SECOND, false);
         assert!((heater.body_celsius(9_000 * SECOND) - 21.0).abs() < 0.01);

@@ -57,6 +57,8 @@ impl Plant {
             eeprom: None,
             bltouch: None,
             filament_encoder: None,
+            filament_j_per_k_mm: 0.0,
+            filament: super::Filament::default(),
             motor_rail: Rail::new(supply::Config::motors_24_v()),
             chip_rail: Rail::new(supply::Config::chip_3_3_v()),
             ambient_celsius: AMBIENT_CELSIUS,

@@ -23,6 +23,7 @@ mod filament_motion;
 mod foreign_code;
 mod halted;
 mod heater_fault;
+mod heater_model;
 mod heaters;
 mod host;
 mod images;

@@ -8,8 +8,9 @@ use ferrostep_gcode::{Command, Line, LineError, Reply};
 use super::state::Job;
 use crate::error::Failure;
 use crate::host::Host;
+use crate::part::Part;
 use crate::paused::PauseAnswer;
-use crate::ports::{Motion, Ports, Replies};
+use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Printer, Source};
 
 /// Something that hosts have sent while the card prints.
@@ -196,6 +197,10 @@ impl<P: Ports> Printer<'_, P> {
         self.card.job == Job::Printing
             && match command {
                 Command::Bed(bed) => self.has_bed() && !bed.is_query(),
+                // M306 T is an autotune.
+                Command::HeaterModel { words, .. } => {
+                    <P::Heating as Heating>::Models::PRESENT && words.contains(['T', 't'])
+                }
                 _ => matches!(
                     command,
                     Command::Linear { .. }

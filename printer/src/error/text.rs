@@ -98,9 +98,7 @@ impl fmt::Display for CommandError {
             Self::TunesNoPrint => out.write_str(
                 "M303 is for an idle printer: the nozzle has a target or a print is paused; end it (M524, M104 S0), then tune",
             ),
-            Self::NotTuned => out.write_str(
-                "PID Autotune failed! timeout: the temperature does not swing around S, is the heater strong enough for it?",
-            ),
+            Self::HeaterControl(text) => out.write_str(text),
             Self::NotPaused => write!(out, "no print is paused: M601, M600 or M25 pauses one"),
             Self::Shifted { shift_10nm } => write!(
                 out,

@@ -32,6 +32,7 @@ struct Hot(f32);
 
 impl Heating for Hot {
     type Supply = crate::Present;
+    type Models = crate::Present;
 
     fn set_target(&mut self, _: Heater, _: f32) {}
     fn status(&self, _: Heater) -> HeaterStatus {

@@ -3,6 +3,8 @@
 mod chamber;
 mod checks;
 mod failures;
+mod load;
+mod modelled;
 mod properties;
 mod supply;
 mod tuning;

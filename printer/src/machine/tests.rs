@@ -86,6 +86,7 @@ pub(crate) fn profile() -> Profile {
         nozzle: heater,
         bed: heater,
         chamber: None,
+        control_models: [None; 2],
         fans: FanSettings::USUAL,
         filament_sensor: None,
         power_supply: None,

@@ -7,15 +7,16 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, PressureAdvance};
 
 use super::values::{MM, Place, Values};
-use crate::heat::PidGains;
+use crate::heat::{HeaterModel, PidGains};
 use crate::home_offset::LARGEST_MM;
+use crate::part::Part;
 use crate::profile::{PauseSettings, SafeHoming};
 use crate::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
 use crate::skew::Skew;
 use crate::tuning::FULL_POWER;
 
 /// A setting: one value, or one for each of its letters.
-pub(crate) struct Setting {
+pub(crate) struct Setting<M: Part> {
     /// Its key in a profile, with `*` for the axis. A memory knows it by this name.
     pub name: &'static str,
     /// The words of its values.
@@ -25,26 +26,26 @@ pub(crate) struct Setting {
     /// What the command's unit is of the profile's.
     pub scale: f64,
     /// Its value number `index`, where this machine has it.
-    pub place: fn(&mut Values, usize) -> Option<Place<'_>>,
+    pub place: fn(&mut Values<M>, usize) -> Option<Place<'_>>,
 }
 
 /// The settings of a command.
-pub(crate) struct Group {
+pub(crate) struct Group<M: Part> {
     /// The command.
     pub code: &'static str,
     /// What they are.
     pub heading: &'static str,
     /// `Some`: a line for each of these axes, and in it a word for each setting. `None`: all values in a line.
     pub axes: Option<&'static str>,
-    pub settings: &'static [Setting],
+    pub settings: &'static [Setting<M>],
 }
 
-const fn setting(
+const fn setting<M: Part>(
     name: &'static str,
     letters: &'static str,
     range: [f64; 2],
-    place: fn(&mut Values, usize) -> Option<Place<'_>>,
-) -> Setting {
+    place: fn(&mut Values<M>, usize) -> Option<Place<'_>>,
+) -> Setting<M> {
     Setting { name, letters, range, scale: 1.0, place }
 }
 
@@ -59,256 +60,318 @@ const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
 
-/// Every setting that M500 stores. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
-/// of machines contain them.
-pub(crate) static GROUPS: [Group; 18] = [
-    Group {
-        code: "M92",
-        heading: "echo:; Steps per unit:",
-        axes: None,
-        settings: &[setting("steps_per_mm.e", "E", STEPS, |values, _| {
-            Some(Place::Number(&mut values.extruder_steps_per_mm))
-        })],
-    },
-    Group {
-        code: "M203",
-        heading: "echo:; Max feedrates (units/s):",
-        axes: None,
-        settings: &[setting("max_feed_mm_per_s.*", AXES, LIMITS, |values, axis| {
-            values.limits.max_feed_mm_per_s.get_mut(axis).map(Place::Number)
-        })],
-    },
-    Group {
-        code: "M201",
-        heading: "echo:; Max Acceleration (units/s2):",
-        axes: None,
-        settings: &[setting("max_acceleration_mm_per_s2.*", AXES, LIMITS, |values, axis| {
-            values.limits.max_acceleration_mm_per_s2.get_mut(axis).map(Place::Number)
-        })],
-    },
-    Group {
-        code: "M204",
-        heading: "echo:; Acceleration (units/s2):",
-        axes: None,
-        settings: &[
-            setting("acceleration_mm_per_s2.print", "P", LIMITS, |values, _| {
-                Some(Place::Number(&mut values.limits.print_acceleration_mm_per_s2))
-            }),
-            setting("acceleration_mm_per_s2.retract", "R", LIMITS, |values, _| {
-                Some(Place::Number(&mut values.limits.retract_acceleration_mm_per_s2))
-            }),
-            setting("acceleration_mm_per_s2.travel", "T", LIMITS, |values, _| {
-                Some(Place::Number(&mut values.limits.travel_acceleration_mm_per_s2))
-            }),
-        ],
-    },
-    Group {
-        code: "M205",
-        heading: "echo:; Corners:",
-        axes: None,
-        settings: &[
-            setting("junction_deviation_mm", "J", [0.000_01, 10.0], |values, _| {
-                Some(Place::Number(&mut values.limits.junction_deviation_mm))
-            }),
-            setting("instantaneous_corner_velocity_mm_per_s.*", AXES, LIMITS, |values, axis| {
-                // An axis without such a limit gets none.
-                let limit = values.limits.instantaneous_corner_velocity_mm_per_s.get_mut(axis)?;
-                limit.is_finite().then_some(Place::Number(limit))
-            }),
-        ],
-    },
-    Group {
-        code: "M207",
-        heading: "echo:; Retract:",
-        axes: None,
-        settings: &[
-            setting("firmware_retraction.length_mm", "S", LENGTHS, |values, _| {
-                Some(Place::Length(&mut values.retraction.length_10nm))
-            }),
-            Setting {
-                scale: 60.0,
-                ..setting("firmware_retraction.retract_mm_per_s", "F", SPEEDS, |values, _| {
-                    Some(Place::Length(&mut values.retraction.retract_10nm_per_s))
-                })
-            },
-            setting("firmware_retraction.lift_mm", "Z", LENGTHS, |values, _| {
-                Some(Place::Length(&mut values.retraction.lift_10nm))
-            }),
-        ],
-    },
-    Group {
-        code: "M208",
-        heading: "echo:; Recover:",
-        axes: None,
-        settings: &[
-            setting("firmware_retraction.extra_recover_mm", "S", [-100.0, 100.0], |values, _| {
-                Some(Place::Length(&mut values.retraction.extra_recover_10nm))
-            }),
-            Setting {
-                scale: 60.0,
-                ..setting("firmware_retraction.recover_mm_per_s", "F", SPEEDS, |values, _| {
-                    Some(Place::Length(&mut values.retraction.recover_10nm_per_s))
-                })
-            },
-        ],
-    },
-    Group {
-        code: "M603",
-        heading: "echo:; Filament load/unload lengths:",
-        axes: None,
-        settings: &[
-            setting("pause.unload_mm", "U", FILAMENT, |values, _| values.filament_10nm.first_mut().map(Place::Length)),
-            setting("pause.load_mm", "L", FILAMENT, |values, _| values.filament_10nm.get_mut(1).map(Place::Length)),
-        ],
-    },
-    Group {
-        code: "M593",
-        heading: "echo:; Input Shaping:",
-        axes: Some("XY"),
-        settings: &[
-            setting("input_shaper.*.kind", "P", [0.0, 1e9], |values, axis| {
-                values.shapers.get_mut(axis).map(|shaper| Place::Kind(&mut shaper.kind))
-            }),
-            setting("input_shaper.*.frequency_hz", "F", AxisShaper::FREQUENCY_HZ, |values, axis| {
-                values.shapers.get_mut(axis).map(|shaper| Place::Number(&mut shaper.frequency_hz))
-            }),
-            setting("input_shaper.*.damping", "D", [0.0, 0.99], |values, axis| {
-                values.shapers.get_mut(axis).map(|shaper| Place::Number(&mut shaper.damping))
-            }),
-        ],
-    },
-    Group {
-        code: "M572",
-        heading: "echo:; Pressure Advance:",
-        axes: None,
-        settings: &[
-            setting("pressure_advance.seconds", "S", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {
-                values.advance.get_mut(0).map(Place::Optional)
-            }),
-            setting("pressure_advance.smooth_time_s", "W", PressureAdvance::SMOOTH_TIME_S, |values, _| {
-                values.advance.get_mut(1).map(Place::Optional)
-            }),
-            setting("pressure_advance.above.seconds", "L", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {
-                values.advance.get_mut(2).map(Place::Optional)
-            }),
-            setting(
-                "pressure_advance.above.filament_mm_per_s",
-                "T",
-                PressureAdvance::FILAMENT_MM_PER_S,
-                |values, _| values.advance.get_mut(3).map(Place::Optional),
-            ),
-        ],
-    },
-    Group {
-        code: "M851",
-        heading: "echo:; Z-Probe Offset (mm):",
-        axes: None,
-        settings: &[
-            setting("homing.probe_offset_mm.*", "XY", [-2000.0, 2000.0], |values, axis| {
-                values.probe_offset_10nm.as_mut()?.get_mut(axis).map(Place::Length)
-            }),
-            setting("homing.probe_offset_mm.z", "Z", PROBE_Z, |values, _| {
-                values.probe_offset_10nm.as_mut()?.get_mut(2).map(Place::Length)
-            }),
-        ],
-    },
-    Group {
-        code: "M206",
-        heading: "echo:; Home offset:",
-        axes: None,
-        settings: &[setting("homing.home_offset_mm.*", "XYZ", [-LARGEST_MM, LARGEST_MM], |values, axis| {
-            values.home_offset_10nm.get_mut(axis).map(Place::Length)
-        })],
-    },
-    Group {
-        code: "M852",
-        heading: "echo:; Skew Factor:",
-        axes: None,
-        settings: &[
-            setting("skew.xy.factor", "I", SKEW, |values, _| values.skew_factors.first_mut().map(Place::Number)),
-            setting("skew.xz.factor", "J", SKEW, |values, _| values.skew_factors.get_mut(1).map(Place::Number)),
-            setting("skew.yz.factor", "K", SKEW, |values, _| values.skew_factors.get_mut(2).map(Place::Number)),
-        ],
-    },
-    Group {
-        code: "M906",
-        heading: "echo:; Stepper driver current:",
-        axes: None,
-        settings: &[setting("drivers.*.current_ma", AXES, [0.0, 3000.0], |values, motor| {
-            values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Whole(&mut driver.current_ma))
-        })],
-    },
-    Group {
-        code: "M914",
-        heading: "echo:; StallGuard threshold:",
-        axes: None,
-        settings: &[setting("drivers.*.stall_threshold", AXES, [0.0, 255.0], |values, motor| {
-            values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Byte(&mut driver.stall_threshold))
-        })],
-    },
-    Group {
-        code: "M569",
-        heading: "echo:; Driver stepping mode:",
-        axes: Some(AXES),
-        settings: &[setting("drivers.*.stealth_chop", "S", [0.0, 1.0], |values, motor| {
-            values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Switch(&mut driver.stealth_chop))
-        })],
-    },
-    Group {
-        code: "M301",
-        heading: "echo:; Hotend PID:",
-        axes: None,
-        settings: &[
-            gain("nozzle.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
-                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.proportional))
-            }),
-            gain("nozzle.integral", "I", PidGains::INTEGRAL, |values, _| {
-                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.integral))
-            }),
-            gain("nozzle.derivative", "D", PidGains::DERIVATIVE, |values, _| {
-                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.derivative))
-            }),
-            gain("nozzle.fan_gain", "F", PidGains::FAN, |values, _| {
-                values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.fan))
-            }),
-        ],
-    },
-    Group {
-        code: "M304",
-        heading: "echo:; Bed PID:",
-        axes: None,
-        settings: &[
-            gain("bed.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
-                values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.proportional))
-            }),
-            gain("bed.integral", "I", PidGains::INTEGRAL, |values, _| {
-                values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.integral))
-            }),
-            gain("bed.derivative", "D", PidGains::DERIVATIVE, |values, _| {
-                values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.derivative))
-            }),
-        ],
-    },
-];
+impl<M: Part> Group<M> {
+    /// Every setting that M500 stores, but for those of models. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
+    /// of machines contain them.
+    const GROUPS: &'static [Self] = &[
+        Self {
+            code: "M92",
+            heading: "echo:; Steps per unit:",
+            axes: None,
+            settings: &[setting("steps_per_mm.e", "E", STEPS, |values, _| {
+                Some(Place::Number(&mut values.extruder_steps_per_mm))
+            })],
+        },
+        Self {
+            code: "M203",
+            heading: "echo:; Max feedrates (units/s):",
+            axes: None,
+            settings: &[setting("max_feed_mm_per_s.*", AXES, LIMITS, |values, axis| {
+                values.limits.max_feed_mm_per_s.get_mut(axis).map(Place::Number)
+            })],
+        },
+        Self {
+            code: "M201",
+            heading: "echo:; Max Acceleration (units/s2):",
+            axes: None,
+            settings: &[setting("max_acceleration_mm_per_s2.*", AXES, LIMITS, |values, axis| {
+                values.limits.max_acceleration_mm_per_s2.get_mut(axis).map(Place::Number)
+            })],
+        },
+        Self {
+            code: "M204",
+            heading: "echo:; Acceleration (units/s2):",
+            axes: None,
+            settings: &[
+                setting("acceleration_mm_per_s2.print", "P", LIMITS, |values, _| {
+                    Some(Place::Number(&mut values.limits.print_acceleration_mm_per_s2))
+                }),
+                setting("acceleration_mm_per_s2.retract", "R", LIMITS, |values, _| {
+                    Some(Place::Number(&mut values.limits.retract_acceleration_mm_per_s2))
+                }),
+                setting("acceleration_mm_per_s2.travel", "T", LIMITS, |values, _| {
+                    Some(Place::Number(&mut values.limits.travel_acceleration_mm_per_s2))
+                }),
+            ],
+        },
+        Self {
+            code: "M205",
+            heading: "echo:; Corners:",
+            axes: None,
+            settings: &[
+                setting("junction_deviation_mm", "J", [0.000_01, 10.0], |values, _| {
+                    Some(Place::Number(&mut values.limits.junction_deviation_mm))
+                }),
+                setting("instantaneous_corner_velocity_mm_per_s.*", AXES, LIMITS, |values, axis| {
+                    // An axis without such a limit gets none.
+                    let limit = values.limits.instantaneous_corner_velocity_mm_per_s.get_mut(axis)?;
+                    limit.is_finite().then_some(Place::Number(limit))
+                }),
+            ],
+        },
+        Self {
+            code: "M207",
+            heading: "echo:; Retract:",
+            axes: None,
+            settings: &[
+                setting("firmware_retraction.length_mm", "S", LENGTHS, |values, _| {
+                    Some(Place::Length(&mut values.retraction.length_10nm))
+                }),
+                Setting {
+                    scale: 60.0,
+                    ..setting("firmware_retraction.retract_mm_per_s", "F", SPEEDS, |values, _| {
+                        Some(Place::Length(&mut values.retraction.retract_10nm_per_s))
+                    })
+                },
+                setting("firmware_retraction.lift_mm", "Z", LENGTHS, |values, _| {
+                    Some(Place::Length(&mut values.retraction.lift_10nm))
+                }),
+            ],
+        },
+        Self {
+            code: "M208",
+            heading: "echo:; Recover:",
+            axes: None,
+            settings: &[
+                setting("firmware_retraction.extra_recover_mm", "S", [-100.0, 100.0], |values, _| {
+                    Some(Place::Length(&mut values.retraction.extra_recover_10nm))
+                }),
+                Setting {
+                    scale: 60.0,
+                    ..setting("firmware_retraction.recover_mm_per_s", "F", SPEEDS, |values, _| {
+                        Some(Place::Length(&mut values.retraction.recover_10nm_per_s))
+                    })
+                },
+            ],
+        },
+        Self {
+            code: "M603",
+            heading: "echo:; Filament load/unload lengths:",
+            axes: None,
+            settings: &[
+                setting("pause.unload_mm", "U", FILAMENT, |values, _| {
+                    values.filament_10nm.first_mut().map(Place::Length)
+                }),
+                setting("pause.load_mm", "L", FILAMENT, |values, _| values.filament_10nm.get_mut(1).map(Place::Length)),
+            ],
+        },
+        Self {
+            code: "M593",
+            heading: "echo:; Input Shaping:",
+            axes: Some("XY"),
+            settings: &[
+                setting("input_shaper.*.kind", "P", [0.0, 1e9], |values, axis| {
+                    values.shapers.get_mut(axis).map(|shaper| Place::Kind(&mut shaper.kind))
+                }),
+                setting("input_shaper.*.frequency_hz", "F", AxisShaper::FREQUENCY_HZ, |values, axis| {
+                    values.shapers.get_mut(axis).map(|shaper| Place::Number(&mut shaper.frequency_hz))
+                }),
+                setting("input_shaper.*.damping", "D", [0.0, 0.99], |values, axis| {
+                    values.shapers.get_mut(axis).map(|shaper| Place::Number(&mut shaper.damping))
+                }),
+            ],
+        },
+        Self {
+            code: "M572",
+            heading: "echo:; Pressure Advance:",
+            axes: None,
+            settings: &[
+                setting("pressure_advance.seconds", "S", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {
+                    values.advance.get_mut(0).map(Place::Optional)
+                }),
+                setting("pressure_advance.smooth_time_s", "W", PressureAdvance::SMOOTH_TIME_S, |values, _| {
+                    values.advance.get_mut(1).map(Place::Optional)
+                }),
+                setting("pressure_advance.above.seconds", "L", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {
+                    values.advance.get_mut(2).map(Place::Optional)
+                }),
+                setting(
+                    "pressure_advance.above.filament_mm_per_s",
+                    "T",
+                    PressureAdvance::FILAMENT_MM_PER_S,
+                    |values, _| values.advance.get_mut(3).map(Place::Optional),
+                ),
+            ],
+        },
+        Self {
+            code: "M851",
+            heading: "echo:; Z-Probe Offset (mm):",
+            axes: None,
+            settings: &[
+                setting("homing.probe_offset_mm.*", "XY", [-2000.0, 2000.0], |values, axis| {
+                    values.probe_offset_10nm.as_mut()?.get_mut(axis).map(Place::Length)
+                }),
+                setting("homing.probe_offset_mm.z", "Z", PROBE_Z, |values, _| {
+                    values.probe_offset_10nm.as_mut()?.get_mut(2).map(Place::Length)
+                }),
+            ],
+        },
+        Self {
+            code: "M206",
+            heading: "echo:; Home offset:",
+            axes: None,
+            settings: &[setting("homing.home_offset_mm.*", "XYZ", [-LARGEST_MM, LARGEST_MM], |values, axis| {
+                values.home_offset_10nm.get_mut(axis).map(Place::Length)
+            })],
+        },
+        Self {
+            code: "M852",
+            heading: "echo:; Skew Factor:",
+            axes: None,
+            settings: &[
+                setting("skew.xy.factor", "I", SKEW, |values, _| values.skew_factors.first_mut().map(Place::Number)),
+                setting("skew.xz.factor", "J", SKEW, |values, _| values.skew_factors.get_mut(1).map(Place::Number)),
+                setting("skew.yz.factor", "K", SKEW, |values, _| values.skew_factors.get_mut(2).map(Place::Number)),
+            ],
+        },
+        Self {
+            code: "M906",
+            heading: "echo:; Stepper driver current:",
+            axes: None,
+            settings: &[setting("drivers.*.current_ma", AXES, [0.0, 3000.0], |values, motor| {
+                values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Whole(&mut driver.current_ma))
+            })],
+        },
+        Self {
+            code: "M914",
+            heading: "echo:; StallGuard threshold:",
+            axes: None,
+            settings: &[setting("drivers.*.stall_threshold", AXES, [0.0, 255.0], |values, motor| {
+                values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Byte(&mut driver.stall_threshold))
+            })],
+        },
+        Self {
+            code: "M569",
+            heading: "echo:; Driver stepping mode:",
+            axes: Some(AXES),
+            settings: &[setting("drivers.*.stealth_chop", "S", [0.0, 1.0], |values, motor| {
+                values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Switch(&mut driver.stealth_chop))
+            })],
+        },
+        Self {
+            code: "M301",
+            heading: "echo:; Hotend PID:",
+            axes: None,
+            settings: &[
+                gain("nozzle.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
+                    values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.proportional))
+                }),
+                gain("nozzle.integral", "I", PidGains::INTEGRAL, |values, _| {
+                    values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.integral))
+                }),
+                gain("nozzle.derivative", "D", PidGains::DERIVATIVE, |values, _| {
+                    values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.derivative))
+                }),
+                gain("nozzle.fan_gain", "F", PidGains::FAN, |values, _| {
+                    values.gains_of(Heater::Nozzle).map(|gains| Place::Single(&mut gains.fan))
+                }),
+            ],
+        },
+        Self {
+            code: "M304",
+            heading: "echo:; Bed PID:",
+            axes: None,
+            settings: &[
+                gain("bed.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
+                    values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.proportional))
+                }),
+                gain("bed.integral", "I", PidGains::INTEGRAL, |values, _| {
+                    values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.integral))
+                }),
+                gain("bed.derivative", "D", PidGains::DERIVATIVE, |values, _| {
+                    values.gains_of(Heater::Bed).map(|gains| Place::Single(&mut gains.derivative))
+                }),
+            ],
+        },
+    ];
+
+    /// Those of the heaters' models.
+    const OF_MODELS: &'static [Self] = &[
+        Self {
+            code: "M306 E0",
+            heading: "echo:; Model predictive control:",
+            axes: None,
+            settings: &[
+                setting("nozzle.control_model.power_w", "P", HeaterModel::POWER_W, |values, _| {
+                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.power_w))
+                }),
+                setting("nozzle.control_model.capacity_j_per_k", "C", HeaterModel::CAPACITY_J_PER_K, |values, _| {
+                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.capacity_j_per_k))
+                }),
+                setting("nozzle.control_model.sensor_per_s", "R", HeaterModel::SENSOR_PER_S, |values, _| {
+                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.sensor_per_s))
+                }),
+                setting("nozzle.control_model.loss_w_per_k", "A", HeaterModel::LOSS_W_PER_K, |values, _| {
+                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.loss_w_per_k))
+                }),
+                setting("nozzle.control_model.fanned_loss_w_per_k", "F", HeaterModel::LOSS_W_PER_K, |values, _| {
+                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.fanned_loss_w_per_k))
+                }),
+                setting(
+                    "nozzle.control_model.filament_j_per_k_mm",
+                    "H",
+                    HeaterModel::FILAMENT_J_PER_K_MM,
+                    |values, _| {
+                        values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.filament_j_per_k_mm))
+                    },
+                ),
+            ],
+        },
+        Self {
+            code: "M306 E-1",
+            heading: "echo:; Model predictive control of the bed:",
+            axes: None,
+            settings: &[
+                setting("bed.control_model.power_w", "P", HeaterModel::POWER_W, |values, _| {
+                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.power_w))
+                }),
+                setting("bed.control_model.capacity_j_per_k", "C", HeaterModel::CAPACITY_J_PER_K, |values, _| {
+                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.capacity_j_per_k))
+                }),
+                setting("bed.control_model.sensor_per_s", "R", HeaterModel::SENSOR_PER_S, |values, _| {
+                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.sensor_per_s))
+                }),
+                setting("bed.control_model.loss_w_per_k", "A", HeaterModel::LOSS_W_PER_K, |values, _| {
+                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.loss_w_per_k))
+                }),
+            ],
+        },
+    ];
+
+    /// All that a machine may have.
+    pub fn all() -> impl Iterator<Item = &'static Self> {
+        Self::GROUPS.iter().chain(if M::PRESENT { Self::OF_MODELS } else { &[] })
+    }
+}
 
 /// A gain of a heater: the profile's powers are 0 to 1.
-const fn gain(
+const fn gain<M: Part>(
     name: &'static str,
     letter: &'static str,
     range: [f64; 2],
-    place: fn(&mut Values, usize) -> Option<Place<'_>>,
-) -> Setting {
+    place: fn(&mut Values<M>, usize) -> Option<Place<'_>>,
+) -> Setting<M> {
     Setting { scale: FULL_POWER, ..setting(name, letter, range, place) }
 }
 
-impl Group {
+impl<M: Part> Group<M> {
     /// How many values each of its settings has at most.
-    pub fn values_of(&self, setting: &Setting) -> usize {
+    pub fn values_of(&self, setting: &Setting<M>) -> usize {
         self.axes.unwrap_or(setting.letters).len()
     }
 
     /// A setting's value by its key in a profile.
-    pub fn key<'a>(&self, setting: &'a Setting, index: usize) -> Key<'a> {
+    pub fn key<'a>(&self, setting: &'a Setting<M>, index: usize) -> Key<'a> {
         let axes = self.axes.unwrap_or(setting.letters);
         Key {
             name: setting.name,
@@ -344,11 +407,11 @@ impl Display for Shown {
     }
 }
 
-impl Group {
+impl<M: Part> Group<M> {
     /// Writes the command that sets its values, those of one axis where it has a line for each. `false`: the machine has none of them,
     /// such as the offset of a probe.
     // Not by `Display`: the depth of the stack is reckoned as if any of those called any.
-    pub fn write_command(&self, values: &mut Values, axis: usize, out: &mut impl Write) -> Result<bool, fmt::Error> {
+    pub fn write_command(&self, values: &mut Values<M>, axis: usize, out: &mut impl Write) -> Result<bool, fmt::Error> {
         out.write_str(self.code)?;
         if let Some(axis) = self.axes.and_then(|axes| axes.as_bytes().get(axis)) {
             write!(out, " {}", char::from(*axis))?;

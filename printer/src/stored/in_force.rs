@@ -3,16 +3,17 @@
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
 
-use super::Stored;
 use super::values::Values;
+use super::{Models, Stored};
 use crate::axis_names::AXIS_NAMES;
+use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::skew::Skew;
 
 impl<P: Ports> Printer<'_, P> {
     /// Sets what belongs together, and does not fit together, to the profile's values.
-    pub(super) fn check(&self, stored: &mut Stored) {
+    pub(super) fn check(&self, stored: &mut Stored<Models<P>>) {
         let Stored { values, faults, .. } = stored;
         let of_profile = self.profile_values();
         let smooth_time_s = self.motion.motion_choice().smooth_time_s;
@@ -30,6 +31,13 @@ impl<P: Ports> Printer<'_, P> {
                 *shaper = other;
                 mend("input_shaper.", AXIS_NAMES[axis].to_ascii_lowercase());
             }
+        }
+        let of_nozzle = values.model_of(Heater::Nozzle);
+        if let Some(model) = of_nozzle
+            && !model.is_possible()
+        {
+            *model = self.profile.control_models[Heater::Nozzle.index()].unwrap_or(*model);
+            mend("nozzle.control_model", ' ');
         }
         if values.pressure_advance().check().is_err() {
             values.advance = of_profile.advance;
@@ -63,18 +71,29 @@ impl<P: Ports> Printer<'_, P> {
     /// At standstill: puts settings in force, all of them checked, but for filters and advance: it returns them if they change.
     // Its parts need much of the stack, one after the other.
     #[inline(always)]
-    pub(super) fn put_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
+    pub(super) fn put_in_force(&mut self, values: &Values<Models<P>>) -> Option<MotionChoice> {
         self.put_drivers_in_force(values);
         if let Some(gains) = &values.gains {
             for (heater, gains) in Heater::ALL.iter().zip(gains) {
                 self.heating.set_gains(*heater, *gains);
             }
         }
+        if let Some(models) = <Models<P>>::get(&values.models) {
+            for (heater, model) in Heater::ALL.iter().zip(models) {
+                if let Some(mut model) = *model {
+                    if *heater == Heater::Bed {
+                        // No fan blows at it.
+                        model.fanned_loss_w_per_k = model.loss_w_per_k;
+                    }
+                    self.heating.set_model(*heater, model);
+                }
+            }
+        }
         self.put_motion_in_force(values)
     }
 
     #[inline(never)]
-    fn put_drivers_in_force(&mut self, values: &Values) {
+    fn put_drivers_in_force(&mut self, values: &Values<Models<P>>) {
         let Some(bank) = self.drivers else { return };
         for (motor, settings) in values.drivers.iter().enumerate() {
             let before = bank.report(motor).map(|report| report.settings);
@@ -87,7 +106,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     #[inline(never)]
-    fn put_motion_in_force(&mut self, values: &Values) -> Option<MotionChoice> {
+    fn put_motion_in_force(&mut self, values: &Values<Models<P>>) -> Option<MotionChoice> {
         // At standstill it cannot fail.
         let _always_works = self.motion.set_extruder_steps_per_mm(StepsPerMm::nearest(values.extruder_steps_per_mm));
         self.motion.set_limits(values.limits);

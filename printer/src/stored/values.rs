@@ -4,15 +4,16 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, EvenSpacing, Limits, PressureAdvance, SecondSlope, ShaperKind};
 use ferrostep_tmc2209::DriverSettings;
 
-use crate::heat::PidGains;
+use crate::heat::{HeaterModel, PidGains};
+use crate::part::Part;
 use crate::profile::{FirmwareRetraction, HomeSensor, Profile};
 
 /// Units of 10 nm in a millimetre.
 pub(super) const MM: f64 = 100_000.0;
 
-/// All of them, of the running machine or of a profile.
+/// All of them, of the running machine or of a profile. `M`: whether heaters may be controlled by a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Values {
+pub(crate) struct Values<M: Part> {
     /// M92 E.
     pub extruder_steps_per_mm: f64,
     pub limits: Limits,
@@ -32,9 +33,11 @@ pub(crate) struct Values {
     pub drivers: [Option<DriverSettings>; 4],
     /// Of the nozzle's and the bed's heater, where the machine has heaters.
     pub gains: Option<[PidGains; 2]>,
+    /// Those that control the same heaters instead.
+    pub models: M::Of<[Option<HeaterModel>; 2]>,
 }
 
-impl Values {
+impl<M: Part> Values<M> {
     /// Those of a profile, for a machine on which these drivers can be set, and which may have heaters.
     pub fn of_profile(profile: &Profile, drivers: &[Option<DriverSettings>; 4], has_heaters: bool) -> Self {
         let mut of_profile = profile.drivers;
@@ -56,11 +59,21 @@ impl Values {
             advance: advance_numbers(&profile.motion.pressure_advance),
             drivers: of_profile,
             gains: has_heaters.then_some([profile.nozzle.gains, profile.bed.gains]),
+            models: M::of(profile.control_models),
         }
     }
 
+    /// The gains of a heater that a PID loop controls.
     pub(super) fn gains_of(&mut self, heater: Heater) -> Option<&mut PidGains> {
+        if self.model_of(heater).is_some() {
+            return None;
+        }
         self.gains.as_mut()?.get_mut(heater.index())
+    }
+
+    /// The model that controls a heater.
+    pub(super) fn model_of(&mut self, heater: Heater) -> Option<&mut HeaterModel> {
+        M::get_mut(&mut self.models)?.get_mut(heater.index())?.as_mut()
     }
 
     /// The advance that the four numbers mean.

@@ -14,7 +14,9 @@ use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
-use crate::heat::{HeatControl, HeatFault, HeaterStatus, PidGains, RelayProgress, SAMPLE_MS};
+use crate::heat::{
+    HeatControl, HeatFault, HeaterModel, HeaterStatus, PidGains, RelayProgress, SAMPLE_MS, StepProgress,
+};
 use crate::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::ports::{Heating, Replies};
 use crate::printer::{Printer, Source};
@@ -62,7 +64,16 @@ impl World {
         self.now_ms.get()
     }
 
-    fn target(&self, heater: Heater) -> f32 {
+    /// Lets a model control a heater.
+    pub(crate) fn set_model(&self, heater: Heater, model: HeaterModel) {
+        self.heat.borrow_mut().0.set_model(heater, model);
+    }
+
+    pub(crate) fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.heat.borrow().0.model(heater)
+    }
+
+    pub(crate) fn target(&self, heater: Heater) -> f32 {
         self.heat.borrow().0.status(heater).target_celsius
     }
 }
@@ -73,6 +84,7 @@ pub(crate) struct Warm<'a>(&'a World);
 
 impl Heating for Warm<'_> {
     type Supply = crate::Present;
+    type Models = crate::Present;
 
     fn set_target(&mut self, heater: Heater, celsius: f32) {
         self.0.heat.borrow_mut().0.set_target(heater, celsius);
@@ -94,6 +106,18 @@ impl Heating for Warm<'_> {
     }
     fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.heat.borrow().0.relay(heater)
+    }
+    fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.0.heat.borrow().0.model(heater)
+    }
+    fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        self.0.heat.borrow_mut().0.set_model(heater, model);
+    }
+    fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
+        self.0.heat.borrow_mut().0.begin_step(heater, celsius, has_fan);
+    }
+    fn step(&self, heater: Heater) -> Option<StepProgress> {
+        self.0.heat.borrow().0.step(heater)
     }
     fn restart(&mut self) -> Result<(), HeatFault> {
         self.0.heat.borrow_mut().0.restart()
@@ -144,7 +168,7 @@ pub(crate) fn execute(world: &World, printer: &mut TestPrinter<'_>, line: &str, 
     }
 }
 
-fn say(world: &World, line: &str) -> Vec<String> {
+pub(crate) fn say(world: &World, line: &str) -> Vec<String> {
     let mut printer = world.printer();
     execute(world, &mut printer, line, |_| {});
     world.said()

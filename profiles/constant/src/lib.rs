@@ -26,8 +26,9 @@ mod names {
     };
     pub use ferrostep_printer::{
         AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*,
-        FanSettings, FilamentSensor, FilamentSensorKind::*, FirmwareRetraction, HeaterSettings, HeaterWatch,
-        HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
+        FanSettings, FilamentSensor, FilamentSensorKind::*, FirmwareRetraction, HeaterModel, HeaterSettings,
+        HeaterWatch, HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings, PidGains, PowerSupply, Profile,
+        SafeHoming, Skew,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

@@ -1,5 +1,6 @@
 //! The optional keys of the heaters, and of their time without use.
 
+use ferrostep_printer::HeaterModel;
 use ferrostep_profiles::{Problem, builtin_text, load, parse};
 use ferrostep_virtual_board::HeatedMass;
 
@@ -35,6 +36,52 @@ fn values_within_their_ranges_are_taken() {
     };
     assert_eq!(profile.bed.mass, mass);
     assert_eq!(parse(&with("heater_timeout_s = 0\n", ""), "test.toml").unwrap().heater_timeout_s, 0);
+}
+
+/// Marlin's example of a V6 (Configuration.h).
+#[test]
+fn a_model_controls_a_heater_where_its_table_is() {
+    let v6 = "power_w = 40, capacity_j_per_k = 16.7, loss_w_per_k = 0.068, sensor_per_s = 0.22";
+    let text = |of_nozzle: &str, of_bed: &str| {
+        let text = with("", &format!("control_model = {{ {v6}{of_bed} }}\n"));
+        text.replacen("[nozzle]\n", &format!("[nozzle]\ncontrol_model = {{ {v6}{of_nozzle} }}\n"), 1)
+    };
+    let profile = parse(&text(", fanned_loss_w_per_k = 0.097", ""), "test.toml").unwrap();
+    let model = HeaterModel {
+        power_w: 40.0,
+        capacity_j_per_k: 16.7,
+        loss_w_per_k: 0.068,
+        fanned_loss_w_per_k: 0.097,
+        sensor_per_s: 0.22,
+        filament_j_per_k_mm: 0.0054,
+    };
+    let bed = HeaterModel { fanned_loss_w_per_k: 0.068, filament_j_per_k_mm: 0.0, ..model };
+    assert_eq!(profile.control_models, [Some(model), Some(bed)]);
+    assert_eq!(load("cartesian").unwrap().control_models, [None; 2]);
+    // A prepared job has no heaters' control in it.
+    assert_eq!(profile.plan_hash, parse(&with("", ""), "test.toml").unwrap().plan_hash);
+    for (of_nozzle, of_bed, key) in [
+        (", fanned_loss_w_per_k = 0.06", "", "nozzle.control_model.fanned_loss_w_per_k"),
+        (", filament_j_per_k_mm = -1", "", "nozzle.control_model.filament_j_per_k_mm"),
+        ("", ", fanned_loss_w_per_k = 0.1", "bed.control_model.fanned_loss_w_per_k"),
+        ("", ", filament_j_per_k_mm = 0.005", "bed.control_model.filament_j_per_k_mm"),
+    ] {
+        let error = parse(&text(of_nozzle, of_bed), "test.toml").unwrap_err();
+        let Problem::OutOfRange { key: blamed, .. } = error.problem() else { panic!("{key}: {error}") };
+        assert_eq!(blamed, key, "{error}");
+    }
+    for (good, bad, key) in [
+        ("power_w = 40", "power_w = 0", "bed.control_model.power_w"),
+        ("capacity_j_per_k = 16.7", "capacity_j_per_k = nan", "bed.control_model.capacity_j_per_k"),
+        ("capacity_j_per_k = 16.7", "capacity_j_per_k = -3", "bed.control_model.capacity_j_per_k"),
+        ("loss_w_per_k = 0.068", "loss_w_per_k = 0", "bed.control_model.loss_w_per_k"),
+        ("sensor_per_s = 0.22", "sensor_per_s = 0", "bed.control_model.sensor_per_s"),
+    ] {
+        let bed = format!("control_model = {{ {} }}\n", v6.replace(good, bad));
+        let error = parse(&with("", &bed), "test.toml").unwrap_err();
+        let Problem::OutOfRange { key: blamed, .. } = error.problem() else { panic!("{key}: {error}") };
+        assert_eq!(blamed, key, "{error}");
+    }
 }
 
 #[test]

@@ -57,6 +57,7 @@ const ROOM_CELSIUS: f32 = 22.0;
 
 impl Heating for ColdHeaters {
     type Supply = ferrostep_printer::Present;
+    type Models = ferrostep_printer::Present;
 
     fn set_target(&mut self, heater: Heater, celsius: f32) {
         self.targets_celsius[heater.index()] = celsius;

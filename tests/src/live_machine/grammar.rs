@@ -8,7 +8,7 @@ use ferrostep_gcode::Emergency;
 use crate::board_model::CYCLES_A_MS;
 use crate::host_side::checksum;
 
-const CODES: [&str; 104] = [
+const CODES: [&str; 105] = [
     "G0",
     "G1",
     "G1",
@@ -72,6 +72,7 @@ const CODES: [&str; 104] = [
     "M302",
     "M303",
     "M304",
+    "M306",
     "M400",
     "M410",
     "M412",

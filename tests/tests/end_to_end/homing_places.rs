@@ -236,6 +236,7 @@ struct Cold;
 
 impl Heating for Cold {
     type Supply = ferrostep_printer::Present;
+    type Models = ferrostep_printer::Present;
 
     fn set_target(&mut self, _: Heater, _: f32) {}
     fn status(&self, _: Heater) -> HeaterStatus {

@@ -234,6 +234,47 @@ fn marlins_skew_is_kept() {
     assert!(profile(&marlin(lengths)).get("skew").is_none());
 }
 
+/// Marlin's example of a V6, and what Kalico's calibration has found (their configurations and manuals).
+#[test]
+fn models_of_heaters_are_kept() {
+    let text = "#define MPC_HEATER_POWER { 40.0f }\n#define MPC_BLOCK_HEAT_CAPACITY { 16.7f }\n#define MPC_SENSOR_RESPONSIVENESS { 0.22f }\n\
+                #define MPC_AMBIENT_XFER_COEFF { 0.068f }\n#define MPC_AMBIENT_XFER_COEFF_FAN255 { 0.097f }\n\
+                #define FILAMENT_HEAT_CAPACITY_PERMM { 5.6e-3f }\n#define MPC_SMOOTHING_FACTOR 0.5f\n";
+    let imported = marlin(&format!("#define MPCTEMP\n{text}"));
+    says(
+        &imported,
+        "nozzle.control_model = { power_w = 40, capacity_j_per_k = 16.7, sensor_per_s = 0.22, loss_w_per_k = 0.068, \
+         fanned_loss_w_per_k = 0.097, filament_j_per_k_mm = 0.0056 }\n",
+    );
+    assert!(lost(&imported, "MPC_SMOOTHING_FACTOR").is_some());
+    assert!(profile(&marlin(text))["nozzle"].get("control_model").is_none(), "without its switch there is none");
+
+    let path = ferrostep_tests::program::repository().join("tests/configurations/corexy.cfg");
+    let text = std::fs::read_to_string(path).unwrap();
+    let klipper = |of_extruder: &str, of_bed: &str| {
+        let text = text
+            .replacen("[extruder]\n", &format!("[extruder]\n{of_extruder}"), 1)
+            .replacen("[heater_bed]\n", &format!("[heater_bed]\n{of_bed}"), 1)
+            .replace("control: pid\n", "")
+            .replace("control = pid\n", "");
+        serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+    };
+    let imported = klipper(
+        "control: mpc\nheater_power: 60\nblock_heat_capacity: 22.3110\nsensor_responsiveness: 0.0998635\nambient_transfer: 0.155082\n\
+         fan_ambient_transfer: 0.155082, 0.20156, 0.216441\nfilament_density: 1.25\nfilament_heat_capacity: 1.2\n",
+        "control: mpc\nheater_power: 400\nblock_heat_capacity: 2078.86\nsensor_responsiveness: 0.0139945\nambient_transfer: 15.6868\n",
+    );
+    says(
+        &imported,
+        "nozzle.control_model = { power_w = 60, capacity_j_per_k = 22.311, sensor_per_s = 0.0998635, loss_w_per_k = 0.155082, \
+         fanned_loss_w_per_k = 0.216441, filament_j_per_k_mm = 0.0036079 }\n\
+         bed.control_model = { power_w = 400, capacity_j_per_k = 2078.86, sensor_per_s = 0.0139945, loss_w_per_k = 15.6868 }\n",
+    );
+    let uncalibrated = klipper("control: mpc\nheater_power: 60\n", "");
+    assert!(lost(&uncalibrated, "[extruder] control").unwrap().contains("M306 T"));
+    assert!(profile(&uncalibrated)["nozzle"].get("control_model").is_none());
+}
+
 /// A sensor that sees filament move goes before a switch, whichever maker's.
 #[test]
 fn a_motion_sensor_is_kept() {

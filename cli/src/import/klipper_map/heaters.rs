@@ -53,11 +53,13 @@ impl Reading<'_> {
         for (key, name) in [("pid_kp", "proportional"), ("pid_ki", "integral"), ("pid_kd", "derivative")] {
             self.keep_number(section, key, &[&path(name)], |gain| gain / FULL_POWER);
         }
-        if let Some(entry) = self.entry(section, "control") {
+        if self.entry(section, "control").is_some_and(|entry| entry.value == "mpc") {
+            self.heater_model(section, heater);
+        } else if let Some(entry) = self.entry(section, "control") {
             let why = if entry.value == "pid" {
-                "profiles know PID only"
+                "the gains say so"
             } else {
-                "profiles know PID only: set the gains by hand"
+                "profiles know PID and models: set the gains by hand"
             };
             self.lose(section, "control", why);
         }
@@ -66,6 +68,50 @@ impl Reading<'_> {
             [("check_gain_time", "watch_s"), ("heating_gain", "watch_celsius"), ("hysteresis", "runaway_celsius")]
         {
             self.keep_number(&watch, key, &[&path(name)], same);
+        }
+    }
+
+    /// Kalico's model (`control: mpc`), which its calibration has found.
+    fn heater_model(&mut self, section: &str, heater: &str) {
+        let path = |key: &str| format!("{heater}.control_model.{key}");
+        let same = |number: f64| number;
+        if self.entry(section, "block_heat_capacity").is_none() {
+            let why = "not calibrated there: write a control_model by hand, and M306 T finds its constants";
+            self.lose(section, "heater_power", why);
+            return self.lose(section, "control", why);
+        }
+        let power_w = self.keep_number(section, "heater_power", &[&path("power_w")], same);
+        if let Some(power_w) = power_w {
+            self.keep(section, "control", &[&path("power_w")], power_w, "");
+        }
+        for (key, name) in [
+            ("block_heat_capacity", "capacity_j_per_k"),
+            ("sensor_responsiveness", "sensor_per_s"),
+            ("ambient_transfer", "loss_w_per_k"),
+        ] {
+            self.keep_number(section, key, &[&path(name)], same);
+        }
+        // The bed has no fan and no filament.
+        if heater != "nozzle" {
+            return;
+        }
+        if let Some(entry) = self.entry(section, "fan_ambient_transfer") {
+            match entry.value.rsplit(',').next().and_then(|last| last.trim().parse::<f64>().ok()) {
+                Some(fanned) => {
+                    let why = "the last: at full power; between it and none the loss is taken to be straight";
+                    self.keep(section, "fan_ambient_transfer", &[&path("fanned_loss_w_per_k")], fanned, why);
+                }
+                None => self.lose(section, "fan_ambient_transfer", "not a number"),
+            }
+        }
+        let [density, capacity] = ["filament_density", "filament_heat_capacity"].map(|key| self.number(section, key));
+        let diameter_mm = self.number(section, "filament_diameter").unwrap_or(1.75);
+        // g/cm^3 times J/(g K) times mm^2, in J/(K mm); Kalico counts none without both.
+        let area_mm2 = std::f64::consts::PI / 4.0 * diameter_mm * diameter_mm;
+        let per_mm = density.unwrap_or_default() * capacity.unwrap_or_default() * area_mm2 * 1e-3;
+        self.draft.put(&path("filament_j_per_k_mm"), (per_mm * 1e7).round() / 1e7);
+        for key in ["filament_density", "filament_heat_capacity"] {
+            self.keep(section, key, &[&path("filament_j_per_k_mm")], (per_mm * 1e7).round() / 1e7, "");
         }
     }
 

@@ -341,7 +341,7 @@ fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
     let (_, mut board) = control_of(ALONE.map(settings), None, FanSettings::USUAL);
     board.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
     let [nozzle, bed] = ALONE.map(settings);
-    let mut control = HeatControl::new([Some(nozzle), Some(bed), None], FanSettings::USUAL, &mut board);
+    let mut control: HeatControl = HeatControl::new([Some(nozzle), Some(bed), None], FanSettings::USUAL, &mut board);
     assert!(of_board(&board).1, "before the first sample");
     assert!(control.update(&mut board).is_err());
     assert_eq!(of_board(&board), (255, true));

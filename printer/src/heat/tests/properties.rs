@@ -72,7 +72,7 @@ proptest! {
         events in prop::collection::vec(event(), 1..60),
     ) {
         let mut board = AnyBoard { readings: start, powers: [9.0; Heater::COUNT], fans: [0; FanOutput::COUNT] };
-        let mut control = HeatControl::new(Heater::ALL.map(settings).map(Some), FANS, &mut board);
+        let mut control: HeatControl = HeatControl::new(Heater::ALL.map(settings).map(Some), FANS, &mut board);
         prop_assert_eq!(board.powers, [0.0; Heater::COUNT]);
         let mut tripped = false;
         for event in events {
@@ -116,7 +116,7 @@ proptest! {
     ) {
         let room = Heater::ALL.map(|heater| settings(heater).thermistor.reading(22.0));
         let mut board = AnyBoard { readings: room, powers: [0.0; Heater::COUNT], fans: [0; FanOutput::COUNT] };
-        let mut control = HeatControl::new(Heater::ALL.map(settings).map(Some), FANS, &mut board);
+        let mut control: HeatControl = HeatControl::new(Heater::ALL.map(settings).map(Some), FANS, &mut board);
         control.set_target(heater, target);
         prop_assert!(control.update(&mut board).is_ok());
         prop_assert!(board.powers[heater.index()] > 0.0);

@@ -1,25 +1,26 @@
 //! Autotune on models of real hot ends and beds, with a noisy converter.
 
-mod chart;
-mod models;
+pub(super) mod chart;
+pub(super) mod models;
 
 use std::format;
 use std::path::Path;
 use std::string::String;
 use std::vec::Vec;
 
+use super::load::Load;
 use super::*;
-use chart::Row;
+use chart::{Chart, GREY, Panel, RUST, Row};
 use models::{MODELS, Model};
 
 /// What is asked of a tuned heater, degrees.
-const MAX_OVERSHOOT: f32 = 2.0;
-const STEADY: f32 = 0.3;
-const MAX_FAN: f32 = 3.0;
+pub(super) const MAX_OVERSHOOT: f32 = 2.0;
+pub(super) const STEADY: f32 = 0.3;
+pub(super) const MAX_FAN: f32 = 3.0;
 
 /// Virtual heaters whose converter is noisy.
-struct Noisy {
-    board: VirtualHeaters,
+pub(super) struct Noisy {
+    pub board: VirtualHeaters,
     /// Standard deviation, the converter's 4096 steps.
     deviation: f32,
     random: u64,
@@ -56,40 +57,43 @@ impl Fans for Noisy {
 }
 
 /// A heater of [`MODELS`] and its control.
-struct Bench<'a> {
-    model: &'a Model,
-    control: HeatControl,
-    board: Noisy,
-    samples: u32,
+pub(super) struct Bench<'a> {
+    pub model: &'a Model,
+    pub control: HeatControl,
+    pub board: Noisy,
+    pub samples: u32,
+    pub load: Load,
 }
 
 impl<'a> Bench<'a> {
-    fn new(model: &'a Model, deviation: f32) -> Self {
+    pub fn new(model: &'a Model, deviation: f32) -> Self {
         let mut all = ALONE.map(settings);
         let own = &mut all[model.heater.index()];
         (own.mass, own.max_celsius) = (model.mass, if model.heater == Heater::Nozzle { 295.0 } else { 125.0 });
         let (control, board) = control_of(all, None, FanSettings::USUAL);
-        Self { model, control, board: Noisy { board, deviation, random: 7 }, samples: 0 }
+        Self { model, control, board: Noisy { board, deviation, random: 7 }, samples: 0, load: Load::default() }
     }
 
-    fn sample(&mut self) -> Result<(), HeatFault> {
+    pub fn sample(&mut self) -> Result<(), HeatFault> {
         self.samples += 1;
         self.board.board.advance(SAMPLE_MS as f32 * 1e-3);
+        self.load.pass(self.model.heater, &mut self.board.board);
+        self.control.note_filament(self.load.pushed_um as i32);
         self.control.update(&mut self.board)
     }
 
     /// What the thermistor would read without noise, degrees Celsius.
-    fn celsius(&self) -> f32 {
+    pub fn celsius(&self) -> f32 {
         self.board.board.thermistor_celsius(self.model.heater)
     }
 
-    fn begin_relay(&mut self) {
+    pub fn begin_relay(&mut self) {
         let is_nozzle = self.model.heater == Heater::Nozzle;
         self.control.begin_relay(self.model.heater, self.model.tuned_at, 5, is_nozzle);
     }
 
     /// Tunes it, and notes the distance from the target each second.
-    fn tune(&mut self) -> (RelayFindings, Vec<f32>) {
+    pub fn tune(&mut self) -> (RelayFindings, Vec<f32>) {
         self.begin_relay();
         let mut curve = Vec::new();
         loop {
@@ -106,7 +110,7 @@ impl<'a> Bench<'a> {
     }
 
     /// The distance from the target at each sample; samples are this many seconds apart.
-    fn follow(&mut self, target: f32, seconds: u32) -> Vec<f32> {
+    pub fn follow(&mut self, target: f32, seconds: u32) -> Vec<f32> {
         (0..seconds * SAMPLES_A_S)
             .map(|_| {
                 self.sample().unwrap();
@@ -117,7 +121,7 @@ impl<'a> Bench<'a> {
 }
 
 /// The largest and the smallest.
-fn ends(curve: &[f32]) -> [f32; 2] {
+pub(super) fn ends(curve: &[f32]) -> [f32; 2] {
     [curve.iter().copied().fold(f32::NEG_INFINITY, f32::max), curve.iter().copied().fold(f32::INFINITY, f32::min)]
 }
 
@@ -175,7 +179,11 @@ fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
                     *worst = worst.max(one);
                 }
                 if deviation == 1.0 && target == model.tuned_at {
-                    rows.push(Row { name: model.name, tuning: tuning.clone(), tuned: curve, fan_s });
+                    let panels = [
+                        Panel { curves: std::vec![(GREY, tuning.clone())], marked_s: Vec::new() },
+                        Panel { curves: std::vec![(RUST, curve)], marked_s: Vec::from_iter(fan_s) },
+                    ];
+                    rows.push(Row { name: model.name, panels });
                 }
             }
             let [overshoot, steady, fan] = worst;
@@ -197,21 +205,29 @@ fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
             }
         }
     }
-    keep(&chart::svg(&rows), &table);
+    let chart = Chart {
+        title: "Degrees from the target: while it is tuned, and with the gains found",
+        heads: ["M303", "heating up, fan on and off (grey)"],
+        ends: [-12.0, 8.0],
+        lines: &[-10.0, -5.0, 0.0, 5.0],
+    };
+    keep("autotune.svg", &chart::svg(&chart, &rows), &[("tuned", &table)]);
 }
 
-/// Compares the book's chart and table with these, or writes them.
-fn keep(chart: &str, table: &str) {
+/// Compares the book's chart and tables with these, or writes them.
+pub(super) fn keep(image: &str, chart: &str, tables: &[(&str, &str)]) {
     use ferrostep_checked_toml::book::{self, REFRESH_VARIABLE};
     let pages = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src");
     let refresh = std::env::var_os(REFRESH_VARIABLE).is_some();
-    let path = pages.join("images/autotune.svg");
+    let path = pages.join("images").join(image);
     if refresh {
         std::fs::write(&path, chart).unwrap();
     }
     let kept = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(kept == chart, "images/autotune.svg has changed: look at it, then set {REFRESH_VARIABLE} to keep it");
-    book::keep(&pages.join("heaters.md"), "tuned", table).unwrap();
+    assert!(kept == chart, "images/{image} has changed: look at it, then set {REFRESH_VARIABLE} to keep it");
+    for (name, table) in tables {
+        book::keep(&pages.join("heaters.md"), name, table).unwrap();
+    }
 }
 
 /// Gains that were found with another block, sock or supply.

@@ -10,7 +10,7 @@ use ferrostep_planner::surface::NoBed;
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
-use crate::heat::{HeatFault, HeaterStatus, PidGains};
+use crate::heat::{HeatFault, HeaterModel, HeaterStatus, PidGains};
 use crate::machine::tests::profile;
 use crate::motion_fault::{HomingOutcome, MotionError};
 use crate::ports::{Heating, Motion, MotorDrivers, Replies};
@@ -365,22 +365,30 @@ impl Replies for Rig {
 #[derive(Debug)]
 pub struct Cold {
     gains: [PidGains; 2],
+    models: [Option<HeaterModel>; 2],
 }
 
 impl Cold {
     fn of(profile: &Profile) -> Self {
-        Self { gains: [profile.nozzle.gains, profile.bed.gains] }
+        Self { gains: [profile.nozzle.gains, profile.bed.gains], models: profile.control_models }
     }
 }
 
 impl Heating for Cold {
     type Supply = crate::Present;
+    type Models = crate::Present;
 
     fn gains(&self, heater: Heater) -> PidGains {
         self.gains[heater.index()]
     }
     fn set_gains(&mut self, heater: Heater, gains: PidGains) {
         self.gains[heater.index()] = gains;
+    }
+    fn model(&self, heater: Heater) -> Option<HeaterModel> {
+        self.models.get(heater.index()).copied()?
+    }
+    fn set_model(&mut self, heater: Heater, model: HeaterModel) {
+        self.models[heater.index()] = Some(model);
     }
     fn set_target(&mut self, _: Heater, _: f32) {}
     fn status(&self, _: Heater) -> HeaterStatus {

@@ -1,4 +1,4 @@
-//! An autotune and what its gains do, drawn: one row for each heater.
+//! Distances from the target, drawn: one row for each heater, two panels in a row.
 
 use std::fmt::Write;
 use std::format;
@@ -7,13 +7,27 @@ use std::vec::Vec;
 
 use ferrostep_svg::{escaped, page};
 
-/// A heater's two curves: the distance from the target at each second, degrees.
+/// Curves over the same seconds: the distance from the target at each second, degrees.
+pub struct Panel {
+    pub curves: Vec<(&'static str, Vec<f32>)>,
+    /// Seconds that are marked, from and to.
+    pub marked_s: Vec<[usize; 2]>,
+}
+
+/// A heater's two panels.
 pub struct Row {
     pub name: &'static str,
-    pub tuning: Vec<f32>,
-    pub tuned: Vec<f32>,
-    /// When the fan goes on and off, s.
-    pub fan_s: Option<[usize; 2]>,
+    pub panels: [Panel; 2],
+}
+
+/// What is drawn beside the rows.
+pub struct Chart {
+    pub title: &'static str,
+    pub heads: [&'static str; 2],
+    /// Degrees from the target that are drawn, lowest and highest.
+    pub ends: [f32; 2],
+    /// Lines across.
+    pub lines: &'static [f32],
 }
 
 const WIDTH: f64 = 760.0;
@@ -22,39 +36,37 @@ const CURVE: f64 = 64.0;
 const TOP: f64 = 82.0;
 /// Left end and width of the two columns.
 const COLUMNS: [[f64; 2]; 2] = [[46.0, 330.0], [410.0, 330.0]];
-/// Degrees from the target that are drawn.
-const LOW: f32 = -12.0;
-const HIGH: f32 = 8.0;
-const COLOURS: [&str; 2] = ["#57606a", "#b7410e"];
+pub const GREY: &str = "#57606a";
+pub const RUST: &str = "#b7410e";
 
 /// The chart as an SVG file.
-pub fn svg(rows: &[Row]) -> String {
+pub fn svg(chart: &Chart, rows: &[Row]) -> String {
     let height = TOP + rows.len() as f64 * ROW + 6.0;
-    let title = "Degrees from the target: while it is tuned, and with the gains found";
+    let title = chart.title;
     let mut out = format!("<text x=\"20\" y=\"26\" font-weight=\"bold\">{title}</text>\n");
-    for (head, [left, _]) in ["M303", "heating up, fan on and off (grey)"].into_iter().zip(COLUMNS) {
+    for (head, [left, _]) in chart.heads.into_iter().zip(COLUMNS) {
         let _ = writeln!(out, "<text x=\"{left}\" y=\"48\">{head}</text>");
     }
     for (index, row) in rows.iter().enumerate() {
-        draw(&mut out, row, TOP + index as f64 * ROW);
+        draw(&mut out, chart, row, TOP + index as f64 * ROW);
     }
     page(title, [WIDTH, height], 12, out)
 }
 
-fn draw(out: &mut String, row: &Row, top: f64) {
-    let down = |degrees: f32| top + CURVE * f64::from((HIGH - degrees.clamp(LOW, HIGH)) / (HIGH - LOW));
-    let curves = [&row.tuning, &row.tuned];
-    for (column, ((curve, colour), [left, width])) in curves.into_iter().zip(COLOURS).zip(COLUMNS).enumerate() {
-        let end = curve.len().max(2) - 1;
+fn draw(out: &mut String, chart: &Chart, row: &Row, top: f64) {
+    let [low, high] = chart.ends;
+    let down = |degrees: f32| top + CURVE * f64::from((high - degrees.clamp(low, high)) / (high - low));
+    for (panel, [left, width]) in row.panels.iter().zip(COLUMNS).filter(|(panel, _)| !panel.curves.is_empty()) {
+        let end = panel.curves.iter().map(|(_, curve)| curve.len()).max().unwrap_or(0).max(2) - 1;
         let across = |second: usize| left + width * second as f64 / end as f64;
-        if let (1, Some([on, off])) = (column, row.fan_s) {
-            let (from, wide) = (across(on), across(off) - across(on));
+        for [on, off] in &panel.marked_s {
+            let (from, wide) = (across(*on), across(*off) - across(*on));
             let _ = writeln!(
                 out,
                 "<rect x=\"{from:.1}\" y=\"{top:.1}\" width=\"{wide:.1}\" height=\"{CURVE}\" fill=\"#8c959f\" fill-opacity=\"0.25\"/>"
             );
         }
-        for degrees in [-10.0, -5.0, 0.0, 5.0] {
+        for degrees in chart.lines.iter().copied() {
             let (y, stroke) = (down(degrees), if degrees == 0.0 { "#8c959f" } else { "#d8dee4" });
             let _ = writeln!(
                 out,
@@ -64,15 +76,17 @@ fn draw(out: &mut String, row: &Row, top: f64) {
                 y + 3.5
             );
         }
-        let mut path = String::new();
-        for (second, degrees) in curve.iter().enumerate() {
-            let letter = if second == 0 { 'M' } else { 'L' };
-            let _ = write!(path, "{letter}{:.1} {:.1}", across(second), down(*degrees));
+        for (colour, curve) in &panel.curves {
+            let mut path = String::new();
+            for (second, degrees) in curve.iter().enumerate() {
+                let letter = if second == 0 { 'M' } else { 'L' };
+                let _ = write!(path, "{letter}{:.1} {:.1}", across(second), down(*degrees));
+            }
+            let _ = writeln!(out, "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.4\"/>");
         }
         let _ = writeln!(
             out,
-            "<path d=\"{path}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.4\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" font-size=\"10\">{end} s</text>",
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" font-size=\"10\">{end} s</text>",
             left + width,
             top + CURVE + 12.0
         );
