@@ -23,6 +23,7 @@ mod names;
 mod pause;
 pub mod response;
 mod skew;
+mod z_motors;
 
 use error_budget::ErrorBudget;
 use ferrostep_printer::Profile;

@@ -464,6 +464,7 @@ impl Motion for PlannedMotion<'_> {
     }
 
     type Servo = ferrostep_printer::Present;
+    type ZMotors = ferrostep_printer::Present;
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {
         self.reader.plan.borrow_mut().reading.motors.tell_pin(pulses.width_us);

@@ -4,7 +4,7 @@ use core::fmt;
 
 use ferrostep_gcode::Real;
 use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, ShaperError};
-use ferrostep_tmc2209::{DriverEvent, DriverEventKind};
+use ferrostep_tmc2209::{DriverEvent, DriverEventKind, motor_name};
 
 use super::CommandError;
 use crate::accelerometer::FaultText;
@@ -123,6 +123,25 @@ impl fmt::Display for CommandError {
                 "X, Y: the probe is beside the round bed there: choose a place nearer to the middle of homing.bed_mm",
             ),
             Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: write its table bed_screws"),
+            Self::TooTilted { apart_10nm, most_10nm } => write!(
+                out,
+                "the motors of Z are {} mm apart, at most {} mm are allowed (z_motors.max_correction_mm): bring them nearer by hand",
+                mm(*apart_10nm, 3),
+                mm(*most_10nm, 3)
+            ),
+            Self::AlignmentGrows { range_10nm, before_10nm } => write!(
+                out,
+                "the points differ by {} mm, by {} mm before the motors of Z were moved: is each plugged in where the profile says \
+                 (z_motors.motors), and does none run the other way round?",
+                mm(*range_10nm, 3),
+                mm(*before_10nm, 3)
+            ),
+            Self::NotAligned { range_10nm, accuracy_10nm } => write!(
+                out,
+                "the points still differ by {} mm, wanted are {} mm: send G34 once more, with a larger I or T",
+                mm(*range_10nm, 3),
+                mm(*accuracy_10nm, 3)
+            ),
             Self::BedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "{name} is not homed: send G28 before the bed is probed or followed")
@@ -150,8 +169,7 @@ impl fmt::Display for CommandError {
                 write!(out, "{}", DriverEvent { motor: *motor, kind: DriverEventKind::Failed(*failure) })
             }
             Self::DriverSettings { motor, error } => {
-                let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
-                write!(out, "{name}: {error}")
+                write!(out, "{}: {error}", motor_name(*motor))
             }
             Self::OtherOutput => out.write_str(
                 "P: no output of the profile has this number",
