@@ -90,8 +90,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let bed_screws =
         bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), &safe_homing, mesh.is_some());
     let reach_mm = mesh::reach_mm(&travel, &safe_homing);
-    let z_motors =
-        z_motors::z_motors(&apart, &reach_mm, &safe_homing, mesh.is_some(), !kinematics.shares_motors(2));
+    let z_motors = z_motors::z_motors(&apart, &reach_mm, &safe_homing, mesh.is_some(), !kinematics.shares_motors(2));
     let [nozzle, bed] = heaters::heaters(keys);
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);

@@ -29,7 +29,10 @@ pub(crate) fn z_motors(
     let about = "the [motors that lift Z together](z-motors.md), and where they are aligned (G34)";
     let table = keys.optional_section("z_motors", "one motor", about)?;
     if !has_own_motor {
-        keys.refuse("z_motors", "kinematics = \"cartesian\" or \"corexy\" with it: on others Z has no motor of its own");
+        keys.refuse(
+            "z_motors",
+            "kinematics = \"cartesian\" or \"corexy\" with it: on others Z has no motor of its own",
+        );
     }
     let correction = table.number("max_correction_mm", CORRECTION).or(
         DEFAULT_CORRECTION_MM,
@@ -47,7 +50,9 @@ pub(crate) fn z_motors(
     let mut free = further.iter_mut();
     for (name, section) in &motors {
         let place = ["x", "y"].map(|axis| {
-            section.number(axis, PLACE).optional("with `points`: required", "where it lifts the bed or the gantry: a pivot, a belt")
+            section
+                .number(axis, PLACE)
+                .optional("with `points`: required", "where it lifts the bed or the gantry: a pivot, a belt")
         });
         places_mm.push(place);
         let is_inverted =
@@ -216,7 +221,8 @@ impl Shape {
         let solved = solve(equations.collect())?;
         let at = |place: &[f64; 2]| {
             let parts = self.parts(*place);
-            let weight = |point: usize| parts.iter().zip(&solved).map(|(part, row)| part * row[self.motors + point]).sum();
+            let weight =
+                |point: usize| parts.iter().zip(&solved).map(|(part, row)| part * row[self.motors + point]).sum();
             (0..points_mm.len()).map(weight).collect()
         };
         Some(places_mm.iter().map(at).collect())

@@ -65,7 +65,9 @@ fn both_edges_are_for_drivers_that_are_told_so() {
 fn drivers_are_connected_as_the_board_says() {
     let wiring = |board: &str, profile: &str| {
         fit::wiring(&load(board).unwrap(), &ferrostep_profiles::load(profile).unwrap())
+            .into_iter()
             .map(|wiring| wiring.map(|wiring| (wiring.line, wiring.address, wiring.sense_milliohm)))
+            .collect::<Vec<_>>()
     };
     let shared = [(0, 1, 220), (0, 3, 220), (0, 0, 220), (0, 2, 220)].map(Some);
     assert_eq!(wiring("prusa-buddy", "prusa-mini"), shared);

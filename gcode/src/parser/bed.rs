@@ -108,9 +108,12 @@ mod tests {
         reads_with("G34 E1 S1", align(None, None, None), "E has no effect; S has no effect");
         for name in ["Z_TILT_ADJUST", "QUAD_GANTRY_LEVEL"] {
             reads(name, align(None, None, None));
-            let (text, with) = (format!("{name} RETRIES=4 RETRY_TOLERANCE=0.0075"), align(Some(5), some("0.0075"), None));
+            let (text, with) =
+                (format!("{name} RETRIES=4 RETRY_TOLERANCE=0.0075"), align(Some(5), some("0.0075"), None));
             reads(&text, with);
-            let says = format!("{name}: expected RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither");
+            let says = format!(
+                "{name}: expected RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither"
+            );
             for words in ["RETRIES=30", "RETRIES=x", "RETRY_TOLERANCE=0", "HORIZONTAL_MOVE_Z=5"] {
                 assert_eq!(refused(&format!("{name} {words}")), says, "{words}");
             }

@@ -229,7 +229,10 @@ mod tests {
                 let (high, low) = (1 << (16 * (1 - z)), 1 << (16 * z));
                 let (second, third) = if z_is_inverted { (low << 1, high << 9) } else { (high << 1, low << 9) };
                 assert_eq!(three.directions(axes), [a | third, b, c | second], "{axes:b}");
-                assert_eq!((three.backwards(three.directions(axes)), three.turning(three.directions(axes))), (axes, 15));
+                assert_eq!(
+                    (three.backwards(three.directions(axes)), three.turning(three.directions(axes))),
+                    (axes, 15)
+                );
                 assert_eq!(three.turning(three.direction_pins(axes)), axes);
             }
             assert!(three.are_motors([1 << 9, 8, 1 << 13]) && !one.are_motors([1 << 9, 8, 1 << 13]));

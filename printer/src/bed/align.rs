@@ -145,13 +145,15 @@ impl<P: Ports> Printer<'_, P> {
         let mut raises_10nm = [0; MOTORS];
         for (raise, weights) in raises_10nm.iter_mut().zip(&alignment.weights).take(count) {
             // Heights are within 1 m, and no weight is above 10.
-            *raise = weights.iter().zip(heights_10nm).map(|(weight, height)| weight * *height as f32).sum::<f32>() as i64;
+            *raise =
+                weights.iter().zip(heights_10nm).map(|(weight, height)| weight * *height as f32).sum::<f32>() as i64;
         }
         let moved = raises_10nm.get(..count).unwrap_or_default();
         let least_10nm = moved.iter().copied().min().unwrap_or(0);
         let apart_10nm = moved.iter().copied().max().unwrap_or(0) - least_10nm;
         for (number, raise_10nm) in moved.iter().enumerate() {
-            let name = ferrostep_tmc2209::motor_name(if number == 0 { Z } else { ferrostep_tmc2209::MOTORS + number - 1 });
+            let name =
+                ferrostep_tmc2209::motor_name(if number == 0 { Z } else { ferrostep_tmc2209::MOTORS + number - 1 });
             let by = Real::fixed((raise_10nm - least_10nm) as f64 / MM, 4);
             self.replies.say(format_args!("echo:motor {name} moves by {by}"));
         }

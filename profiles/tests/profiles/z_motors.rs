@@ -80,10 +80,16 @@ fn bad_values_are_refused_by_name() {
     for (table, says) in [
         ("\n[z_motors.motors]\nz = {}\n".to_owned(), "z_motors.motors"),
         ("\n[z_motors.motors]\nz2 = {}\ne1 = {}\n".to_owned(), "expected z, and 1 to 3 others"),
-        ("\n[z_motors.motors]\nz = {}\nz2 = {}\ne1 = {}\ne2 = {}\ne3 = {}\n".to_owned(), "expected z, and 1 to 3 others"),
+        (
+            "\n[z_motors.motors]\nz = {}\nz2 = {}\ne1 = {}\ne2 = {}\ne3 = {}\n".to_owned(),
+            "expected z, and 1 to 3 others",
+        ),
         ("\n[z_motors.motors]\nz = {}\ne4 = {}\n".to_owned(), "expected z, z2, e1, e2, e3, not e4"),
         ("\n[z_motors.motors]\nz = { inverted = true }\nz2 = {}\n".to_owned(), "driver.inverted says it of z"),
-        (format!("{TWO}[z_motors.points]\na = {{ x = 20, y = 20 }}\nb = {{ x = 140, y = 20 }}\n"), "x and y of each of them"),
+        (
+            format!("{TWO}[z_motors.points]\na = {{ x = 20, y = 20 }}\nb = {{ x = 140, y = 20 }}\n"),
+            "x and y of each of them",
+        ),
         (THREE.replace("back = { x = 80, y = 160 }", ""), "expected 3 to 8 places for 3 motors"),
         (THREE.replace("y = 160", "y = 21"), "farther apart"),
         (THREE.replace("y = 160", "y = 20"), "farther apart"),

@@ -35,25 +35,26 @@ fn assert_counted<M: Stepping + 'static>(together: &[StepEntry], alone: &[StepEn
     let mut feeder = StepFeeder::new(&board.player, both, SIGNALS);
     board.ports[0].put_out(feeder.direction_words()[0]);
     let mut ledger = StepLedger::default();
-    let play = |feeder: &mut StepFeeder<'_, M, 1, 512>, ledger: &mut StepLedger, entries: &[StepEntry], updates: usize| {
-        let before = ledger.motor_steps()[2];
-        for entry in entries {
-            feeder.push(*entry).unwrap();
-            ledger.play(*entry, &mut ());
-        }
-        feeder.seal();
-        board.start(feeder);
-        for _ in 0..updates {
-            board.update();
-        }
-        if feeder.waiting() > 0 {
-            board.stop();
-            let dropped = feeder.drop_all();
-            ledger.take_back(dropped.signed, dropped.issued);
-            board.ports[0].put_out(feeder.rest_words()[0]);
-        }
-        ledger.motor_steps()[2] - before
-    };
+    let play =
+        |feeder: &mut StepFeeder<'_, M, 1, 512>, ledger: &mut StepLedger, entries: &[StepEntry], updates: usize| {
+            let before = ledger.motor_steps()[2];
+            for entry in entries {
+                feeder.push(*entry).unwrap();
+                ledger.play(*entry, &mut ());
+            }
+            feeder.seal();
+            board.start(feeder);
+            for _ in 0..updates {
+                board.update();
+            }
+            if feeder.waiting() > 0 {
+                board.stop();
+                let dropped = feeder.drop_all();
+                ledger.take_back(dropped.signed, dropped.issued);
+                board.ports[0].put_out(feeder.rest_words()[0]);
+            }
+            ledger.motor_steps()[2] - before
+        };
     let first = play(&mut feeder, &mut ledger, together, 20_000);
     assert_eq!(made(board), [first; 2]);
     feeder.step_without([Pin { port: 0, number: 2 }].into_iter());
