@@ -265,7 +265,7 @@ impl Board {
     /// The further motors of a profile's Z that the board has.
     pub(crate) fn further_motors(&self, profile: &Profile) -> Vec<(&Motor, bool)> {
         let z_is_inverted = profile.driver.inverted >> 2 & 1 == 1;
-        let further = profile.z_motors.into_iter().flat_map(|motors| motors.further).flatten();
+        let further = profile.z_motors.into_iter().flat_map(|motors| motors.0.further).flatten();
         let motor = |further: ZMotor| {
             let motor = self.spare_motors.iter().find(|motor| motor.name == further.socket)?;
             Some((motor, further.is_inverted != z_is_inverted))

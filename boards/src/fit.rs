@@ -92,7 +92,7 @@ pub fn wiring(board: &Board, profile: &Profile) -> Vec<Option<DriverWiring>> {
 
 /// The further motors of the profile's Z are the board's, and the step interrupt reaches all pins in time.
 fn check_z_motors(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
-    for motor in profile.z_motors.into_iter().flat_map(|motors| motors.further).flatten() {
+    for motor in profile.z_motors.into_iter().flat_map(|motors| motors.0.further).flatten() {
         if !board.spare_motors.iter().any(|spare| spare.name == motor.socket) {
             let there: Vec<&str> = board.spare_motors.iter().map(|motor| motor.name).collect();
             let expected = match there.is_empty() {

@@ -125,27 +125,8 @@ pub enum CommandError {
     BesideBed,
     /// The profile names no screws of the bed.
     NoScrews,
-    /// The motors of Z are so far apart that moving one of them alone may break something; units of 10 nm.
-    TooTilted {
-        /// How far apart they are.
-        apart_10nm: i64,
-        /// How far they may be.
-        most_10nm: i64,
-    },
-    /// The points of the bed differ more after Z's motors were moved than before; units of 10 nm.
-    AlignmentGrows {
-        /// By how much they differ.
-        range_10nm: i64,
-        /// By how much they have differed before.
-        before_10nm: i64,
-    },
-    /// Z's motors were moved as often as they may be, and the points still differ by more than they should; units of 10 nm.
-    NotAligned {
-        /// By how much they differ.
-        range_10nm: i64,
-        /// By how much they may.
-        accuracy_10nm: i64,
-    },
+    /// The motors of Z are not at one height, and how that is to be mended.
+    NotAligned(&'static str),
     /// The bed is probed and followed with all axes homed.
     BedUnhomed {
         /// Index of an axis that is not homed.

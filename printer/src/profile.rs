@@ -247,6 +247,18 @@ pub struct ZMotor {
     pub is_inverted: bool,
 }
 
+/// A part of a profile that most machines do not have, kept apart: where it is missing, an image does not hold its room.
+///
+/// Its `Debug` is an expression of Rust, as that of all parts of a profile.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Kept<T: 'static>(pub &'static T);
+
+impl<T: core::fmt::Debug> core::fmt::Debug for Kept<T> {
+    fn fmt(&self, out: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(out, "Kept(&{:?})", self.0)
+    }
+}
+
 /// The motors of Z, where there are several. The first is that of the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZMotors {
@@ -479,7 +491,7 @@ pub struct Profile {
     /// The bed's screws, with a mesh.
     pub bed_screws: Option<BedScrews>,
     /// The motors of Z, if there are several.
-    pub z_motors: Option<ZMotors>,
+    pub z_motors: Option<Kept<ZMotors>>,
     // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
@@ -525,7 +537,7 @@ impl Profile {
     /// How the motors of Z are aligned; `None` for one motor, or for several that are aligned by hand.
     pub const fn z_alignment(&self) -> Option<&ZAlignment> {
         match &self.z_motors {
-            Some(ZMotors { alignment: Some(alignment), .. }) => Some(alignment),
+            Some(Kept(ZMotors { alignment: Some(alignment), .. })) => Some(alignment),
             _ => None,
         }
     }

@@ -30,6 +30,7 @@ use ferrostep_printer::Profile;
 
 use ferrostep_checked_toml::{Checked, Reader, Schema, line_of_key};
 pub use ferrostep_checked_toml::{FileError as ProfileError, Problem};
+pub use z_motors::heights_by_motors;
 
 /// Names and texts of the profiles that need no file.
 const BUILTIN: [(&str, &str); 3] = [

@@ -1,7 +1,7 @@
 //! The motors that lift Z, where it has several, and how they are aligned.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_printer::{SafeHoming, ZAlignment, ZMotor, ZMotors};
+use ferrostep_printer::{Kept, SafeHoming, ZAlignment, ZMotor, ZMotors};
 
 use crate::axes::units_10nm;
 use crate::names::check_name;
@@ -25,7 +25,7 @@ pub(crate) fn z_motors(
     safe: &SafeHoming,
     is_measured: bool,
     has_own_motor: bool,
-) -> Option<ZMotors> {
+) -> Option<Kept<ZMotors>> {
     let about = "the [motors that lift Z together](z-motors.md), and where they are aligned (G34)";
     let table = keys.optional_section("z_motors", "one motor", about)?;
     if !has_own_motor {
@@ -77,7 +77,8 @@ pub(crate) fn z_motors(
     places_mm.get_mut(..=first).unwrap_or_default().rotate_right(1);
     let points_mm = points(&table, reach_mm, safe, is_measured);
     let alignment = alignment(&table, &places_mm, &points_mm, correction);
-    Some(ZMotors { further, alignment })
+    // A profile is kept for ever.
+    Some(Kept(Box::leak(Box::new(ZMotors { further, alignment }))))
 }
 
 /// The places where the probe measures how the motors stand.
@@ -169,6 +170,14 @@ fn alignment(
         }
     }
     Some(alignment)
+}
+
+/// The weights with which the heights of Z's motors, at these places, make that of another place; lengths in units of 10 nm. `None` for
+/// places that no profile may have.
+pub fn heights_by_motors(motors_10nm: &[[i64; 2]], place_10nm: [i64; 2]) -> Option<Vec<f64>> {
+    let mm = |place: [i64; 2]| place.map(|length| length as f64 / 100_000.0);
+    let motors_mm: Vec<[f64; 2]> = motors_10nm.iter().map(|place| mm(*place)).collect();
+    Shape::of(&motors_mm)?.weights(&motors_mm, &[mm(place_10nm)])?.pop()
 }
 
 /// How the motors' heights make that of a place. Two motors lift a line, and leave what is across it alone. Three lift a plane. Four

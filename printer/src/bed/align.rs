@@ -25,6 +25,12 @@ const ROUNDS: [u8; 3] = [1, 30, 5];
 const ACCURACY_10NM: [i64; 3] = [1_000, 100_000, 2_000];
 const AMPLIFICATION: [f64; 3] = [0.5, 2.0, 1.0];
 
+/// How a G34 fails. The lines before have said by how much.
+const GROWS: &str = "the points differ by no less than before the motors of Z were moved: is each plugged in where the profile says \
+                     (z_motors.motors), and does none run the other way round?";
+const ENDS: &str = "the points still differ by more than T: send G34 once more, with a larger I or T";
+const TOO_FAR: &str = "the motors of Z are farther apart than z_motors.max_correction_mm: bring them nearer by hand";
+
 /// What a G34 is to reach.
 #[derive(Clone, Copy, Debug)]
 struct Goal {
@@ -94,10 +100,10 @@ impl<P: Ports> Printer<'_, P> {
                 return Ok(());
             }
             if round > 0 && range_10nm >= clearance_10nm {
-                return Err(CommandError::AlignmentGrows { range_10nm, before_10nm: clearance_10nm });
+                return Err(CommandError::NotAligned(GROWS));
             }
             if round == goal.rounds {
-                return Err(CommandError::NotAligned { range_10nm, accuracy_10nm: goal.accuracy_10nm });
+                return Err(CommandError::NotAligned(ENDS));
             }
             clearance_10nm = range_10nm;
             round += 1;
@@ -141,7 +147,7 @@ impl<P: Ports> Printer<'_, P> {
         heights_10nm: &[i64; ZAlignment::MAX_POINTS],
         amplification: f32,
     ) -> Result<[i64; MOTORS], CommandError> {
-        let count = self.profile.z_motors.map_or(1, |motors| motors.count());
+        let count = self.profile.z_motors.map_or(1, |motors| motors.0.count());
         let mut raises_10nm = [0; MOTORS];
         for (raise, weights) in raises_10nm.iter_mut().zip(&alignment.weights).take(count) {
             // Heights are within 1 m, and no weight is above 10.
@@ -158,7 +164,7 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.say(format_args!("echo:motor {name} moves by {by}"));
         }
         if apart_10nm > alignment.max_correction_10nm {
-            return Err(CommandError::TooTilted { apart_10nm, most_10nm: alignment.max_correction_10nm });
+            return Err(CommandError::NotAligned(TOO_FAR));
         }
         for raise in raises_10nm.iter_mut().take(count) {
             *raise = ((*raise - least_10nm) as f32 * amplification) as i64 + least_10nm;

@@ -123,25 +123,6 @@ impl fmt::Display for CommandError {
                 "X, Y: the probe is beside the round bed there: choose a place nearer to the middle of homing.bed_mm",
             ),
             Self::NoScrews => out.write_str("the profile does not say where the bed's screws are: write its table bed_screws"),
-            Self::TooTilted { apart_10nm, most_10nm } => write!(
-                out,
-                "the motors of Z are {} mm apart, at most {} mm are allowed (z_motors.max_correction_mm): bring them nearer by hand",
-                mm(*apart_10nm, 3),
-                mm(*most_10nm, 3)
-            ),
-            Self::AlignmentGrows { range_10nm, before_10nm } => write!(
-                out,
-                "the points differ by {} mm, by {} mm before the motors of Z were moved: is each plugged in where the profile says \
-                 (z_motors.motors), and does none run the other way round?",
-                mm(*range_10nm, 3),
-                mm(*before_10nm, 3)
-            ),
-            Self::NotAligned { range_10nm, accuracy_10nm } => write!(
-                out,
-                "the points still differ by {} mm, wanted are {} mm: send G34 once more, with a larger I or T",
-                mm(*range_10nm, 3),
-                mm(*accuracy_10nm, 3)
-            ),
             Self::BedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "{name} is not homed: send G28 before the bed is probed or followed")
@@ -157,7 +138,7 @@ impl fmt::Display for CommandError {
                      another's (M119)?"
                 )
             }
-            Self::ProbePin(why) => out.write_str(why),
+            Self::ProbePin(why) | Self::NotAligned(why) => out.write_str(why),
             Self::NoStallSignal { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(

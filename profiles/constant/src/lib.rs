@@ -27,7 +27,7 @@ mod names {
     pub use ferrostep_printer::{
         AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*,
         FanSettings, FilamentSensor, FilamentSensorKind::*, FirmwareRetraction, HeaterSettings, HeaterWatch,
-        HomeEnd::*, HomeSensor::*, MeshSettings, PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
+        HomeEnd::*, HomeSensor::*, Kept, MeshSettings, PauseSettings, PidGains, PowerSupply, Profile, SafeHoming, Skew,
         ZAlignment, ZMotor, ZMotors,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};

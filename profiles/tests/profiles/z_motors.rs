@@ -17,16 +17,16 @@ fn aligned(motors: &[(&str, [f64; 2])], points: &[[f64; 2]]) -> Result<ZAlignmen
     let motors: String = motors.iter().map(|(name, [x, y])| format!("{name} = {{ x = {x}, y = {y} }}\n")).collect();
     let points: String = (0..).zip(points).map(|(n, [x, y])| format!("p{n} = {{ x = {x}, y = {y} }}\n")).collect();
     let table = format!("\n[z_motors.motors]\n{motors}[z_motors.points]\n{points}");
-    mini(&table).map(|profile| profile.z_motors.unwrap().alignment.unwrap()).map_err(|error| error.to_string())
+    mini(&table).map(|profile| profile.z_motors.unwrap().0.alignment.unwrap()).map_err(|error| error.to_string())
 }
 
 #[test]
 fn the_axis_own_motor_is_the_first() {
-    let motors = mini(TWO).unwrap().z_motors.unwrap();
+    let motors = mini(TWO).unwrap().z_motors.unwrap().0;
     assert_eq!((motors.count(), motors.alignment), (2, None));
     assert_eq!(motors.further, [Some(ZMotor { socket: "z2", is_inverted: false }), None, None]);
     assert_eq!(mini("").unwrap().z_motors, None);
-    let motors = mini(THREE).unwrap().z_motors.unwrap();
+    let motors = mini(THREE).unwrap().z_motors.unwrap().0;
     assert_eq!(motors.count(), 3);
     let further = [("z2", true), ("e1", false)].map(|(socket, is_inverted)| Some(ZMotor { socket, is_inverted }));
     assert_eq!(motors.further[..2], further);
