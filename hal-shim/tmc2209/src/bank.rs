@@ -123,7 +123,10 @@ impl<const N: usize> DriverBank<N> {
     /// # Errors
     /// The chip cannot do that with this board's sense resistors; nothing has changed.
     pub fn set(&mut self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
-        self.check(motor, &settings)?;
+        if N > MOTORS {
+            // Of several none has changed then.
+            self.check(motor, &settings)?;
+        }
         for motor in self.set_with(motor) {
             let Some(driver) = self.drivers.get_mut(motor).and_then(Option::as_mut) else { continue };
             driver.set(settings)?;
@@ -135,7 +138,7 @@ impl<const N: usize> DriverBank<N> {
 
     /// The motors that have the same settings: all of Z's.
     fn set_with(&self, motor: usize) -> impl Iterator<Item = usize> + use<N> {
-        let further = if motor == Z { MOTORS..N } else { 0..0 };
+        let further = if N > MOTORS && motor == Z { MOTORS..N } else { 0..0 };
         [motor].into_iter().chain(further)
     }
 
