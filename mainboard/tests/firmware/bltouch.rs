@@ -37,7 +37,7 @@ fn octopus() -> &'static BoardFacts {
 }
 
 /// A file without one of its tables.
-fn without(text: &str, table: &str) -> String {
+pub fn without(text: &str, table: &str) -> String {
     let header = format!("[{table}]\n");
     let start = text.find(&header).unwrap();
     let rest = &text[start + header.len()..];

@@ -38,3 +38,4 @@ mod shipped;
 mod supply;
 mod timing;
 mod watchdog;
+mod z_motors;

@@ -10,6 +10,7 @@ use ferrostep_tmc2209::motor_name;
 use super::{Heights, MM, Z};
 use crate::error::CommandError;
 use crate::homing::Homing;
+use crate::part::Part;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::{MeshSettings, ZAlignment, ZMotors};
@@ -50,6 +51,11 @@ struct Raises {
 }
 
 impl<P: Ports> Printer<'_, P> {
+    /// Whether the motors that lift Z are aligned.
+    pub fn aligns_z(&self) -> bool {
+        <P::Motion as Motion>::ZMotors::PRESENT && self.profile.aligns_z()
+    }
+
     /// G34. Afterwards Z is where the probe has found the bed at the place of homing, and follows no mesh: the points of the mesh stay.
     pub(super) async fn align_z(
         &mut self,
