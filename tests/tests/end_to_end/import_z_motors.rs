@@ -58,11 +58,11 @@ fn four_motors_stand_where_klipper_finds_them() {
     let motors = "[z_motors.motors]\nz = { x = -60, y = -10 }\nz2 = { x = -60, y = 420 }\ne1 = { x = 410, y = 420 }\n\
                   e2 = { x = 410, y = -10 }\n[z_motors.points]\na = { x = 50, y = 50 }\nb = { x = 50, y = 300 }\n\
                   c = { x = 300, y = 300 }\nd = { x = 300, y = 50 }\n";
-    let profile = klipper("");
-    let text = profile["profile"].as_str().unwrap();
-    let mut table: toml::Table = text.parse().unwrap();
-    table.insert("z_motors".into(), motors.parse::<toml::Table>().unwrap()["z_motors"].clone());
-    let profile = ferrostep_profiles::parse(&table.to_string(), "voron.toml").unwrap();
+    let (one_motor, _) = KLIPPER.split_once("[stepper_z1]").unwrap();
+    let imported = of_text("printer.cfg", one_motor, &mut |_| Err("none".to_owned())).unwrap();
+    let imported = serde_json::to_value(imported).unwrap();
+    let text = format!("{}\n{motors}", imported["profile"].as_str().unwrap());
+    let profile = ferrostep_profiles::parse(&text, "voron.toml").unwrap();
     // The gantry's heights beside the probe's, which are the other way round.
     let heights = [4.209_353, 4.211_853, 4.210_603, 4.210_603];
     let motors = [4.207_939, 4.214_131, 4.209_525, 4.211_417];
@@ -90,7 +90,7 @@ fn a_bed_on_screws_is_kept() {
 
 #[test]
 fn marlins_motors_are_kept() {
-    let machine = "#define X_BED_SIZE 300\n#define Y_BED_SIZE 300\n#define Z_MAX_POS 260\n#define NOZZLE_TO_PROBE_OFFSET { 0, 0, -1 }\n\
+    let machine = "#define X_BED_SIZE 300\n#define Y_BED_SIZE 300\n#define X_MAX_POS 300\n#define Y_MAX_POS 300\n#define Z_MAX_POS 260\n#define NOZZLE_TO_PROBE_OFFSET { 0, 0, -1 }\n\
                    #define Z_MIN_PROBE_USES_Z_MIN_ENDSTOP_PIN\n#define FIX_MOUNTED_PROBE\n#define Z_HOME_DIR -1\n\
                    #define INVERT_Z_DIR true\n#define Z_DRIVER_TYPE TMC2209\n#define Z2_DRIVER_TYPE TMC2209\n\
                    #define INVERT_Z2_VS_Z_DIR\n#define Z2_CURRENT 800\n";
