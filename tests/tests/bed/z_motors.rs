@@ -44,8 +44,8 @@ fn range(heights: &[f64]) -> f64 {
 
 /// Z is homed and where it should be, and the last words say that the points agree.
 fn assert_aligned(done: &Done, accuracy_mm: f64) {
-    let differ = done.said.iter().filter_map(|line| line.strip_prefix("echo:the points differ by "));
-    let last: f64 = differ.last().unwrap().split(' ').next().unwrap().parse().unwrap();
+    let mut differ = done.said.iter().filter_map(|line| line.strip_prefix("echo:the points differ by "));
+    let last: f64 = differ.next_back().unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!(last <= accuracy_mm, "{:#?}", done.said);
 }
 
