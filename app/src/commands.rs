@@ -5,7 +5,6 @@ use core::cell::RefCell;
 use ferrostep_printer::{Printer, SharedMotion, Signals};
 use ferrostep_stm32f4_board::identifier::identifier;
 use ferrostep_stm32f4_board::measured::Switch;
-use ferrostep_tmc2209::DriverBank;
 use rtic::Mutex;
 
 #[cfg(accelerometer)]
@@ -16,6 +15,7 @@ use crate::card::BoardMailbox;
 #[cfg(card)]
 use crate::card::{BoardMailboxLock, CardHosts};
 use crate::clock::SystemClock;
+use crate::drivers::BoardDriverBank;
 #[cfg(drivers)]
 use crate::drivers::BoardDrivers;
 use crate::heat::{EQUIPMENT, Heat};
@@ -66,7 +66,7 @@ where
     M: Mutex<T = &'static mut BoardMachine>,
     H: Mutex<T = Heat>,
     W: Mutex<T = Writers>,
-    D: Mutex<T = DriverBank>,
+    D: Mutex<T = BoardDriverBank>,
     A: Mutex<T = BoardRecorder>,
     R: Mutex<T = Records>,
     B: Mutex<T = BoardMailbox>,

@@ -10,25 +10,29 @@ use core::sync::atomic::Ordering;
 use ferrostep_printer::MotorDrivers;
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
 use ferrostep_stm32f4_board::driver_line::{DriverLine, FERROSTEP_DRIVERS};
-use ferrostep_tmc2209::{DriverBank, LineTiming};
+use ferrostep_tmc2209::{DriverBank, LineTiming, MOTORS};
 #[cfg(drivers)]
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, LineBusy, SettingsError, SingleWireUart};
 #[cfg(drivers)]
 use rtic::Mutex;
 
 use crate::profile::PROFILE;
-use crate::wiring::{BoardDriverLine, DRIVER_WIRING};
+use crate::wiring::{BoardDriverLine, DRIVER_WIRING, DRIVERS};
 
 /// Baud rate for timeouts on the bare internal oscillator. That is also an emulator's clock, and its time may
 /// run many times faster than that of the program that answers.
 const PATIENT_BAUD: u32 = 200;
 
+/// The drivers of all motors.
+pub type BoardDriverBank = DriverBank<DRIVERS>;
+
 /// The profile's drivers, not set up yet. Their clock is the motion clock's.
-pub fn bank(clock: &Clock, now_ticks: u32) -> DriverBank {
+pub fn bank(clock: &Clock, now_ticks: u32) -> BoardDriverBank {
     let present = FERROSTEP_DRIVERS.load(Ordering::Relaxed);
-    let mut drivers = [None; 4];
+    let mut drivers = [None; DRIVERS];
     for (motor, driver) in drivers.iter_mut().enumerate().filter(|(motor, _)| present >> motor & 1 == 1) {
-        let settings = PROFILE.drivers.get(motor).copied().flatten();
+        // Further motors lift Z.
+        let settings = PROFILE.drivers.get(if motor < MOTORS { motor } else { 2 }).copied().flatten();
         *driver = settings.zip(DRIVER_WIRING.get(motor).copied().flatten());
     }
     let baud = if clock.source == ClockSource::Internal { PATIENT_BAUD } else { BoardDriverLine::BAUD };
@@ -66,7 +70,7 @@ impl<B> fmt::Debug for BoardDrivers<B> {
 }
 
 #[cfg(drivers)]
-impl<B: Mutex<T = DriverBank>> MotorDrivers for BoardDrivers<B> {
+impl<B: Mutex<T = BoardDriverBank>> MotorDrivers for BoardDrivers<B> {
     fn state(&self, motor: usize) -> Option<DriverState> {
         self.0.borrow_mut().lock(|bank| bank.state(motor))
     }
@@ -84,6 +88,6 @@ impl<B: Mutex<T = DriverBank>> MotorDrivers for BoardDrivers<B> {
     }
 
     fn take_moved(&self) -> u8 {
-        self.0.borrow_mut().lock(DriverBank::take_moved)
+        self.0.borrow_mut().lock(BoardDriverBank::take_moved)
     }
 }

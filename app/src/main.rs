@@ -86,7 +86,6 @@ mod app {
     use ferrostep_stm32f4_board::thermal::FanSpeeds;
     use ferrostep_stm32f4_board::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Usb};
-    use ferrostep_tmc2209::DriverBank;
     use heapless::spsc::Consumer;
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
@@ -147,7 +146,7 @@ mod app {
         sensors: BoardPins,
         /// For one of its two interrupts, the one that the board has, and for the drivers' task.
         driver_line: BoardDriverLine,
-        drivers: DriverBank,
+        drivers: board_drivers::BoardDriverBank,
         recorder: BoardRecorder,
         machine: &'static mut BoardMachine,
         heat: Heat,
@@ -216,7 +215,7 @@ mod app {
         let fan_speeds = FanSpeeds::start();
         #[cfg(servo)]
         ports::start_servo(device.TIM6, &clock);
-        let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
+        let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, &DRIVER_PINS);
         let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
         let card = card::start(device.SDIO, &clock, motion_clock);
         settings_memory::start(device.FLASH);

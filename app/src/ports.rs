@@ -85,7 +85,7 @@ pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
 
 /// The queue to these motors.
 pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) -> BoardMotorQueue {
-    let pin_map = PIN_MAP.with_inverted(PROFILE.driver.inverted);
+    let pin_map = const { PIN_MAP.with_inverted(ferrostep_profile_constant::PROFILE.driver.inverted) };
     let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw())).keeping_past();
     // On the bare internal oscillator the plan must not depend on time, as for the host's line.
     let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
@@ -146,6 +146,7 @@ impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock
     type Queue = BoardStepQueue;
     type Methods = Methods;
     type Servo = PartIf<{ ferrostep_profile_constant::PROFILE.bltouch.is_some() }>;
+    type ZMotors = PartIf<{ ferrostep_profile_constant::PROFILE.aligns_z() }>;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {
         self.machine.borrow_mut().lock(|machine| act(machine))

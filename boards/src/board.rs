@@ -1,7 +1,7 @@
 //! A board as its file describes it, every value checked.
 
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
-use ferrostep_printer::{FanRule, PowerSupply, Profile};
+use ferrostep_printer::{FanRule, PowerSupply, Profile, ZMotor};
 
 use crate::chip::Chip;
 use crate::clock::Clock;
@@ -108,6 +108,9 @@ pub struct Board {
     pub used_supply: Option<SupplyOutput>,
     /// Which connectors the machine's chamber uses: for its thermistor, and for its heater.
     pub used_chamber: Option<(SpareConnector, Option<SpareConnector>)>,
+    /// Further motors that lift the machine's Z, and whether each runs the other way round than the axis's own
+    /// ([`Self::for_machine`]).
+    pub further_z: Vec<(Motor, bool)>,
     /// What a user of the board should know: one sentence each.
     pub notes: Vec<String>,
 }
@@ -254,6 +257,22 @@ pub struct Thermistor {
 }
 
 impl Board {
+    /// The motors that move: X (A), Y (B), Z, E, and the further ones of Z.
+    pub fn moving_motors(&self) -> impl Iterator<Item = &Motor> {
+        self.motors.iter().chain(self.further_z.iter().map(|(motor, _)| motor))
+    }
+
+    /// The further motors of a profile's Z that the board has.
+    pub(crate) fn further_motors(&self, profile: &Profile) -> Vec<(&Motor, bool)> {
+        let z_is_inverted = profile.driver.inverted >> 2 & 1 == 1;
+        let further = profile.z_motors.into_iter().flat_map(|motors| motors.0.further).flatten();
+        let motor = |further: ZMotor| {
+            let motor = self.spare_motors.iter().find(|motor| motor.name == further.socket)?;
+            Some((motor, further.is_inverted != z_is_inverted))
+        };
+        further.filter_map(motor).collect()
+    }
+
     /// All motors, those first that move.
     pub fn all_motors(&self) -> impl Iterator<Item = &Motor> {
         self.motors.iter().chain(&self.spare_motors)
@@ -275,12 +294,15 @@ impl Board {
         let used_chamber = profile.chamber.map(|chamber| (chamber.thermistor, chamber.heater));
         let used_servo = self.servo.filter(|_| profile.bltouch.is_some());
         let used_supply = used.map(|(pin, settings)| SupplyOutput { pin, settings });
-        Self { used_supply, used_chamber, used_servo, safe_outputs, ..self }
+        let further = self.further_motors(profile).into_iter();
+        let further_z = further.map(|(motor, is_inverted)| (motor.clone(), is_inverted)).collect();
+        Self { used_supply, used_chamber, used_servo, safe_outputs, further_z, ..self }
     }
 
     /// Ports that carry step and direction signals of the motors that move, in the order of the alphabet.
     pub fn motor_ports(&self) -> Vec<u8> {
-        let mut ports: Vec<u8> = self.motors.iter().flat_map(|motor| [motor.step.port, motor.direction.port]).collect();
+        let mut ports: Vec<u8> =
+            self.moving_motors().flat_map(|motor| [motor.step.port, motor.direction.port]).collect();
         ports.sort_unstable();
         ports.dedup();
         ports

@@ -8,7 +8,7 @@ use ferrostep_stm32f4::registers::Registers;
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
 use ferrostep_stm32f4::{I2cPins, OutputPin, SpiPins, SupplyPin, TimerChannel};
 
-use crate::board::{Board, CCM_ADDRESS, DriverUart, Eeprom, FLASH_ADDRESS, RAM_ADDRESS, SupplyOutput};
+use crate::board::{Board, CCM_ADDRESS, DriverUart, Eeprom, FLASH_ADDRESS, Motor, RAM_ADDRESS, SupplyOutput};
 use crate::clock::{Clock, INTERNAL_HZ};
 use crate::fit;
 use crate::pin::Pin;
@@ -46,16 +46,15 @@ pub fn rust(board: &Board) -> String {
         let port = ports.iter().position(|port| *port == pin.port).unwrap_or_default();
         format!("Pin {{ port: {port}, number: {} }}", pin.number)
     };
-    let motors = board.motors.iter().fold(String::new(), |mut text, motor| {
-        let _ = write!(
-            text,
-            "MotorPins {{ step: {}, direction: {} }}, ",
-            motor_pin(motor.step),
-            motor_pin(motor.direction)
-        );
-        text
-    });
-    let enable: Vec<(u8, u8)> = board.motors.iter().map(|motor| (motor.enable.port, motor.enable.number)).collect();
+    let motor_pins = |motor: &Motor| {
+        format!("MotorPins {{ step: {}, direction: {} }}", motor_pin(motor.step), motor_pin(motor.direction))
+    };
+    let motors: Vec<String> = board.motors.iter().map(motor_pins).collect();
+    let motors = motors.join(", ");
+    let further: Vec<String> =
+        board.further_z.iter().map(|(motor, is_inverted)| format!("({}, {is_inverted})", motor_pins(motor))).collect();
+    let further = further.join(", ");
+    let enable: Vec<(u8, u8)> = board.moving_motors().map(|motor| (motor.enable.port, motor.enable.number)).collect();
     let settings_bytes = board.settings_bytes();
     let settings_offset = board.flash_kib * 1024 - settings_bytes;
     let ram_end = RAM_ADDRESS + board.ram_kib * 1024;
@@ -89,7 +88,9 @@ pub fn rust(board: &Board) -> String {
          /// Number of ports that carry step and direction signals.\npub const MOTOR_PORTS: usize = {};\n\
          /// Those ports: 0 is A.\npub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = {ports:?};\n\
          /// Step and direction pins of X, Y, Z and E.\npub const MOTORS: [MotorPins; 4] = [{motors}];\n\
-         /// Port and number of their enable pins; low = on.\npub const ENABLE: [(u8, u8); 4] = {enable:?};\n\
+         /// Those of further motors of Z, and whether each runs the other way round than the axis's own.\n\
+         pub const FURTHER_Z: [(MotorPins, bool); {}] = [{further}];\n\
+         /// Port and number of the enable pins of all of them; low = on.\npub const ENABLE: [(u8, u8); {}] = {enable:?};\n\
          /// Flash that settings are kept in (M500): bytes from its start, and bytes; 0: none.\n\
          pub const SETTINGS: [u32; 2] = [{settings_offset:#x}, {settings_bytes:#x}];\n\
          /// RAM.\npub const RAM: core::ops::Range<u32> = {RAM_ADDRESS:#x}..{ram_end:#x};\n{}\
@@ -99,6 +100,8 @@ pub fn rust(board: &Board) -> String {
         clock.apb1_hz(),
         clock.apb2_hz(),
         ports.len(),
+        board.further_z.len(),
+        enable.len(),
         thermal(board),
         stores("FIRST", &first),
         stores("ALL_OFF", &registers::all_off(board)),
@@ -209,9 +212,11 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
 /// The drivers that the profile sets, and the lines to them, as items.
 pub fn drivers(board: &Board, profile: &Profile) -> String {
     let wiring = fit::wiring(board, profile);
+    let further = board.further_motors(profile).into_iter().map(|(motor, _)| motor);
     let pins: Vec<(u8, u8)> = board
         .motors
         .iter()
+        .chain(further)
         .map(|motor| match (motor.uart, board.driver_uart) {
             (Some(DriverUart::Pin(pin)), _) | (_, Some(pin)) => (pin.port, pin.number),
             _ => (0, 0),
@@ -220,14 +225,16 @@ pub fn drivers(board: &Board, profile: &Profile) -> String {
     let line = match (wiring.iter().any(Option::is_some), board.driver_uart) {
         (false, _) => "NoLine",
         (true, Some(_)) => "SharedLine",
-        (true, None) => "OwnLines",
+        (true, None) => "OwnLines<DRIVERS>",
     };
     format!(
         "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4_board::driver_line::{line};\n\
-         /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); 4] = {pins:?};\n\
+         /// Number of motors, the further ones of Z included.\npub const DRIVERS: usize = {};\n\
+         /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); DRIVERS] = {pins:?};\n\
          /// How the drivers that are set are connected.\n\
-         pub const DRIVER_WIRING: [Option<ferrostep_tmc2209::DriverWiring>; 4] = {{\n    \
-         #[allow(unused_imports)]\n    use ferrostep_tmc2209::DriverWiring;\n    {wiring:?}\n}};\n"
+         pub const DRIVER_WIRING: [Option<ferrostep_tmc2209::DriverWiring>; DRIVERS] = {{\n    \
+         #[allow(unused_imports)]\n    use ferrostep_tmc2209::DriverWiring;\n    {wiring:?}\n}};\n",
+        wiring.len()
     )
 }
 

@@ -7,7 +7,7 @@ use ferrostep_printer::{
 };
 use ferrostep_profiles::refuse;
 use ferrostep_thermistor::ThermistorType;
-use ferrostep_tmc2209::{CurrentScale, DriverWiring};
+use ferrostep_tmc2209::{CurrentScale, DriverSettings, DriverWiring};
 
 use crate::board::{Board, Driver, DriverUart, Motor, Thermistor};
 use crate::pin::Pin;
@@ -24,6 +24,9 @@ impl Driver {
         }
     }
 }
+
+/// Most ports that step and direction signals may be on: an event costs the step interrupt a store for each.
+const MOST_PORTS: usize = 4;
 
 /// The axes that home.
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -64,10 +67,18 @@ fn can_be_set(motor: &Motor) -> bool {
     matches!(motor.driver, Driver::Tmc2209 | Driver::Socket) && motor.uart.is_some()
 }
 
-/// How the drivers that a profile sets are connected; `None` for one that it does not, or that the board cannot.
-pub fn wiring(board: &Board, profile: &Profile) -> [Option<DriverWiring>; 4] {
-    std::array::from_fn(|index| {
-        let (motor, _) = board.motors.get(index).zip(profile.drivers[index])?;
+/// The motors that move, each with the settings of its driver: of the further motors of Z those of Z.
+fn driven<'a>(board: &'a Board, profile: &Profile) -> Vec<(&'a Motor, Option<DriverSettings>)> {
+    let [.., of_z, _] = profile.drivers;
+    let further = board.further_motors(profile).into_iter().map(|(motor, _)| (motor, of_z));
+    board.motors.iter().zip(profile.drivers).chain(further).collect()
+}
+
+/// How the drivers that a profile sets are connected, X, Y, Z, E and the further ones of Z; `None` for one that it does not set, or that
+/// the board cannot.
+pub fn wiring(board: &Board, profile: &Profile) -> Vec<Option<DriverWiring>> {
+    let wired = |(index, (motor, settings)): (usize, (&Motor, Option<DriverSettings>))| {
+        settings?;
         let (line, address) = match motor.uart.filter(|_| can_be_set(motor))? {
             DriverUart::Address(address) => (0, address),
             // A socket's pins for the address are grounded.
@@ -75,7 +86,38 @@ pub fn wiring(board: &Board, profile: &Profile) -> [Option<DriverWiring>; 4] {
         };
         let sense_milliohm = milliohm(motor.sense_resistor_ohm.unwrap_or(USUAL_SENSE_OHM));
         Some(DriverWiring { line, address, sense_milliohm })
-    })
+    };
+    driven(board, profile).into_iter().enumerate().map(wired).collect()
+}
+
+/// The further motors of the profile's Z are the board's, and the step interrupt reaches all pins in time.
+fn check_z_motors(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
+    for motor in profile.z_motors.into_iter().flat_map(|motors| motors.0.further).flatten() {
+        if !board.spare_motors.iter().any(|spare| spare.name == motor.socket) {
+            let there: Vec<&str> = board.spare_motors.iter().map(|motor| motor.name).collect();
+            let expected = match there.is_empty() {
+                true => format!("no table [z_motors]: the board {} has no motors to spare", board.name),
+                false => format!("motors of the board {}: z, {}", board.name, there.join(", ")),
+            };
+            return Err(refuse(profile_name, &format!("z_motors.motors.{}", motor.socket), "a table", &expected));
+        }
+    }
+    let ports = board.clone().for_machine(profile).motor_ports();
+    if ports.len() > MOST_PORTS {
+        let letters: Vec<String> = ports.iter().map(|port| char::from(b'A' + port).to_string()).collect();
+        let expected = format!(
+            "motors of the board {} whose step and direction signals are on {MOST_PORTS} ports at most, not on {}",
+            board.name,
+            letters.join(", ")
+        );
+        return Err(refuse(profile_name, "z_motors.motors", "a table", &expected));
+    }
+    Ok(())
+}
+
+/// The name of a motor's table of settings.
+fn settings_of(board: &Board, motor: &Motor) -> &'static str {
+    if board.motors.contains(motor) { motor.name } else { "z" }
 }
 
 /// Compares a profile with the board.
@@ -83,15 +125,18 @@ pub fn wiring(board: &Board, profile: &Profile) -> [Option<DriverWiring>; 4] {
 /// # Errors
 /// The board lacks something that the profile needs; the error names the profile's key and line.
 pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
-    for (motor, settings) in board.motors.iter().zip(&profile.drivers) {
+    check_z_motors(board, profile, profile_name)?;
+    for (motor, settings) in driven(board, profile) {
         let driver = format!("{:?}", motor.driver).to_lowercase();
         // A driver steps at both edges only if its bit `dedge` is set over its serial line.
         let is_told = settings.is_some() && can_be_set(motor);
         if profile.driver.both_edges && motor.driver != Driver::None && !is_told {
             let expected = format!(
-                "false: motors.{0} of the board {1} is driven by a {driver}, which steps at rising edges unless it is a \
-                 tmc2209 with a line and a table [drivers.{0}]",
-                motor.name, board.name
+                "false: motors.{} of the board {} is driven by a {driver}, which steps at rising edges unless it is a \
+                 tmc2209 with a line and a table [drivers.{}]",
+                motor.name,
+                board.name,
+                settings_of(board, motor)
             );
             return Err(refuse(profile_name, "driver.both_edges", "true", &expected));
         }
@@ -107,7 +152,7 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             && can_be_set(motor)
             && let Err(error) = CurrentScale::from_ma(settings.current_ma, milliohm(ohm))
         {
-            let key = format!("drivers.{}.current_ma", motor.name);
+            let key = format!("drivers.{}.current_ma", settings_of(board, motor));
             let (least, most) = (error.least_ma, error.most_ma);
             let expected = format!("{least} to {most} mA at the {ohm} ohm of the board {}", board.name);
             return Err(refuse(profile_name, &key, &settings.current_ma.to_string(), &expected));

@@ -63,8 +63,8 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     let uart = keys.optional_section("driver_uart", "no shared line", "the line that the drivers share");
     let motors = keys.section(
         "motors",
-        "x (A), y (B), z and e move; the others are kept switched off. Step and direction signals of those that move are on \
-         at most three ports",
+        "x (A), y (B), z and e move, on at most three ports; of the others those that lift a profile's Z \
+         ([how](z-motors.md#sockets-and-ports)), the rest is kept switched off",
     );
     let has_uart = uart.is_some();
     let moving = ["x", "y", "z", "e"].map(|name| motor(&motors.section(name, ""), name, has_uart, &mut pins));
@@ -148,6 +148,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         used_chamber: None,
         servo,
         used_servo: None,
+        further_z: Vec::new(),
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);

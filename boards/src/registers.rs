@@ -85,11 +85,11 @@ fn thermistor_pins(board: &Board) -> Vec<Pin> {
 }
 
 fn signal_pins(board: &Board) -> Vec<Pin> {
-    board.motors.iter().flat_map(|motor| [motor.step, motor.direction]).collect()
+    board.moving_motors().flat_map(|motor| [motor.step, motor.direction]).collect()
 }
 
 fn step_pins(board: &Board) -> Vec<Pin> {
-    board.motors.iter().map(|motor| motor.step).collect()
+    board.moving_motors().map(|motor| motor.step).collect()
 }
 
 /// The lines to a memory card, and the pin that says that it is there.

@@ -17,7 +17,7 @@ pub struct BedArea {
     pub is_size: bool,
 }
 
-/// G29, G30, G35, G80, M48, M420, M421, M555 and Klipper's words for them.
+/// G29, G30, G34, G35, G80, M48, M420, M421, M555 and Klipper's words for them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BedCommand {
     /// G29, G80, BED_MESH_CALIBRATE: measures the mesh, and Z follows it.
@@ -67,6 +67,15 @@ pub enum BedCommand {
     },
     /// G35, SCREWS_TILT_CALCULATE: probes the bed above its screws, and says by how much to turn each.
     Screws,
+    /// G34, Z_TILT_ADJUST, QUAD_GANTRY_LEVEL: probes the bed, and moves each of Z's motors until it is level to the axes.
+    Align {
+        /// I, or RETRIES and one more: how often they may be moved.
+        rounds: Option<u8>,
+        /// T, RETRY_TOLERANCE: how far apart the points may be.
+        accuracy: Option<Decimal>,
+        /// A: by how many times the measured height they are moved.
+        amplification: Option<Decimal>,
+    },
     /// BED_MESH_CLEAR: the mesh is forgotten.
     Clear,
 }
@@ -79,7 +88,10 @@ impl BedCommand {
 
     /// Whether it moves the machine.
     pub const fn probes(&self) -> bool {
-        matches!(self, Self::Measure { .. } | Self::Probe { .. } | Self::Repeat { .. } | Self::Screws)
+        matches!(
+            self,
+            Self::Measure { .. } | Self::Probe { .. } | Self::Repeat { .. } | Self::Screws | Self::Align { .. }
+        )
     }
 
     /// Whether it only reports.

@@ -131,7 +131,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(g(27), "G27", "park the nozzle", "the nozzle stays; write G0 with the place"),
     unknown((b'G', 31, 32), "G31 and G32", "dock the probe, or probe the bed", "G29 measures the bed"),
     unknown(g(33), "G33", "calibrate a delta", "deltas are not supported"),
-    unknown(g(34), "G34", "align several Z motors", "there is one Z motor"),
     refused(g(38), "G38", "move until the probe triggers", "the nozzle would not stand at the probed place; home with G28"),
     refused((b'G', 41, 42), "G41 and G42", "tool radius compensation, or a move to a place of the mesh", "the path would lie elsewhere; let the slicer correct it"),
     refused((b'G', 43, 44), "G43 and G44", "tool length compensation", "Z would be off by the tool's length; leave the offset out"),
@@ -205,13 +204,12 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     accepted(named(1), "EXCLUDE_OBJECT*", "names and outlines of objects, to leave one out (Klipper)", "all are printed"),
     accepted(named(2), "START_PRINT, PRINT_START", "a macro that homes and heats (Klipper)", "nothing is homed and nothing heats: give the profile a macro of this name, or write G28, M190 and M109 into the slicer's start code"),
     accepted(named(3), "END_PRINT, PRINT_END", "a macro that switches off (Klipper)", "heaters, fan and motors stay on: give the profile a macro of this name, or write M104 S0, M140 S0, M107 and M84 into the slicer's end code"),
-    accepted(named(4), "Z_TILT_ADJUST, QUAD_GANTRY_LEVEL", "align several Z motors (Klipper)", "there is one Z motor"),
-    accepted(named(5), "SET_LED", "colour of a light (Klipper)", NO_OUTPUT),
-    accepted(named(6), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
-    accepted(named(7), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
-    accepted(named(8), "SKEW_PROFILE", "load, save or remove the skew of a machine (Klipper)", "the skew of the profile, or the one that M500 has stored, is in force: set it with SET_SKEW or M852"),
-    refused(named(9), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
-    refused(named(10), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
+    accepted(named(4), "SET_LED", "colour of a light (Klipper)", NO_OUTPUT),
+    accepted(named(5), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
+    accepted(named(6), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
+    accepted(named(7), "SKEW_PROFILE", "load, save or remove the skew of a machine (Klipper)", "the skew of the profile, or the one that M500 has stored, is in force: set it with SET_SKEW or M852"),
+    refused(named(8), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
+    refused(named(9), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
 ];
 
 const _: () = assert!(NOT_EXECUTED.len() <= 128, "a set of remarks has a bit for each entry");

@@ -51,6 +51,8 @@ pub enum Remark {
     WaitsForHeatOnly,
     /// The bed's mesh, on a machine that cannot measure one.
     NoBed,
+    /// The alignment of Z's motors, on a machine that does not know how.
+    OneZMotor,
     /// Words of BED_MESH_CALIBRATE other than its area.
     MeshWords,
     /// M42 on a machine without outputs.
@@ -103,10 +105,14 @@ const ABOUT_LINE: &[&str] = &[
     "the profile has no power_supply; no effect",
     "the profile has no chamber; no effect, and nothing is waited for",
     "the profile has no such servo (table bltouch: P0); no effect",
+    "the profile has no z_motors with points; no effect",
 ];
 
 /// The bit of [`Remark::NoBed`].
 const NO_BED: u32 = 1 << 14;
+
+/// The bit of [`Remark::OneZMotor`].
+const ONE_Z_MOTOR: u32 = 1 << 20;
 
 impl Remarks {
     /// No remarks.
@@ -157,6 +163,7 @@ impl Remarks {
             Remark::NoSupply => self.about_line |= 1 << 17,
             Remark::NoChamber => self.about_line |= 1 << 18,
             Remark::NoServo => self.about_line |= 1 << 19,
+            Remark::OneZMotor => self.about_line |= ONE_Z_MOTOR,
         }
     }
 
@@ -172,7 +179,7 @@ impl Remarks {
 
     /// Whether the line is a command that this firmware, or this machine, does not execute, known or not.
     pub fn is_not_executed(&self) -> bool {
-        self.not_executed != 0 || self.about_line & NO_BED != 0
+        self.not_executed != 0 || self.about_line & (NO_BED | ONE_Z_MOTOR) != 0
     }
 
     /// Whether the line is a command that this firmware does not know.
@@ -283,6 +290,7 @@ mod tests {
             (Remark::NoChamber, "the profile has no chamber; no effect, and nothing is waited for"),
             (Remark::WaitsForHeatOnly, "MAXIMUM: cooling is not waited for; no effect"),
             (Remark::NoBed, "this machine has no probe, its bed must be level by itself; no effect"),
+            (Remark::OneZMotor, "the profile has no z_motors with points; no effect"),
             (Remark::MeshWords, "of the mesh's words MESH_MIN and MESH_MAX have an effect"),
             (Remark::NoEffect(b'W'), "W has no effect"),
             (Remark::Zero(b'E'), "E without a number is read as 0"),

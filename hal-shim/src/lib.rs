@@ -265,6 +265,9 @@ pub trait MotionWatch: StepObserver {
 pub trait MotorEnable {
     /// Switches the motors in the mask on or off.
     fn set_motors_enabled(&mut self, motors: u8, enabled: bool);
+    /// Of the motors that lift Z together those in the mask make the steps to come, the others stand still; bit 0 is the axis's own. At
+    /// standstill only; after [`StepQueue::drop_all`] it is all of them again. Without effect where Z has one motor.
+    fn step_z_motors(&mut self, _motors: u8) {}
 }
 
 /// All parts of a board that make motion.

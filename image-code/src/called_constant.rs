@@ -89,7 +89,8 @@ fn use_of(instruction: &Instruction, register: &str) -> Use {
         "ldr" | "ldrb" | "ldrh" | "mov" | "movs" | "movw" | "adr" | "add" | "adds" | "sub" | "subs" => {
             first == register && !names(rest)
         }
-        "ldrd" => operands.split_once('[').is_some_and(|(_, place)| !names(place)),
+        // Two registers at once.
+        "ldrd" => operands.split_once('[').is_some_and(|(loaded, address)| names(loaded) && !names(address)),
         _ => false,
     };
     if replaces { Use::Replaced } else { Use::Read }
@@ -110,9 +111,10 @@ mod tests {
         for (name, operands) in [
             ("pop", "{r4, r5, pc}"),
             ("mov", "r5, r6"),
+            ("ldrd", "r4, r5, [r0]"),
+            ("ldrd", "r5, r0, [sp, #0xd8]"),
             ("ldr", "r5, [r4, #8]"),
             ("movs", "r5, #1"),
-            ("ldrd", "r4, r5, [r0]"),
         ] {
             assert_eq!(of(name, operands), Use::Replaced, "{name} {operands}");
         }
@@ -124,7 +126,8 @@ mod tests {
             ("push", "{r4, r5, lr}"),
             ("moveq", "r5, r6"),
             ("movt", "r5, #0x801"),
-            ("ldrd", "r4, r5, [r5, #8]"),
+            ("ldrd", "r4, r5, [r5]"),
+            ("ldrd", "r0, r1, [r5, #4]"),
             ("ldm", "r0, {r4-r6}"),
         ] {
             assert_eq!(of(name, operands), Use::Read, "{name} {operands}");

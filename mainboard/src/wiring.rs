@@ -17,6 +17,7 @@ mod functions;
 mod image;
 mod printer;
 mod refusal;
+mod z_motors;
 
 pub use board::{Accelerometer, Board, Driver, DriverLine, Eeprom, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
 pub use chip::Chip;
@@ -27,6 +28,7 @@ pub use printer::{
     Kinematics, NamedThermistor, Printer, ThermistorKind,
 };
 pub use refusal::Refusal;
+pub use z_motors::ZMotor;
 
 #[cfg(test)]
 mod tests;

@@ -1,8 +1,9 @@
-//! G29, G30, G35, G80, M48, M420, M421 and M555: the bed is probed, and Z follows its surface.
+//! G29, G30, G34, G35, G80, M48, M420, M421 and M555: the bed is probed, and Z follows its surface.
 //!
 //! Heights are those of the motors at which the probe triggers, less the one at which it has triggered when Z was homed: where Z is
 //! homed the surface is at 0, whatever the probe's offset (M851).
 
+mod align;
 mod area;
 mod reports;
 mod round;
@@ -22,6 +23,9 @@ use crate::z_offset::{mm, within};
 
 /// Z.
 const Z: usize = 2;
+
+/// Units of 10 nm in a millimetre.
+const MM: f64 = 100_000.0;
 
 /// Units of 10 nm in a micrometre.
 const UM: i64 = 100;
@@ -76,6 +80,15 @@ impl<P: Ports> Printer<'_, P> {
                 self.report_repeatability(&heights);
             }
             BedCommand::Screws => self.measure_screws(&settings).await?,
+            BedCommand::Align { rounds, accuracy, amplification } => {
+                if <P::Motion as Motion>::ZMotors::PRESENT {
+                    let (printer, settings) = (&mut *self, &settings);
+                    <P::Motion as Motion>::ZMotors::only(move || {
+                        printer.align_z(rounds, accuracy, amplification, settings)
+                    })
+                    .await?;
+                }
+            }
             BedCommand::Follow { on, fade, reports } => self.follow(on, fade, reports)?,
             BedCommand::SetPoint { column, row, height, adds } => self.set_point([column, row], height, adds)?,
             BedCommand::Clear => self.forget_mesh(),
@@ -240,6 +253,11 @@ impl<P: Ports> Printer<'_, P> {
         outcome.map(|()| heights)
     }
 
+    /// The height of the motors at which the probe has triggered when Z was homed.
+    fn home_height_10nm(&self) -> i64 {
+        self.interpreter.modal.z.trigger_10nm.unwrap_or_else(|| self.interpreter.trigger_10nm(Z))
+    }
+
     /// Probes a place of the bed, so often, with the nozzle above it on the way there and afterwards.
     async fn probe(
         &mut self,
@@ -249,8 +267,7 @@ impl<P: Ports> Printer<'_, P> {
         heights: &mut Heights,
     ) -> Result<(), CommandError> {
         let nozzle_10nm = self.nozzle_at(place_10nm)?;
-        // Z was homed by the probe.
-        let home_10nm = self.interpreter.modal.z.trigger_10nm.unwrap_or_else(|| self.interpreter.trigger_10nm(Z));
+        let home_10nm = self.home_height_10nm();
         let mut lift_10nm = home_10nm.max(0) + settings.lift_10nm;
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
         let mut homing = Homing { motion, interpreter, drivers: self.drivers, line: self.line };

@@ -2,9 +2,8 @@
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, DriverWords};
-use ferrostep_tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
+use ferrostep_tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, motor_name};
 
-use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
 use crate::ports::{MotorDrivers, Ports, Replies};
 use crate::printer::Printer;
@@ -19,16 +18,11 @@ const LOOK_MS: u32 = 10;
 /// Without current only the axis' home is lost. Printers are often without motor supply, so that is only a notice: hosts end a
 /// print at each `Error:`.
 pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
-    let halts = event.stops_motion() && motors_on >> event.motor & 1 == 1;
+    let halts = event.stops_motion() && motors_on >> event.axis() & 1 == 1;
     if event.is_notable() {
         replies.say(format_args!("{}{event}", if halts { "Error:" } else { "echo:" }));
     }
     halts
-}
-
-/// A driver's name in replies.
-fn name(motor: usize) -> char {
-    AXIS_NAMES.get(motor).copied().unwrap_or('?')
 }
 
 impl<P: Ports> Printer<'_, P> {
@@ -37,7 +31,7 @@ impl<P: Ports> Printer<'_, P> {
         let mut waits = true;
         while waits {
             waits = false;
-            for motor in 0..AXIS_NAMES.len() {
+            for motor in 0..MOST_MOTORS {
                 match drivers.state(motor) {
                     Some(DriverState::Failed(failure)) => {
                         let error = CommandError::Driver { motor, failure };
@@ -92,9 +86,11 @@ impl<P: Ports> Printer<'_, P> {
         if changes {
             change(drivers, setting, values)?;
         } else {
-            for (motor, _) in values.iter().enumerate().filter(|(_, value)| value.is_some()) {
-                if let Some(report) = drivers.report(motor) {
-                    setting.say(name(motor), &report, self.replies);
+            for motor in 0..MOST_MOTORS {
+                // What Z has, all its motors have.
+                let is_named = values.get(motor).or(values.get(2)).is_some_and(Option::is_some);
+                if is_named && let Some(report) = drivers.report(motor) {
+                    setting.say(motor_name(motor), &report, self.replies);
                 }
             }
         }
@@ -142,7 +138,7 @@ fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values) -> Resul
 
 impl Setting {
     /// Reports the setting of one driver.
-    fn say(self, name: char, report: &DriverReport, replies: &impl Replies) {
+    fn say(self, name: &str, report: &DriverReport, replies: &impl Replies) {
         let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
         let DriverSettings { current_ma, microsteps, stall_threshold, .. } = settings;
         let chopper = if settings.stealth_chop { "stealthChop" } else { "spreadCycle" };

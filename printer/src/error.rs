@@ -125,6 +125,8 @@ pub enum CommandError {
     BesideBed,
     /// The profile names no screws of the bed.
     NoScrews,
+    /// The motors of Z are not at one height, and how that is to be mended.
+    NotAligned(&'static str),
     /// The bed is probed and followed with all axes homed.
     BedUnhomed {
         /// Index of an axis that is not homed.

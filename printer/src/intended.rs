@@ -1,7 +1,7 @@
 //! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that have an effect on other machines
 //! only.
 
-use ferrostep_gcode::{AxisWords, Command, Decimal, Remark, Remarks, WaitTarget};
+use ferrostep_gcode::{AxisWords, BedCommand, Command, Decimal, Remark, Remarks, WaitTarget};
 
 use crate::error::CommandError;
 use crate::ports::{Motion, Ports};
@@ -25,6 +25,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Adds to the parser's remarks what depends on the machine.
     pub(crate) fn add_remarks(&self, command: &Command<'_>, remarks: &mut Remarks) {
         match command {
+            Command::Bed(BedCommand::Align { .. }) if !self.aligns_z() => remarks.add(Remark::OneZMotor),
             Command::Bed(bed) if !self.has_bed() && !bed.asks_for_none() => remarks.add(Remark::NoBed),
             Command::Junction { corner_velocity, .. } => self.add_unlimited_axes(corner_velocity, remarks),
             Command::Fan { number, .. } if *number > 0 && self.numbered_fan(*number).is_none() => {

@@ -376,6 +376,14 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.queue.set_motors_enabled(motors, enabled);
     }
 
+    /// Of Z's motors those in the mask make the steps to come ([`ferrostep_hal_shim::MotorEnable::step_z_motors`]). Only at standstill:
+    /// otherwise motion was stopped, and all of them will take part.
+    pub fn step_z_motors(&mut self, motors: u8) {
+        if self.is_idle() {
+            self.feeder.queue.step_z_motors(motors);
+        }
+    }
+
     /// Mask of the motors that are switched on.
     pub fn enabled_motors(&self) -> u8 {
         self.enabled_motors

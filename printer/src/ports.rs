@@ -112,6 +112,10 @@ pub trait Motion {
     fn servo_pulses_sent(&mut self) -> impl Future<Output = Result<(), MotionError>> {
         async { Ok(()) }
     }
+    /// Several motors that lift Z and are aligned, or not: the code for that is compiled only then.
+    type ZMotors: Part;
+    /// Of these motors those in the mask make the steps to come ([`crate::machine::Machine::step_z_motors`]).
+    fn step_z_motors(&mut self, _motors: u8) {}
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
     /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned
@@ -249,7 +253,8 @@ pub trait Timing: core::fmt::Debug {
     fn figures(&self) -> [TimingFigures; 3];
 }
 
-/// Motor drivers that can be set; machines may have none. Motors are X (A), Y (B), Z and E, 0 to 3.
+/// Motor drivers that can be set; machines may have none. Motors are X (A), Y (B), Z and E, 0 to 3, then the further ones of Z, whose
+/// settings are those of Z.
 pub trait MotorDrivers: core::fmt::Debug {
     /// Whether a driver has confirmed its settings, or has failed; `None` for a motor whose driver cannot be set.
     fn state(&self, motor: usize) -> Option<DriverState>;
@@ -265,7 +270,7 @@ pub trait MotorDrivers: core::fmt::Debug {
     /// # Errors
     /// It does not have such a setting; nothing has changed.
     fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError>;
-    /// Takes the mask of the motors that may not be where their steps say since the last call.
+    /// Takes the mask of the motors (0 to 3, Z's as one) that may not be where their steps say since the last call.
     fn take_moved(&self) -> u8;
 }
 

@@ -25,6 +25,8 @@ pub trait SharedMachine {
     type Methods: MotionMethods;
     /// Whether a servo may move the probe's pin.
     type Servo: Part;
+    /// Whether Z may have several motors that are aligned.
+    type ZMotors: Part;
 
     /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
@@ -229,6 +231,12 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     async fn servo_pulses_sent(&mut self) -> Result<(), MotionError> {
         self.wait(|machine| machine.queue().are_servo_pulses_sent().then_some(())).await
+    }
+
+    type ZMotors = S::ZMotors;
+
+    fn step_z_motors(&mut self, motors: u8) {
+        self.machine.with(|machine| machine.step_z_motors(motors));
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

@@ -23,12 +23,14 @@ mod names;
 mod pause;
 pub mod response;
 mod skew;
+mod z_motors;
 
 use error_budget::ErrorBudget;
 use ferrostep_printer::Profile;
 
 use ferrostep_checked_toml::{Checked, Reader, Schema, line_of_key};
 pub use ferrostep_checked_toml::{FileError as ProfileError, Problem};
+pub use z_motors::heights_by_motors;
 
 /// Names and texts of the profiles that need no file.
 const BUILTIN: [(&str, &str); 3] = [

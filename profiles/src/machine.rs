@@ -10,7 +10,7 @@ use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
 use crate::filament_sensor::filament_sensor;
-use crate::{bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew};
+use crate::{bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, z_motors};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -90,6 +90,8 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let bed_screws =
         bed_screws::bed_screws(&apart, &mesh::reach_mm(&travel, &safe_homing), &safe_homing, mesh.is_some());
     let [(nozzle, nozzle_model), (bed, bed_model)] = heaters::heaters(keys);
+    let reach_mm = mesh::reach_mm(&travel, &safe_homing);
+    let z_motors = z_motors::z_motors(&apart, &reach_mm, &safe_homing, mesh.is_some(), !kinematics.shares_motors(2));
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
         keys.refuse("min_extrusion_celsius", expected);
@@ -126,6 +128,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         bltouch,
         mesh,
         bed_screws,
+        z_motors,
         min_extrusion_celsius: min_extrusion as f32,
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,

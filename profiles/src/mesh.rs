@@ -120,6 +120,7 @@ pub(crate) fn mesh(
                 scatter_10nm: units_10nm(
                     sheet.number("scatter_mm", SCATTER).or(0.0, "the probe triggers within this distance of it"),
                 ),
+                ..SheetShape::FLAT
             };
         }
     }

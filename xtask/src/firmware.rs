@@ -71,7 +71,7 @@ impl Target {
             board_variable: absolute(board, is_board)?,
             profile_variable: profile.map(|name| absolute(name, is_profile)).transpose()?,
             methods: methods(&loaded, profile_name, &machine.motion)?,
-            board: loaded,
+            board: loaded.for_machine(&machine),
             boot_offset: None,
         })
     }

@@ -10,6 +10,11 @@ use object::{Object, ObjectSection, SectionFlags, SectionKind};
 /// The share of a chip's RAM that an image may use: behind the stack, whose depth is measured but not proved, more than an eighth stays free.
 const RAM_SHARE: (u64, u64) = (17, 20);
 
+/// Ports of the motors' signals whose step queue that share allows for, and what the queue takes for each further one, bytes: two words
+/// in 1024 slots. It is known when an image is linked, and does not grow while it runs.
+const USUAL_PORTS: usize = 2;
+const PORT_BYTES: u64 = 2 * 4 * 1024;
+
 /// The stack's part of that, bytes.
 const STACK_BYTES: u64 = STACK_KIB as u64 * 1024;
 
@@ -29,7 +34,9 @@ impl Budget {
     /// The budget of a board.
     pub fn of(board: &Board) -> Self {
         let (part, whole) = RAM_SHARE;
-        Self { flash: u64::from(board.image_room()), ram: u64::from(board.ram_kib) * 1024 * part / whole }
+        let further_ports = board.motor_ports().len().saturating_sub(USUAL_PORTS) as u64;
+        let ram = u64::from(board.ram_kib) * 1024 * part / whole + further_ports * PORT_BYTES;
+        Self { flash: u64::from(board.image_room()), ram }
     }
 }
 

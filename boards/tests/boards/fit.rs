@@ -65,7 +65,9 @@ fn both_edges_are_for_drivers_that_are_told_so() {
 fn drivers_are_connected_as_the_board_says() {
     let wiring = |board: &str, profile: &str| {
         fit::wiring(&load(board).unwrap(), &ferrostep_profiles::load(profile).unwrap())
+            .into_iter()
             .map(|wiring| wiring.map(|wiring| (wiring.line, wiring.address, wiring.sense_milliohm)))
+            .collect::<Vec<_>>()
     };
     let shared = [(0, 1, 220), (0, 3, 220), (0, 0, 220), (0, 2, 220)].map(Some);
     assert_eq!(wiring("prusa-buddy", "prusa-mini"), shared);
@@ -276,4 +278,59 @@ fn a_light_hangs_at_an_output_of_the_board() {
             || error.contains("outputs.light.output"),
         "{error}"
     );
+}
+
+/// A profile whose Z these motors lift.
+fn lifted(motors: &str) -> ferrostep_printer::Profile {
+    let text = format!("{}\n[z_motors.motors]\n{motors}", ferrostep_profiles::builtin_text("corexy").unwrap());
+    ferrostep_profiles::parse(&text, "test.toml").unwrap()
+}
+
+#[test]
+fn further_motors_of_z_are_the_boards() {
+    let octopus = || load("btt-octopus-1.1").unwrap();
+    let three = lifted("z = {}\nz2 = { inverted = true }\ne1 = {}\n");
+    fit::check(&octopus(), &three, "test.toml").unwrap();
+    let board = octopus().for_machine(&three);
+    let names: Vec<&str> = board.moving_motors().map(|motor| motor.name).collect();
+    assert_eq!(names, ["x", "y", "z", "e", "z2", "e1"]);
+    // C, F and G; the fourth is on E.
+    assert_eq!(board.motor_ports(), [2, 5, 6]);
+    let four = lifted("z = {}\nz2 = {}\ne1 = {}\ne2 = {}\n");
+    fit::check(&octopus(), &four, "test.toml").unwrap();
+    assert_eq!(octopus().for_machine(&four).motor_ports(), [2, 4, 5, 6]);
+    // Lines of their own, settings of Z.
+    let wiring: Vec<_> = fit::wiring(&octopus(), &three).into_iter().flatten().map(|wiring| wiring.line).collect();
+    assert_eq!(wiring, [0, 1, 2, 3, 4, 5]);
+    let error = fit::check(&load("prusa-buddy").unwrap(), &three, "test.toml").unwrap_err().to_string();
+    assert!(error.contains("expected no table [z_motors]: the board prusa-buddy has no motors to spare"), "{error}");
+    let without_e1 = ferrostep_boards::builtin_text("btt-octopus-1.1").unwrap().replace("[motors.e1]", "[motors.e4]");
+    assert!(ferrostep_boards::parse(&without_e1, "own.toml").is_err());
+    let [start, end] = ["[motors.e1]", "[motors.e2]"]
+        .map(|table| ferrostep_boards::builtin_text("btt-octopus-1.1").unwrap().find(table).unwrap());
+    let text = ferrostep_boards::builtin_text("btt-octopus-1.1").unwrap();
+    let own = ferrostep_boards::parse(&format!("{}{}", &text[..start], &text[end..]), "own.toml").unwrap();
+    let error = fit::check(&own, &three, "test.toml").unwrap_err().to_string();
+    assert!(
+        error.contains("z_motors.motors.e1") && error.contains("motors of the board btt-octopus-1.1: z, z2, e2, e3"),
+        "{error}"
+    );
+    // A fifth port would cost the step interrupt too much.
+    let error = fit::check(&octopus(), &lifted("z = {}\ne1 = {}\ne3 = {}\n"), "test.toml").unwrap_err().to_string();
+    assert!(error.contains("on 4 ports at most, not on A, C, E, F, G"), "{error}");
+}
+
+/// A driver that does not step at both edges, or not at that current, is found at a further motor, too.
+#[test]
+fn further_motors_have_drivers_that_can_be_set() {
+    let text = ferrostep_boards::builtin_text("btt-octopus-1.1").unwrap();
+    let with = |from: &str, to: &str| {
+        assert!(text.contains(from));
+        let board = ferrostep_boards::parse(&text.replacen(from, to, 1), "own.toml").unwrap();
+        fit::check(&board, &lifted("z = {}\nz2 = {}\n"), "test.toml").unwrap_err().to_string()
+    };
+    let error = with("driver = \"socket\"\nuart = \"PC7\"", "driver = \"a4988\"");
+    assert!(error.contains("motors.z2 of the board btt-octopus-1.1 is driven by a a4988"), "{error}");
+    let error = with("uart = \"PC7\"", "uart = \"PC7\"\nsense_resistor_ohm = 0.9");
+    assert!(error.contains("drivers.z.current_ma = 800"), "{error}");
 }

@@ -22,7 +22,9 @@ use ferrostep_virtual_board::VirtualMotors;
 use super::desk_time::DeskTime;
 use super::drivers::DeskDrivers;
 use super::figures::{Figures, seconds};
+use super::limit_factors::LimitFactors;
 use super::session_motion::{Desk, MotionState};
+use super::z_motors::DeskZMotors;
 use crate::gpre::Script;
 
 /// Mask of all motors.
@@ -35,6 +37,7 @@ const LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 10;
 /// the sensors.
 struct Reading {
     motors: VirtualMotors,
+    z_motors: Option<DeskZMotors>,
     /// The motors' positions as the machine counts them.
     ledger: StepLedger,
     /// Digests of the steps that were made.
@@ -173,41 +176,6 @@ impl StepSink for Seek<'_> {
     fn notice(&mut self, _notice: Notice) {}
 }
 
-/// Factors of a plan's limits, powers of two: for estimates of what another machine would take.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LimitFactors {
-    /// Of all accelerations.
-    pub acceleration: f64,
-    /// Of the deviation at corners.
-    pub corners: f64,
-}
-
-impl Default for LimitFactors {
-    /// The machine as it is.
-    fn default() -> Self {
-        Self { acceleration: 1.0, corners: 1.0 }
-    }
-}
-
-impl LimitFactors {
-    fn of(self, limits: Limits) -> Limits {
-        let Self { acceleration, corners } = self;
-        Limits {
-            max_feed_mm_per_s: limits.max_feed_mm_per_s,
-            max_acceleration_mm_per_s2: limits.max_acceleration_mm_per_s2.map(|axis| axis * acceleration),
-            print_acceleration_mm_per_s2: limits.print_acceleration_mm_per_s2 * acceleration,
-            travel_acceleration_mm_per_s2: limits.travel_acceleration_mm_per_s2 * acceleration,
-            retract_acceleration_mm_per_s2: limits.retract_acceleration_mm_per_s2 * acceleration,
-            junction_deviation_mm: limits.junction_deviation_mm * corners,
-            instantaneous_corner_velocity_mm_per_s: limits.instantaneous_corner_velocity_mm_per_s,
-        }
-    }
-
-    const fn inverse(self) -> Self {
-        Self { acceleration: 1.0 / self.acceleration, corners: 1.0 / self.corners }
-    }
-}
-
 /// A planner whose blocks are read.
 pub struct PlanReader {
     plan: RefCell<Plan>,
@@ -229,6 +197,7 @@ impl PlanReader {
         motors.set_framed(profile.framed_axes());
         let reading = Reading {
             motors,
+            z_motors: DeskZMotors::new(profile),
             ledger: StepLedger::default(),
             digests: StepDigests::default(),
             read_ticks: 0,
@@ -464,6 +433,14 @@ impl Motion for PlannedMotion<'_> {
     }
 
     type Servo = ferrostep_printer::Present;
+    type ZMotors = ferrostep_printer::Present;
+
+    fn step_z_motors(&mut self, motors: u8) {
+        let Reading { motors: virtual_motors, z_motors, .. } = &mut self.reader.plan.borrow_mut().reading;
+        if let Some(z_motors) = z_motors {
+            z_motors.step(motors, virtual_motors);
+        }
+    }
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {
         self.reader.plan.borrow_mut().reading.motors.tell_pin(pulses.width_us);

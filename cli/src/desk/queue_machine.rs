@@ -13,6 +13,7 @@ use super::drivers::DeskDrivers;
 use super::figures::{Figures, seconds};
 use super::session_motion::MotionState;
 use super::step_queue::VirtualStepQueue;
+use super::z_motors::DeskZMotors;
 use crate::record::Observer;
 
 /// Planner, step queue and motors, watched by `O`.
@@ -27,7 +28,7 @@ pub(super) fn machine<O: Observer>(
 ) -> RefCell<QueueMachine<O>> {
     let mut motors = profile.virtual_motors();
     motors.set_framed(profile.framed_axes());
-    let queue = VirtualStepQueue::new(motors, drivers, observer);
+    let queue = VirtualStepQueue::new(motors, DeskZMotors::new(profile), drivers, observer);
     let mut machine = Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue);
     // What the profile cannot have was refused when it was read.
     machine.set_motion_choice(&profile.motion).ok();

@@ -11,6 +11,7 @@ use ferrostep_planner::{Move, StepDigests, StepEntry, StepLedger, StepObserver};
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::drivers::DeskDrivers;
+use super::z_motors::DeskZMotors;
 use crate::record::Observer;
 
 /// Entries that the queue holds, as many as a board's has slots.
@@ -44,6 +45,7 @@ pub struct VirtualStepQueue<O> {
     queued: u32,
     link: StepLink,
     motors: VirtualMotors,
+    z_motors: Option<DeskZMotors>,
     drivers: Rc<DeskDrivers>,
     /// The axis whose sensor ends the present move.
     watched_axis: Option<usize>,
@@ -56,13 +58,19 @@ pub struct VirtualStepQueue<O> {
 
 impl<O: Observer> VirtualStepQueue<O> {
     /// An empty queue.
-    pub fn new(motors: VirtualMotors, drivers: Rc<DeskDrivers>, observer: O) -> Self {
+    pub(super) fn new(
+        motors: VirtualMotors,
+        z_motors: Option<DeskZMotors>,
+        drivers: Rc<DeskDrivers>,
+        observer: O,
+    ) -> Self {
         Self {
             entries: VecDeque::with_capacity(CAPACITY),
             move_ends: VecDeque::new(),
             queued: 0,
             link: StepLink::new(),
             motors,
+            z_motors,
             drivers,
             watched_axis: None,
             pause_tick: 0,
@@ -233,6 +241,7 @@ impl<O: Observer> StepQueue for VirtualStepQueue<O> {
         self.entries.drain(..).for_each(|entry| left.play(entry, &mut ()));
         // As on a board, the direction signals change at once.
         self.motors.ledger.play(StepEntry::directions(left.directions()), &mut ());
+        self.step_z_motors(u8::MAX);
         DroppedSteps {
             signed: left.motor_steps().map(|steps| steps as i32),
             issued: left.issued().map(|steps| steps as u32),
@@ -277,6 +286,12 @@ impl<O> PlanningClock for VirtualStepQueue<O> {}
 /// Virtual motors hold without current.
 impl<O> MotorEnable for VirtualStepQueue<O> {
     fn set_motors_enabled(&mut self, _motors: u8, _enabled: bool) {}
+
+    fn step_z_motors(&mut self, motors: u8) {
+        if let Some(z_motors) = &mut self.z_motors {
+            z_motors.step(motors, &mut self.motors);
+        }
+    }
 }
 
 /// The motors are watched as they step: after a stop, digests and traces do not contain the steps that were left.

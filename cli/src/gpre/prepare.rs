@@ -2,7 +2,7 @@
 
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
-use ferrostep_gcode::{Command, parse};
+use ferrostep_gcode::{BedCommand, Command, parse};
 use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::{Encoding, Header, ModalState, Thumbnail};
 use ferrostep_papers::wide::PacketWriter;
@@ -175,6 +175,9 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
             }
             Ok(Command::ShiftZ { words, .. }) if words.z.is_some() => Some(
                 "M290 shifts a print by hand and cannot be prepared: put the height into the job (M851, or its G-code)",
+            ),
+            Ok(Command::Bed(BedCommand::Align { .. })) if printer.aligns_z() => Some(
+                "G34 leaves Z at a height that only the machine knows: take the line out, and send it before the job",
             ),
             Ok(Command::Bed(bed)) if bed.switches_on() && printer.has_bed() => Some(
                 "a prepared job brings its own heights and follows no mesh of the bed: take the line out, or print the G-code",

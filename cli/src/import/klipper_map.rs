@@ -6,6 +6,7 @@ mod fans;
 mod heaters;
 mod reasons;
 mod skew;
+mod z_motors;
 
 use std::collections::HashSet;
 
@@ -45,6 +46,7 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
     reading.probe();
     reading.bed_mesh();
     reading.bed_screws();
+    reading.z_motors();
     reading.skew();
     reading.steps("extruder", "e");
     reading.extruder();

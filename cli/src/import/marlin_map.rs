@@ -5,6 +5,7 @@ mod mesh;
 mod reasons;
 mod sensor;
 mod skew;
+mod z_motors;
 
 use std::collections::{HashMap, HashSet};
 
@@ -70,6 +71,7 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
     }
     reading.probe();
     reading.mesh();
+    reading.z_motors();
     reading.skew();
     reading.fans();
     reading.filament_sensor();

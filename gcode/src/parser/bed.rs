@@ -1,13 +1,18 @@
-//! G29, G30, G35, G80, M48, M420, M421 and M555: the bed's mesh, in Marlin's words and Prusa's.
+//! G29, G30, G34, G35, G80, M48, M420, M421 and M555: the bed's mesh, in Marlin's words and Prusa's.
 
 use super::code::Code;
 use super::words::Words;
 use crate::remarks::Remarks;
 use crate::{BedArea, BedCommand, Command, ParseError};
 
-/// G29, G80, G30 and G35.
+/// G29, G80, G30, G34 and G35.
 pub(super) fn g_code<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
+    if code.number == 34 {
+        let rounds = words.whole_to(b'I', u8::MAX)?;
+        let (accuracy, amplification) = (words.above_zero(b'T'), words.above_zero(b'A'));
+        return Ok(Command::Bed(BedCommand::Align { rounds, accuracy, amplification }));
+    }
     if code.number == 35 {
         return Ok(Command::Bed(BedCommand::Screws));
     }
@@ -93,6 +98,26 @@ mod tests {
         reads("G35", bed(BedCommand::Screws));
         reads("SCREWS_TILT_CALCULATE", bed(BedCommand::Screws));
         reads_with("G35 S40", bed(BedCommand::Screws), "S has no effect");
+    }
+
+    #[test]
+    fn aligns_the_motors_of_z() {
+        let align = |rounds, accuracy, amplification| bed(BedCommand::Align { rounds, accuracy, amplification });
+        reads("G34", align(None, None, None));
+        reads("G34 I3 T0.05 A1.2", align(Some(3), some("0.05"), some("1.2")));
+        reads_with("G34 E1 S1", align(None, None, None), "E has no effect; S has no effect");
+        for name in ["Z_TILT_ADJUST", "QUAD_GANTRY_LEVEL"] {
+            reads(name, align(None, None, None));
+            let (text, with) =
+                (format!("{name} RETRIES=4 RETRY_TOLERANCE=0.0075"), align(Some(5), some("0.0075"), None));
+            reads(&text, with);
+            let says = format!(
+                "{name}: expected RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither"
+            );
+            for words in ["RETRIES=30", "RETRIES=x", "RETRY_TOLERANCE=0", "HORIZONTAL_MOVE_Z=5"] {
+                assert_eq!(refused(&format!("{name} {words}")), says, "{words}");
+            }
+        }
     }
 
     #[test]

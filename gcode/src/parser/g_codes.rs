@@ -32,7 +32,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         20 => code.without_words(Command::SetUnits(Units::Inches), remarks),
         21 => code.without_words(Command::SetUnits(Units::Millimetres), remarks),
         28 => home(code, remarks),
-        29 | 30 | 35 | 80 => super::bed::g_code(code, remarks),
+        29 | 30 | 34 | 35 | 80 => super::bed::g_code(code, remarks),
         17 | 54 => {
             code.without_words(Command::Accepted, remarks)?;
             code.not_executed(remarks)

@@ -144,7 +144,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 20] = [
+const EXECUTED: [(&str, &str); 22] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder, heater_bed or chamber, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
@@ -169,7 +169,14 @@ const EXECUTED: [(&str, &str); 20] = [
     ("CALC_MEASURED_SKEW", skew::CALCULATE),
     ("GET_CURRENT_SKEW", ""),
     ("BLTOUCH_DEBUG", pin::DEBUG_WORDS),
+    ("Z_TILT_ADJUST", ALIGN_WORDS),
+    ("QUAD_GANTRY_LEVEL", ALIGN_WORDS),
 ];
+
+const ALIGN_WORDS: &str = "RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither";
+
+/// Most retries: one less than the rounds of Marlin's G34.
+const MOST_RETRIES: u32 = 29;
 
 /// Reads a line that begins with a name, or with nothing known.
 #[cold]
@@ -210,12 +217,23 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         16 => Command::Skew(skew::set(&words)?),
         17 => Command::Skew(skew::calculate(&words)?),
         18 => Command::Skew(SkewCommand::Report),
-        19.. => pin::debug(&words)?,
+        19 => pin::debug(&words)?,
+        20.. => align(&words)?,
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })
         }
     })
+}
+
+/// Z_TILT_ADJUST and QUAD_GANTRY_LEVEL.
+fn align<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
+    let (retries, accuracy) = (words.count("RETRIES")?, words.above_zero("RETRY_TOLERANCE")?);
+    if retries.is_some_and(|retries| retries > MOST_RETRIES) || !words.has_only("RETRIES, RETRY_TOLERANCE") {
+        return Err(words.expected());
+    }
+    let rounds = retries.map(|retries| retries as u8 + 1);
+    Ok(Command::Bed(BedCommand::Align { rounds, accuracy, amplification: None }))
 }
 
 /// SET_FAN_SPEED and SET_PIN. Klipper's pins may have another full value than 1 (`scale`): more is full power, with a remark.

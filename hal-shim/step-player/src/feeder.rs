@@ -6,7 +6,7 @@ use ferrostep_planner::{StepEntry, StepKind};
 
 use super::dropped::DroppedSteps;
 use super::held_event::{Following, Newest, StepWords, Usual};
-use super::pins::PinMap;
+use super::pins::{Pin, PinMap};
 use super::player::{MIN_GAP_TICKS, StepPlayer, Stepping};
 use super::slot::{Head, MAX_EVENTS, Numbering};
 use super::{IDLE_TICKS, StepLink};
@@ -79,15 +79,11 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     pub fn new(player: &'a StepPlayer<M, PORTS, N>, pins: PinMap<PORTS>, signals: Signals) -> Self {
         let signals = signals.kept();
         player.set_pulse_reload(signals.pulse_ticks - 1);
-        let words = core::array::from_fn(|axes| {
-            let raised = pins.raised(axes as u8);
-            if M::EVENTS_A_STEP == 2 { raised } else { raised.map(|word| word | PinMap::<PORTS>::turned(word)) }
-        });
         let mut feeder = Self {
             player,
             pins,
             signals,
-            words,
+            words: Self::step_words(&pins),
             usual_above_ticks: 0,
             spare: SPARE_SLOTS,
             filled: player.next_number(),
@@ -103,6 +99,19 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         feeder.turn(None);
         player.note_directions(0);
         feeder
+    }
+
+    fn step_words(pins: &PinMap<PORTS>) -> StepWords<PORTS> {
+        core::array::from_fn(|axes| {
+            let raised = pins.raised(axes as u8);
+            if M::EVENTS_A_STEP == 2 { raised } else { raised.map(|word| word | PinMap::<PORTS>::turned(word)) }
+        })
+    }
+
+    /// From the next entry on these pins do not step: of several motors of an axis, those that stand still while the others move. Without
+    /// any, all step again. At standstill only, and after a stop not before [`Self::drop_all`].
+    pub fn step_without(&mut self, pins: impl Iterator<Item = Pin>) {
+        self.words = Self::step_words(&pins.fold(self.pins, PinMap::without_steps));
     }
 
     /// A quarter of the ring keeps what was played last, for [`StepPlayer::past`]. Without this a planner that is far ahead fills the

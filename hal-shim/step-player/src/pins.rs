@@ -17,7 +17,7 @@ pub struct Pin {
 pub struct MotorPins {
     /// A step is its edge.
     pub step: Pin,
-    /// High = backwards, but for [`PinMap::with_inverted`].
+    /// High = backwards, but for [`PinMap::with_inverted`] and [`PinMap::with_further`].
     pub direction: Pin,
 }
 
@@ -26,15 +26,15 @@ pub struct MotorPins {
 pub struct PinMap<const PORTS: usize> {
     step: [[u16; 16]; PORTS],
     direction: [[u16; 16]; PORTS],
-    /// Motors whose direction signal is low for backwards.
-    inverted: u8,
+    /// Direction pins that are low for backwards.
+    inverted: [u16; PORTS],
 }
 
 impl<const PORTS: usize> PinMap<PORTS> {
     /// The map of four motors: X (A), Y (B), Z, extruder. `None` for a port or pin that does not exist, or that two signals
     /// share.
     pub const fn new(motors: [MotorPins; 4]) -> Option<Self> {
-        let mut map = Self { step: [[0; 16]; PORTS], direction: [[0; 16]; PORTS], inverted: 0 };
+        let mut map = Self { step: [[0; 16]; PORTS], direction: [[0; 16]; PORTS], inverted: [0; PORTS] };
         let mut taken = [0u16; PORTS];
         let mut axes = 0;
         while axes < 16 {
@@ -67,9 +67,51 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(map)
     }
 
-    /// The same pins, with motors (bit i = motor i) that run the other way round.
-    pub const fn with_inverted(self, motors: u8) -> Self {
-        Self { inverted: motors, ..self }
+    /// The same pins, with motors (bit i = motor i) that run the other way round: all the pins that they have.
+    pub const fn with_inverted(mut self, motors: u8) -> Self {
+        let mut port = 0;
+        while port < PORTS {
+            self.inverted[port] ^= self.direction[port][motors as usize & 15];
+            port += 1;
+        }
+        self
+    }
+
+    /// The same pins, and those of another motor that makes the steps of `motor`; or, if it is inverted, runs the other way round.
+    /// `None` for a port or pin that does not exist, or that another signal has.
+    pub const fn with_further(mut self, motor: usize, pins: MotorPins, is_inverted: bool) -> Option<Self> {
+        let MotorPins { step, direction } = pins;
+        if motor > 3 || step.port >= PORTS || direction.port >= PORTS || step.number > 15 || direction.number > 15 {
+            return None;
+        }
+        let (step_bit, direction_bit) = (1 << step.number, 1 << direction.number);
+        let taken = (self.step[step.port][15] | self.direction[step.port][15]) & step_bit != 0
+            || (self.step[direction.port][15] | self.direction[direction.port][15]) & direction_bit != 0;
+        if taken || step.port == direction.port && step_bit == direction_bit {
+            return None;
+        }
+        let mut axes = 0;
+        while axes < 16 {
+            if axes >> motor & 1 == 1 {
+                self.step[step.port][axes] |= step_bit;
+                self.direction[direction.port][axes] |= direction_bit;
+            }
+            axes += 1;
+        }
+        if is_inverted {
+            self.inverted[direction.port] |= direction_bit;
+        }
+        Some(self)
+    }
+
+    /// The same pins, but for the step signal of a motor that stands still while the others of its axis move.
+    pub const fn without_steps(mut self, pin: Pin) -> Self {
+        let mut axes = 0;
+        while axes < 16 && pin.port < PORTS {
+            self.step[pin.port][axes] &= !(1 << (pin.number & 15));
+            axes += 1;
+        }
+        self
     }
 
     /// The words that raise the step signals of `axes`.
@@ -86,11 +128,19 @@ impl<const PORTS: usize> PinMap<PORTS> {
 
     /// The words for these direction signals: bit i = motor i runs backwards.
     pub fn directions(&self, backwards: u8) -> [u32; PORTS] {
-        let backwards = backwards ^ self.inverted;
-        self.direction.each_ref().map(|masks| {
+        self.crossed(self.direction.each_ref().map(|masks| {
             let [set, reset] = [backwards, !backwards].map(|axes| u32::from(masks[usize::from(axes & 15)]));
             set | reset << RESET_SHIFT
-        })
+        }))
+    }
+
+    /// The same words, with the other level at pins of inverted motors.
+    fn crossed(&self, mut words: [u32; PORTS]) -> [u32; PORTS] {
+        for (word, inverted) in words.iter_mut().zip(self.inverted) {
+            let inverted = u32::from(inverted) | u32::from(inverted) << RESET_SHIFT;
+            *word = *word & !inverted | Self::turned(*word) & inverted;
+        }
+        words
     }
 
     /// The direction pins of motors, as words that raise them.
@@ -110,8 +160,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
 
     /// The motors that these words let run backwards.
     pub fn backwards(&self, words: [u32; PORTS]) -> u8 {
-        let raised = motors_of(&self.direction, words.map(|word| word & 0xffff));
-        (raised ^ self.inverted) & self.turning(words)
+        motors_of(&self.direction, self.crossed(words).map(|word| word & 0xffff))
     }
 
     /// Whether these words change pins of motors only.
@@ -156,5 +205,62 @@ mod tests {
             }
             assert!(pins.are_motors([0x00ff_00ff]) && !pins.are_motors([1 << 8]) && !pins.are_motors([1 << 24]));
         }
+    }
+
+    /// Z has three motors on three ports, one of them inverted.
+    #[test]
+    fn further_motors_make_the_steps_of_theirs() {
+        let pin = |port, number| Pin { port, number };
+        let motors = [0, 1, 2, 3].map(|motor| MotorPins { step: pin(0, motor), direction: pin(1, motor) });
+        let one = PinMap::<3>::new(motors).unwrap();
+        let second = MotorPins { step: pin(0, 8), direction: pin(2, 1) };
+        let third = MotorPins { step: pin(2, 13), direction: pin(0, 9) };
+        for inverted in 0..16 {
+            let one = one.with_inverted(inverted);
+            let z_is_inverted = inverted & 4 != 0;
+            let three = one.with_further(2, second, z_is_inverted).unwrap();
+            let three = three.with_further(2, third, !z_is_inverted).unwrap();
+            for axes in 0..16 {
+                let [a, b, c] = one.raised(axes);
+                let z = u32::from(axes >> 2 & 1);
+                assert_eq!(three.raised(axes), [a | z << 8, b, c | z << 13]);
+                assert_eq!(three.stepping(three.raised(axes)), axes);
+                let [a, b, c] = one.directions(axes);
+                let (high, low) = (1 << (16 * (1 - z)), 1 << (16 * z));
+                let (second, third) = if z_is_inverted { (low << 1, high << 9) } else { (high << 1, low << 9) };
+                assert_eq!(three.directions(axes), [a | third, b, c | second], "{axes:b}");
+                assert_eq!(
+                    (three.backwards(three.directions(axes)), three.turning(three.directions(axes))),
+                    (axes, 15)
+                );
+                assert_eq!(three.turning(three.direction_pins(axes)), axes);
+            }
+            assert!(three.are_motors([1 << 9, 8, 1 << 13]) && !one.are_motors([1 << 9, 8, 1 << 13]));
+            // One of them alone: its own steps, and everyone's directions.
+            let alone = three.without_steps(motors[2].step).without_steps(second.step);
+            assert_eq!(alone.raised(0b0110), [2, 0, 1 << 13]);
+            assert_eq!((alone.directions(5), alone.stepping([0, 0, 1 << 13])), (three.directions(5), 4));
+        }
+    }
+
+    #[test]
+    fn a_further_motor_has_pins_of_its_own() {
+        let pin = |number| Pin { port: 0, number };
+        let motors = [0, 1, 2, 3].map(|motor| MotorPins { step: pin(motor), direction: pin(motor + 4) });
+        let map = PinMap::<1>::new(motors).unwrap();
+        let with = |motor, step, direction| map.with_further(motor, MotorPins { step, direction }, false);
+        assert!(with(2, pin(8), pin(15)).is_some());
+        for (step, direction) in [
+            (pin(3), pin(9)),
+            (pin(4), pin(9)),
+            (pin(8), pin(0)),
+            (pin(8), pin(5)),
+            (pin(8), pin(8)),
+            (pin(16), pin(8)),
+            (Pin { port: 1, number: 8 }, pin(9)),
+        ] {
+            assert_eq!(with(2, step, direction), None, "{step:?} {direction:?}");
+        }
+        assert_eq!(with(4, pin(8), pin(9)), None);
     }
 }

@@ -14,10 +14,36 @@ use crate::volatile::Volatile;
 include!(concat!(env!("OUT_DIR"), "/board.rs"));
 
 /// The motors' step and direction pins. A port's index is its place in [`MOTOR_PORT_INDICES`].
-pub const PIN_MAP: PinMap<MOTOR_PORTS> = match PinMap::new(MOTORS) {
-    Some(map) => map,
-    None => panic!("a port has 16 pins"),
+pub const PIN_MAP: PinMap<MOTOR_PORTS> = {
+    let mut map = PinMap::new(MOTORS);
+    let mut index = 0;
+    while index < FURTHER_Z.len() {
+        let (pins, is_inverted) = FURTHER_Z[index];
+        map = match map {
+            Some(map) => map.with_further(Z, pins, is_inverted),
+            None => None,
+        };
+        index += 1;
+    }
+    match map {
+        Some(map) => map,
+        None => panic!("a port has 16 pins"),
+    }
 };
+
+/// The motor of Z.
+const Z: usize = 2;
+
+/// The axis that a motor moves: the further ones lift Z.
+const fn axis_of(motor: usize) -> usize {
+    if motor < MOTORS.len() { motor } else { Z }
+}
+
+/// The step pin of one of Z's motors; the first is the axis's own.
+fn z_step_pin(motor: usize) -> Option<Pin> {
+    let further = motor.checked_sub(1).map(|further| FURTHER_Z.get(further).map(|(pins, _)| pins.step));
+    further.unwrap_or_else(|| MOTORS.get(Z).map(|pins| pins.step))
+}
 
 /// In BSRR the upper half resets what the lower half sets.
 const RESET_SHIFT: u32 = 16;
@@ -66,6 +92,12 @@ pub fn is_triggered(pin: SensorPin) -> bool {
 impl Motors<MOTOR_PORTS> for BoardPins {
     const FOLLOWS_FILAMENT: bool = cfg!(follows_filament);
 
+    const Z_MOTORS: usize = FURTHER_Z.len() + 1;
+
+    fn z_step_pin(motor: usize) -> Option<Pin> {
+        z_step_pin(motor)
+    }
+
     fn is_sensor_triggered(&self, axis: usize) -> bool {
         // SAFETY: a port is only read.
         self.sensors.is_triggered(axis, &mut unsafe { Volatile::new() })
@@ -92,7 +124,7 @@ impl Motors<MOTOR_PORTS> for BoardPins {
             if (0..motor).any(|other| shares(&other)) {
                 continue;
             }
-            let is_on = (motor..ENABLE.len()).filter(shares).any(|other| on >> other & 1 == 1);
+            let is_on = (motor..ENABLE.len()).filter(shares).any(|other| on >> axis_of(other) & 1 == 1);
             let (port, number) = pin;
             let bit = 1 << number;
             // SAFETY: an enable pin's port.

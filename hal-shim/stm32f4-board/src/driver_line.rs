@@ -15,7 +15,7 @@ use crate::volatile::Volatile;
 /// can take drivers away where there is no motor supply; the board's tests do so in an emulator.
 #[used]
 #[unsafe(no_mangle)]
-pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111);
+pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b0111_1111);
 
 /// The peripheral behind a board's lines. Its interrupt is USART2's or TIM7's.
 pub trait DriverLine: SingleWireUart {
@@ -24,7 +24,7 @@ pub trait DriverLine: SingleWireUart {
     /// The interrupt to be called when a datagram begins, for an emulator's port that does not do so itself.
     const PENDED: Option<Interrupt> = None;
     /// Starts them at pins (port, 0 for A, and number): that of the shared line first, or each motor's.
-    fn start(peripherals: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self;
+    fn start(peripherals: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self;
     /// The interrupt.
     fn interrupt(&mut self);
 }
@@ -36,8 +36,8 @@ impl DriverLine for SharedLine {
     const BAUD: u32 = 115_200;
     const PENDED: Option<Interrupt> = Some(Interrupt::USART2);
 
-    fn start(_: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self {
-        let [pin, ..] = pins;
+    fn start(_: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self {
+        let pin = pins.first().copied().unwrap_or_default();
         // SAFETY: USART2 was given up to this; the pin is the line's by the board's file.
         let registers = unsafe { Volatile::new() };
         Self::start(registers, pin, clock.slow_bus.raw(), Self::BAUD)
@@ -51,17 +51,18 @@ impl DriverLine for SharedLine {
 }
 
 /// A line for each driver, on any pin.
-pub type OwnLines = PinLines<Volatile>;
+pub type OwnLines<const N: usize> = PinLines<Volatile, N>;
 
-impl DriverLine for OwnLines {
+impl<const N: usize> DriverLine for OwnLines<N> {
     /// As fast as a timer's interrupt can sample it without much of the processor's time: 76,800 interrupts a second while
     /// a line is in use.
     const BAUD: u32 = 19_200;
 
-    fn start(_: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self {
+    fn start(_: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self {
         // SAFETY: TIM7 was given up to this; the pins are the lines' by the board's file. After the start
         // only code that this cannot interrupt changes their ports' modes.
         let registers = unsafe { Volatile::new() };
+        let pins = core::array::from_fn(|motor| pins.get(motor).copied().unwrap_or_default());
         Self::start(registers, pins, clock.slow_timers.raw(), Self::BAUD)
     }
 
@@ -79,7 +80,7 @@ pub struct NoLine;
 impl DriverLine for NoLine {
     const BAUD: u32 = 1;
 
-    fn start(_: (USART2, TIM7), _: &Clock, _: [(u8, u8); 4]) -> Self {
+    fn start(_: (USART2, TIM7), _: &Clock, _: &[(u8, u8)]) -> Self {
         Self
     }
 

@@ -4,7 +4,7 @@ use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepQueue};
 use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 use ferrostep_step_player::{
-    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
+    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, Pin, StepFeeder, StepLink, StepPlayer,
     Stepping, UpdateTimer,
 };
 
@@ -18,6 +18,12 @@ use crate::servo;
 pub trait Motors<const PORTS: usize> {
     /// As [`MotionWatch::FOLLOWS_FILAMENT`].
     const FOLLOWS_FILAMENT: bool = false;
+    /// Number of motors that lift Z.
+    const Z_MOTORS: usize = 1;
+    /// The step pin of one of them; the first is the axis's own.
+    fn z_step_pin(_motor: usize) -> Option<Pin> {
+        None
+    }
     /// The ports that carry their step and direction signals.
     fn ports(&self) -> MotorPorts<PORTS>;
     /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
@@ -353,6 +359,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
         for (port, word) in self.feeder.rest_words().into_iter().enumerate() {
             self.motors.ports().write(port, word);
         }
+        self.step_z_motors(u8::MAX);
         dropped
     }
 
@@ -427,6 +434,13 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorEna
         self.enabled = if enabled { before | axes } else { before & !axes };
         if self.enabled != before {
             self.motors.enable(self.enabled);
+        }
+    }
+
+    fn step_z_motors(&mut self, motors: u8) {
+        if B::Z_MOTORS > 1 {
+            let resting = (0..B::Z_MOTORS).filter(|motor| motors >> motor & 1 == 0);
+            self.feeder.step_without(resting.filter_map(B::z_step_pin));
         }
     }
 }

@@ -20,19 +20,19 @@ const LISTENED_BITS: u16 = 200;
 
 /// The lines; TIM7's interrupt calls [`Self::interrupt`].
 #[derive(Debug)]
-pub struct PinLines<R> {
+pub struct PinLines<R, const N: usize = 4> {
     registers: R,
     /// Port (0 for A) and number of each.
-    pins: [(u8, u8); 4],
+    pins: [(u8, u8); N],
     serial: SoftwareSerial,
     driven: PinAction,
     /// Ticks until the end of any reply.
     ticks_left: u16,
 }
 
-impl<R: Registers> PinLines<R> {
+impl<R: Registers, const N: usize> PinLines<R, N> {
     /// Pins with pull-ups, and a timer that stands still. `timer_hz` is the clock of the timers on APB1.
-    pub fn start(mut registers: R, pins: [(u8, u8); 4], timer_hz: u32, baud: u32) -> Self {
+    pub fn start(mut registers: R, pins: [(u8, u8); N], timer_hz: u32, baud: u32) -> Self {
         registers.switch_clocks_on(RCC_APB1ENR, TIM7_CLOCK);
         registers.write(TIM7_CR1, 0);
         let interval = timer_hz / (baud * u32::from(TICKS_A_BIT)).max(1);
@@ -83,7 +83,7 @@ impl<R: Registers> PinLines<R> {
     }
 }
 
-impl<R: Registers> SingleWireUart for PinLines<R> {
+impl<R: Registers, const N: usize> SingleWireUart for PinLines<R, N> {
     fn send(&mut self, line: u8, bytes: &[u8], now_ticks: u32) -> Result<(), LineBusy> {
         if self.driven != PinAction::Release {
             return Err(LineBusy);

@@ -6,8 +6,11 @@ use super::exchange::{Exchange, Request};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
 use super::uart::SingleWireUart;
 
-/// Motors: X (A), Y (B), Z and E.
+/// Motors of most machines: X (A), Y (B), Z and E. The further motors of Z follow them.
 pub const MOTORS: usize = 4;
+
+/// Z, whose further motors come after those of all axes.
+pub(super) const Z: usize = 2;
 
 /// Rest of the line between datagrams: the chip wants 12 bit times after one that it did not understand
 /// (section 4.1.1).
@@ -37,12 +40,12 @@ impl LineTiming {
     }
 }
 
-/// The drivers. [`Self::poll`] is called from time to time and never waits.
+/// The drivers of `N` motors, at most [`MOST_MOTORS`](super::MOST_MOTORS). [`Self::poll`] is called from time to time and never waits.
 #[derive(Clone, Debug)]
-pub struct DriverBank {
-    drivers: [Option<Driver>; MOTORS],
+pub struct DriverBank<const N: usize = MOTORS> {
+    drivers: [Option<Driver>; N],
     /// When each is looked at next.
-    looks_at: [u32; MOTORS],
+    looks_at: [u32; N],
     timing: LineTiming,
     /// The datagram under way, and whose it is.
     exchange: Option<(usize, Exchange)>,
@@ -60,10 +63,10 @@ pub struct DriverBank {
     moved: u8,
 }
 
-impl DriverBank {
+impl<const N: usize> DriverBank<N> {
     /// Drivers that are to be set up; `None` for a motor without one.
     #[must_use]
-    pub fn new(drivers: [Option<(DriverSettings, DriverWiring)>; MOTORS], timing: LineTiming, now_ticks: u32) -> Self {
+    pub fn new(drivers: [Option<(DriverSettings, DriverWiring)>; N], timing: LineTiming, now_ticks: u32) -> Self {
         let drivers = drivers.map(|driver| driver.map(|(settings, wiring)| Driver::new(settings, wiring)));
         let mut to_tell = 0;
         for (motor, driver) in drivers.iter().enumerate() {
@@ -73,7 +76,7 @@ impl DriverBank {
         }
         Self {
             drivers,
-            looks_at: [now_ticks; MOTORS],
+            looks_at: [now_ticks; N],
             timing,
             exchange: None,
             is_stale: false,
@@ -103,28 +106,43 @@ impl DriverBank {
         self.driver(motor).map(Driver::settings)
     }
 
-    /// Checks other settings for a driver.
+    /// Checks other settings for a driver; of Z's for those of all its motors.
     ///
     /// # Errors
     /// The chip cannot do that with this board's sense resistors.
     pub fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError> {
-        self.driver(motor).map_or(Ok(()), |driver| RegisterImage::new(settings, &driver.wiring).map(|_| ()))
+        self.set_with(motor).filter_map(|motor| self.driver(motor)).try_for_each(|driver| {
+            RegisterImage::new(settings, &driver.wiring)?;
+            Ok(())
+        })
     }
 
-    /// Changes a driver's settings; it is then unconfirmed until it is set up anew. Without effect for a
+    /// Changes a driver's settings, of Z's those of all its motors; it is then unconfirmed until it is set up anew. Without effect for a
     /// motor without a driver.
     ///
     /// # Errors
     /// The chip cannot do that with this board's sense resistors; nothing has changed.
     pub fn set(&mut self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
-        let Some(driver) = self.drivers.get_mut(motor).and_then(Option::as_mut) else { return Ok(()) };
-        driver.set(settings)?;
-        // The datagram under way was for the old registers.
-        self.is_stale |= self.exchange.is_some_and(|(whose, _)| whose == motor);
+        if N > MOTORS {
+            // Of several none has changed then.
+            self.check(motor, &settings)?;
+        }
+        for motor in self.set_with(motor) {
+            let Some(driver) = self.drivers.get_mut(motor).and_then(Option::as_mut) else { continue };
+            driver.set(settings)?;
+            // The datagram under way was for the old registers.
+            self.is_stale |= self.exchange.is_some_and(|(whose, _)| whose == motor);
+        }
         Ok(())
     }
 
-    /// Mask of the motors that may have moved since this was last asked, because their drivers were reset or off.
+    /// The motors that have the same settings: all of Z's.
+    fn set_with(&self, motor: usize) -> impl Iterator<Item = usize> + use<N> {
+        let further = if N > MOTORS && motor == Z { MOTORS..N } else { 0..0 };
+        [motor].into_iter().chain(further)
+    }
+
+    /// Mask of the motors (Z's as one) that may have moved since this was last asked, because their drivers were reset or off.
     pub fn take_moved(&mut self) -> u8 {
         core::mem::take(&mut self.moved)
     }
@@ -148,7 +166,7 @@ impl DriverBank {
             self.exchange = None;
             self.rests_until = Some(now_ticks.wrapping_add(REST_BITS.saturating_mul(self.timing.bit_ticks)));
             let is_stale = core::mem::take(&mut self.is_stale);
-            if self.to_quieten < MOTORS {
+            if self.to_quieten < N {
                 self.to_quieten += 1;
                 return None;
             }
@@ -200,14 +218,14 @@ impl DriverBank {
     }
 
     fn next_request(&mut self, now_ticks: u32) -> Option<(usize, Request)> {
-        while self.to_quieten < MOTORS {
+        while self.to_quieten < N {
             if self.driver(self.to_quieten).is_some() {
                 let (register, value) = RegisterImage::NODE_CONF;
                 return Some((self.to_quieten, Request::Write(register, value)));
             }
             self.to_quieten += 1;
         }
-        for _ in 0..MOTORS {
+        for _ in 0..N {
             let motor = self.turn;
             if let Some(driver) = self.drivers.get_mut(motor).and_then(Option::as_mut) {
                 if !driver.is_busy() && self.looks_at.get(motor).is_some_and(|at| is_past(*at, now_ticks)) {
@@ -220,7 +238,7 @@ impl DriverBank {
                     return Some((motor, request));
                 }
             }
-            self.turn = (motor + 1) % MOTORS;
+            self.turn = (motor + 1) % N;
         }
         None
     }
@@ -248,7 +266,7 @@ impl DriverBank {
     fn happened(&mut self, motor: usize, kind: DriverEventKind) -> Option<DriverEvent> {
         let event = DriverEvent { motor, kind };
         if event.stops_motion() {
-            self.moved |= 1 << motor;
+            self.moved |= 1 << event.axis();
         }
         Some(event)
     }

@@ -2,12 +2,16 @@
 
 use core::fmt;
 
+use super::bank::{MOTORS, Z};
 use super::exchange::ExchangeError;
 use super::registers::{DriverStatus, Register, VERSION};
 use super::settings::SettingsError;
 
+/// The most motors: X (A), Y (B), Z, E, and the further ones of Z.
+pub const MOST_MOTORS: usize = NAMES.len();
+
 /// Names of the motors, by their number.
-const NAMES: [char; 4] = ['X', 'Y', 'Z', 'E'];
+const NAMES: [&str; 7] = ["X", "Y", "Z", "E", "Z2", "Z3", "Z4"];
 
 /// Why a driver is not confirmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,6 +89,12 @@ impl DriverEvent {
         !matches!(self.kind, DriverEventKind::Confirmed | DriverEventKind::Warning(_))
     }
 
+    /// The motor of 0 to 3 with which it moves: Z for the further ones of Z.
+    #[must_use]
+    pub const fn axis(&self) -> usize {
+        if self.motor < MOTORS { self.motor } else { Z }
+    }
+
     /// Whether a person should be told.
     #[must_use]
     pub const fn is_notable(&self) -> bool {
@@ -93,13 +103,13 @@ impl DriverEvent {
 }
 
 /// The name of a motor's driver.
-pub(super) fn name(motor: usize) -> char {
-    NAMES.get(motor).copied().unwrap_or('?')
+pub fn motor_name(motor: usize) -> &'static str {
+    NAMES.get(motor).copied().unwrap_or("?")
 }
 
 impl fmt::Display for DriverEvent {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "driver {} ", name(self.motor))?;
+        write!(out, "driver {} ", motor_name(self.motor))?;
         match self.kind {
             DriverEventKind::Confirmed => out.write_str("is set up"),
             DriverEventKind::Failed(failure) => fmt::Display::fmt(&failure, out),

@@ -319,3 +319,25 @@ proptest! {
         prop_assert!((0..MOTORS).all(|motor| bench.holds(motor)));
     }
 }
+
+/// The further motors of Z have Z's settings, all of them or none, and what happens to them happens to Z.
+#[test]
+fn motors_of_one_axis_have_the_same_settings() {
+    let mut wiring = [DriverWiring { line: 0, address: 0, sense_milliohm: 110 }; 6];
+    // At the last motor's resistors the chip makes less current.
+    wiring[5].sense_milliohm = 220;
+    let mut bank = DriverBank::new(wiring.map(|wiring| Some((SETTINGS, wiring))), TIMING, 0);
+    let current = |bank: &DriverBank<6>| [0, 1, 2, 3, 4, 5].map(|motor| bank.settings(motor).unwrap().current_ma);
+    let before = current(&bank);
+    let with = |current_ma| DriverSettings { current_ma, ..SETTINGS };
+    assert!(bank.check(2, &with(1_500)).is_err() && bank.set(2, with(1_500)).is_err());
+    assert_eq!(current(&bank), before);
+    bank.set(2, with(500)).unwrap();
+    assert_eq!(current(&bank), [before[0], before[1], 500, before[3], 500, 500]);
+    bank.set(0, with(600)).unwrap();
+    bank.set(5, with(400)).unwrap();
+    assert_eq!(current(&bank), [600, before[1], 500, before[3], 500, 400]);
+    let event = |motor| DriverEvent { motor, kind: DriverEventKind::Reset };
+    assert_eq!([0, 2, 3, 4, 6].map(|motor| event(motor).axis()), [0, 2, 3, 2, 2]);
+    assert!(event(5).to_string().starts_with("driver Z3 has been reset"), "{}", event(5));
+}

@@ -147,4 +147,8 @@ impl<Q: MotorEnable> MotorEnable for ModelledSensors<Q> {
     fn set_motors_enabled(&mut self, motors: u8, enabled: bool) {
         self.queue.set_motors_enabled(motors, enabled);
     }
+
+    fn step_z_motors(&mut self, motors: u8) {
+        self.queue.step_z_motors(motors);
+    }
 }

@@ -5,6 +5,10 @@
 pub struct SheetShape {
     /// By how much it rises from its lower to its upper end along X and along Y.
     pub tilt_10nm: [i64; 2],
+    /// How much higher all of it is.
+    pub height_10nm: i64,
+    /// By how much the corners at the lower ends of X and Y and at both upper ends are higher, and the two others lower.
+    pub twist_10nm: i64,
     /// By how much its middle is higher than the corners of its outline.
     pub bend_10nm: i64,
     /// Each approach ends within this distance of the sheet, evenly distributed.
@@ -13,17 +17,19 @@ pub struct SheetShape {
 
 impl SheetShape {
     /// Level and flat, and found exactly.
-    pub const FLAT: Self = Self { tilt_10nm: [0; 2], bend_10nm: 0, scatter_10nm: 0 };
+    pub const FLAT: Self = Self { tilt_10nm: [0; 2], height_10nm: 0, twist_10nm: 0, bend_10nm: 0, scatter_10nm: 0 };
 
     /// The height at a place of a sheet with this outline, over its middle's if it were not bent.
     pub fn height_10nm(&self, place_10nm: [i64; 2], outline_10nm: [[i64; 2]; 2]) -> i64 {
-        let mut height = self.bend_10nm as f64;
+        let mut height = (self.height_10nm + self.bend_10nm) as f64;
+        let mut twist = self.twist_10nm as f64;
         for ((place, [from, to]), tilt) in place_10nm.into_iter().zip(outline_10nm).zip(self.tilt_10nm) {
             // From -1 to 1 over the sheet.
             let across = (2 * place - from - to) as f64 / (to - from).max(1) as f64;
             height += across * tilt as f64 / 2.0 - across * across * self.bend_10nm as f64 / 2.0;
+            twist *= across;
         }
-        height as i64
+        (height + twist) as i64
     }
 }
 
@@ -63,7 +69,7 @@ mod tests {
 
     #[test]
     fn a_sheet_is_tilted_and_bent() {
-        let shape = SheetShape { tilt_10nm: [1_000, -400], bend_10nm: 600, scatter_10nm: 0 };
+        let shape = SheetShape { tilt_10nm: [1_000, -400], bend_10nm: 600, ..SheetShape::FLAT };
         let outline = [[0, 10_000], [-2_000, 2_000]];
         for (place, height) in [
             ([5_000, 0], 600),
@@ -73,6 +79,12 @@ mod tests {
             ([5_000, -2_000], 300 + 200),
         ] {
             assert_eq!(shape.height_10nm(place, outline), height, "{place:?}");
+        }
+        let twisted = SheetShape { height_10nm: 50, twist_10nm: 200, ..SheetShape::FLAT };
+        for (place, height) in
+            [([0, -2_000], 250), ([10_000, 2_000], 250), ([10_000, -2_000], -150), ([5_000, 2_000], 50)]
+        {
+            assert_eq!(twisted.height_10nm(place, outline), height, "{place:?}");
         }
         assert_eq!(SheetShape::FLAT.height_10nm([77, 5], outline), 0);
     }

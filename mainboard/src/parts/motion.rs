@@ -11,6 +11,7 @@
 //! | outputs off: steps move nothing; outputs on again: the rotor snaps to the nearest position of the field |
 //! `without_current_*`, `the_rotor_snaps_*`, `a_rotor_rests_*` |
 //! | end stops: hysteresis, bounce, stuck, polarity ([`end_stop`]) | `end_stop::tests` |
+//! | several motors lift Z, and tilt what they lift ([`lift`]) | `lift::tests`, `a_motor_of_z_*` |
 //! | probe over the sheet only, hysteresis, noise, dead, always on; nozzle pressed into the sheet ([`sheet`]) | `sheet::tests`, `the_probe_*` |
 //!
 //! Left out, and why:
@@ -19,14 +20,15 @@
 //! - A blocked rotor swings between the frame and two full steps before it (slipping); it does not bounce further.
 //!   Pushing into the sheet does not stop Z: the depth is recorded instead.
 //! - A motor without current keeps its position: Z does not sink, and no hand pushes the carriage.
-//! - Several motors on one axis: wire them to one driver.
 
 pub mod end_stop;
+pub mod lift;
 pub mod sheet;
 #[cfg(test)]
 mod tests;
 
 use end_stop::{EndStop, EndStopConfig};
+use lift::Lift;
 use sheet::{Probe, ProbeConfig, Sheet, SheetConfig};
 
 /// Microsteps of 1/256 in an electrical period: four full steps.
@@ -69,7 +71,7 @@ pub struct AxisConfig {
     pub start_mm: f64,
 }
 
-/// Everything that moves. Motors from 3 on are extruders, without ends.
+/// Everything that moves. Motors from 3 on are extruders, or lift Z beside its own; they meet no ends.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
     /// How motors 0 and 1 move X and Y.
@@ -78,6 +80,8 @@ pub struct Config {
     pub axes: [AxisConfig; 3],
     /// X or A, Y or B, Z, then extruders.
     pub motors: Vec<MotorConfig>,
+    /// The motors that lift Z, where there are several.
+    pub lift: Option<Lift>,
     /// Switches along axes.
     pub end_stops: Vec<EndStopConfig>,
     /// The bed's sheet.
@@ -169,6 +173,7 @@ pub struct Motion {
     motors: Vec<Motor>,
     axes: [Axis; 3],
     end_stops: Vec<EndStop>,
+    lift: Option<Lift>,
     sheet: Sheet,
     probe: Option<Probe>,
     full_steps_per_mm: Vec<f64>,
@@ -227,7 +232,9 @@ impl Motion {
             Kinematics::CoreXy => [x + y, x - y, axes[2].position / 2],
         };
         let motors = config.motors.iter().enumerate().map(|(index, motor)| {
-            let field_256 = fields.get(index).copied().unwrap_or(0);
+            let lifts = config.lift.as_ref().is_some_and(|lift| lift.is_further(index));
+            // They begin level with the axis's own.
+            let field_256 = fields.get(if lifts { 2 } else { index }).copied().unwrap_or(0);
             let sign = if motor.inverted { -1 } else { 1 };
             Motor { sign, field_256, phase_256: field_256, energized: false, record: MotorRecord::default() }
         });
@@ -237,6 +244,7 @@ impl Motion {
             kinematics: config.kinematics,
             motors: motors.collect(),
             end_stops: end_stops.collect(),
+            lift: config.lift,
             sheet: Sheet::new(config.sheet),
             probe: config.probe.map(Probe::new),
             full_steps_per_mm: config.motors.iter().map(|motor| motor.full_steps_per_mm).collect(),
@@ -338,9 +346,27 @@ impl Motion {
                 }
                 effect.lines = self.update_sensors(now_ns, motor);
             }
+            (_, motor) if self.lift.as_ref().is_some_and(|lift| lift.is_further(motor)) => {
+                effect.lines = self.update_sensors(now_ns, 2);
+            }
             _ => {}
         }
         effect
+    }
+
+    /// Turns the screw of a motor that lifts Z by hand, with its rotor, while it has no current, mm.
+    pub fn turn_by_hand(&mut self, motor: usize, by_mm: f64) {
+        let Some(per_mm) = self.full_steps_per_mm.get(motor) else { return };
+        let by_256 = (by_mm * per_mm * 256.0).round() as i64;
+        if let Some(turned) = self.motors.get_mut(motor).filter(|motor| !motor.energized) {
+            turned.field_256 += by_256;
+            turned.phase_256 += by_256;
+        }
+    }
+
+    /// How much higher than at Z's own motor the nozzle is at a place because others lift Z, too, mm.
+    fn raised_mm(&self, place_mm: [f64; 2]) -> f64 {
+        self.lift.as_ref().map_or(0.0, |lift| lift.raised_mm(place_mm, |motor| self.motor_mm(motor)))
     }
 
     /// Slips a rotor whose field is more than half a period ahead; true if it slipped.
@@ -366,9 +392,15 @@ impl Motion {
             }
         }
         let z_mm = self.position_mm(2);
-        if self.sheet.may_touch(z_mm) || self.probe.as_ref().is_some_and(|probe| probe.may_change(&self.sheet, z_mm)) {
+        // Nothing rules out a touch where Z tilts.
+        let is_near = self.lift.is_some()
+            || self.sheet.may_touch(z_mm)
+            || self.probe.as_ref().is_some_and(|probe| probe.may_change(&self.sheet, z_mm));
+        if is_near {
             let (x_mm, y_mm) = (self.position_mm(0), self.position_mm(1));
-            self.sheet.press(now_ns, x_mm, y_mm, z_mm);
+            self.sheet.press(now_ns, x_mm, y_mm, z_mm + self.raised_mm([x_mm, y_mm]));
+            let (dx_mm, dy_mm) = self.probe.as_ref().map_or((0.0, 0.0), Probe::offset_mm);
+            let z_mm = z_mm + self.raised_mm([x_mm + dx_mm, y_mm + dy_mm]);
             if let Some(probe) = &mut self.probe {
                 changed |= probe.update(&self.sheet, x_mm, y_mm, z_mm);
             }
@@ -434,8 +466,9 @@ impl Motion {
     /// The nozzle's height above the sheet below the probe, mm; `None` beside the sheet.
     pub fn probe_gap_mm(&self) -> Option<f64> {
         let (dx_mm, dy_mm) = self.probe.as_ref()?.offset_mm();
-        let height_mm = self.sheet.height_mm(self.position_mm(0) + dx_mm, self.position_mm(1) + dy_mm);
-        height_mm.map(|height_mm| self.position_mm(2) - height_mm)
+        let (x_mm, y_mm) = (self.position_mm(0) + dx_mm, self.position_mm(1) + dy_mm);
+        let nozzle_mm = self.position_mm(2) + self.raised_mm([x_mm, y_mm]);
+        self.sheet.height_mm(x_mm, y_mm).map(|height_mm| nozzle_mm - height_mm)
     }
 
     /// The probe, to break or mend.

@@ -16,6 +16,7 @@ fn machine() -> Motion {
         kinematics: Kinematics::Cartesian,
         axes: [axis.clone(), axis.clone(), axis],
         motors: vec![MotorConfig { full_steps_per_mm: 5.0, inverted: true }; 3],
+        lift: None,
         end_stops: vec![EndStopConfig {
             axis: 1,
             side: Side::Low,

@@ -12,6 +12,7 @@ use crate::parts::frame::Mode;
 use crate::parts::heat::thermistor::{Curve, SensorFault, Thermistor, ThermistorConfig};
 use crate::parts::heat::{self, Heater};
 use crate::parts::motion::end_stop::{EndStopConfig, Side};
+use crate::parts::motion::lift::Lift;
 use crate::parts::motion::sheet::{ProbeConfig, SheetConfig};
 use crate::parts::motion::{self, AxisConfig, Kinematics, Motion, MotorConfig};
 use crate::parts::supply::{self, Rail};
@@ -296,15 +297,28 @@ fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, Stri
             start_mm: minimum_mm + (maximum_mm - minimum_mm) * [0.41, 0.53, 0.08][axis],
         }
     });
-    let motors = (0..4)
-        .map(|motor| {
-            let microsteps = printer.drivers[motor].map_or(16, |driver| driver.microsteps);
-            MotorConfig {
-                full_steps_per_mm: printer.steps_per_mm[motor] / f64::from(microsteps),
-                inverted: printer.signals.inverted[motor],
-            }
+    let motor = |motor: usize, inverted: bool| {
+        let microsteps = printer.drivers[motor].map_or(16, |driver| driver.microsteps);
+        MotorConfig { full_steps_per_mm: printer.steps_per_mm[motor] / f64::from(microsteps), inverted }
+    };
+    // Of those behind the first four only further motors of Z are plugged in.
+    let plugged_in = |index: usize| {
+        let name = &board.motors.get(index)?.name;
+        printer.z_motors.get(name).filter(|_| index > 3)
+    };
+    let motors = (0..board.motors.len().max(4))
+        .map(|index| match plugged_in(index) {
+            Some(further) => motor(2, further.inverted),
+            None => motor(index.min(3), index < 4 && printer.signals.inverted[index]),
         })
         .collect();
+    let lift = match printer.z_motors.get("z") {
+        Some(own) if printer.z_motors.values().all(|motor| motor.place_mm.is_some()) => {
+            let further = (4..board.motors.len()).filter_map(|index| Some((index, plugged_in(index)?.place_mm?)));
+            Some(Lift::new([(2, own.place_mm.unwrap_or_default())].into_iter().chain(further).collect())?)
+        }
+        _ => None,
+    };
     let bed = homing.bed_mm;
     let by_probe = homing.axes[2].filter(|home| home.sensor == HomingSensor::Probe && board.input("probe").is_some());
     let probe = by_probe.map(|home| {
@@ -325,6 +339,7 @@ fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, Stri
         },
         axes,
         motors,
+        lift,
         end_stops,
         sheet: SheetConfig {
             x_mm: (bed[0][0], bed[0][1]),

@@ -1,10 +1,12 @@
 //! The printer around a board, as the profile describes it. The profile's other keys are ignored.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
 
 use super::refusal::Refusal;
+use super::z_motors::{RawZMotors, ZMotor};
 
 /// The printer around a board. Arrays are in the order x, y, z, e.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +33,8 @@ pub struct Printer {
     pub signals: DriverSignals,
     /// Settings of drivers with a serial line.
     pub drivers: [Option<DriverSettings>; 4],
+    /// The motors that lift Z, by the board's names for them; empty for one motor.
+    pub z_motors: BTreeMap<String, ZMotor>,
     /// The frame along X and Y; `None` where the profile does not describe it.
     pub frame: [Option<FrameMode>; 2],
     /// The supply of motors, heaters and fans, if the board switches it.
@@ -348,6 +352,7 @@ impl Printer {
                 inverted: inverted(file, &driver.inverted)?,
             },
             drivers,
+            z_motors: raw.z_motors.all(),
             frame,
             power_supply: raw.power_supply,
             has_bltouch: raw.bltouch.is_some(),
@@ -431,6 +436,8 @@ struct RawPrinter {
     driver: RawDriver,
     #[serde(default)]
     drivers: RawDrivers,
+    #[serde(default)]
+    z_motors: RawZMotors,
     #[serde(default)]
     frame: RawFrame,
     power_supply: Option<PowerSupply>,

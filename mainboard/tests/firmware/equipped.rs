@@ -78,7 +78,7 @@ pub fn equipped() -> &'static Variant {
 }
 
 /// A profile without its switch of Z.
-fn without_homing_of_z(profile: &str) -> String {
+pub fn without_homing_of_z(profile: &str) -> String {
     const HEADER: &str = "[homing.z]\n";
     let (before, rest) = profile.split_once(HEADER).unwrap();
     let (_, after) = rest.split_once("\n\n").unwrap_or((rest, ""));

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use crate::bench::Bench;
-use crate::boards::{BOARDS, BoardFacts};
+use crate::equipped::octopus;
 use crate::images::{Variant, changed};
 use crate::job::Job;
 
@@ -17,10 +17,6 @@ const LINES: usize = 160;
 
 /// PLA of 1.75 mm.
 const PLA_J_PER_K_MM: f64 = 0.0054;
-
-fn octopus() -> &'static BoardFacts {
-    BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
-}
 
 /// Its image, which is built once.
 fn with_model() -> &'static Variant {

@@ -38,11 +38,6 @@ pub struct Variant {
     pub image: PathBuf,
 }
 
-/// Builds the image of a board, under another name, with its profile and these tables.
-pub fn variant(board: &str, profile: &str, name: &str, tables: &str) -> Variant {
-    changed(board, profile, name, |board| board, |profile| profile + tables)
-}
-
 /// Builds the image of a board, under another name, with both files changed.
 pub fn changed(
     board: &str,

@@ -40,3 +40,4 @@ mod shipped;
 mod supply;
 mod timing;
 mod watchdog;
+mod z_motors;

@@ -5,13 +5,10 @@ use core::fmt::Write as _;
 use ferrostep_gcode::{Real, Reply};
 use ferrostep_planner::surface::Mesh;
 
-use super::Heights;
+use super::{Heights, MM};
 use crate::ports::{Motion, Ports, Replies, Text};
 use crate::printer::Printer;
 use crate::z_offset::mm;
-
-/// Units of 10 nm in a millimetre.
-const MM: f64 = 100_000.0;
 
 impl<P: Ports> Printer<'_, P> {
     /// The mesh, row by row; nothing without one.

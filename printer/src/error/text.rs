@@ -4,7 +4,7 @@ use core::fmt;
 
 use ferrostep_gcode::Real;
 use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, ShaperError};
-use ferrostep_tmc2209::{DriverEvent, DriverEventKind};
+use ferrostep_tmc2209::{DriverEvent, DriverEventKind, motor_name};
 
 use super::CommandError;
 use crate::accelerometer::FaultText;
@@ -136,7 +136,7 @@ impl fmt::Display for CommandError {
                      another's (M119)?"
                 )
             }
-            Self::ProbePin(why) => out.write_str(why),
+            Self::ProbePin(why) | Self::NotAligned(why) => out.write_str(why),
             Self::NoStallSignal { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
@@ -148,8 +148,7 @@ impl fmt::Display for CommandError {
                 write!(out, "{}", DriverEvent { motor: *motor, kind: DriverEventKind::Failed(*failure) })
             }
             Self::DriverSettings { motor, error } => {
-                let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
-                write!(out, "{name}: {error}")
+                write!(out, "{}: {error}", motor_name(*motor))
             }
             Self::OtherOutput => out.write_str(
                 "P: no output of the profile has this number",

@@ -81,6 +81,7 @@ pub(crate) fn profile() -> Profile {
         bltouch: None,
         mesh: None,
         bed_screws: None,
+        z_motors: None,
         min_extrusion_celsius: 170.0,
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,

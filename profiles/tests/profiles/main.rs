@@ -22,3 +22,4 @@ mod pressure_advance;
 mod refusals;
 mod robustness;
 mod safe_homing;
+mod z_motors;

@@ -9,3 +9,4 @@ mod repeatability;
 mod rig;
 mod round;
 mod screws;
+mod z_motors;

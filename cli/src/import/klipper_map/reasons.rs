@@ -6,6 +6,7 @@ const NO_KEY: &str = "no such key in a profile";
 pub(super) fn reason(section: &str, key: &str) -> &'static str {
     let kind = section.split(' ').next().unwrap_or_default();
     match kind {
+        "tmc2209" if section.starts_with("tmc2209 stepper_z") => "all motors of Z have the settings of its driver",
         "homing_override" => "homing is the profile's: homing.x and the others",
         "screws_tilt_adjust" => "a profile's screws have names, places that the probe reaches, and a pitch",
         "skew_correction" => "one skew is in force, of one section: choose one, or send SET_SKEW",
@@ -29,9 +30,8 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         "output_pin" => {
             "lights and relays hang at the board's outputs for fans: write a table outputs.NAME with that output"
         }
-        "stepper_z1" | "stepper_z2" | "stepper_z3" | "stepper_x1" | "stepper_y1" | "z_tilt" | "quad_gantry_level" => {
-            "one driver an axis: several motors on one driver turn together"
-        }
+        "stepper_x1" | "stepper_y1" => "X and Y have one driver each: several motors on one driver turn together",
+        "z_tilt" | "quad_gantry_level" => "the motors of Z are aligned with a probe, and one place for each of them",
         "extruder1" | "extruder2" | "extruder_stepper" => "one extruder",
         "tmc2208" | "tmc2130" | "tmc5160" | "tmc2240" | "tmc2660" => {
             "drivers that are set are TMC2209: this one runs as its pins say"

@@ -10,6 +10,9 @@ pub(super) fn reason(name: &str) -> &'static str {
         _ if name.starts_with("MESH_") || name.starts_with("AUTO_BED_LEVELING") || name.starts_with("GRID_") => {
             "the bed is measured by G29: a profile's mesh has points, an area, an interpolation, a fade and a lift"
         }
+        _ if name.starts_with("Z_STEPPER_") => {
+            "the motors of Z are aligned with a probe, and one place for each of them"
+        }
         "EXTRUDERS" => "one extruder",
         "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",
         "S_CURVE_ACCELERATION" => {

@@ -2,6 +2,7 @@
 //! the plain way.
 
 mod flags;
+mod further;
 pub mod interleave;
 mod missed;
 mod model;

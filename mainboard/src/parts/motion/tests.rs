@@ -12,6 +12,7 @@ fn config(kinematics: Kinematics) -> Config {
         kinematics,
         axes: [axis.clone(), axis.clone(), axis],
         motors: vec![motor(5.0, false), motor(5.0, true), motor(25.0, false), motor(20.0, true)],
+        lift: None,
         end_stops: vec![EndStopConfig {
             axis: 0,
             side: Side::Low,
