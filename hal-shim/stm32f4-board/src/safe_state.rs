@@ -51,8 +51,6 @@ pub fn rest() -> ! {
     loop {
         supervision::feed_at_the_end();
         servo::pin_in_at_the_end();
-        // The watchdog waits for a second.
-        cortex_m::asm::delay(CORE_HZ / 1000);
     }
 }
 
