@@ -13,6 +13,7 @@ use ferrostep_virtual_board::VirtualHeaters;
 use ferrostep_profile_constant::PROFILE;
 
 use crate::part::PartIf;
+use crate::ports::BoardMachine;
 
 /// The parts of the board that the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {
@@ -53,13 +54,22 @@ pub type SupplyPart = PartIf<HAS_SUPPLY>;
 const HAS_MODELS: bool = PROFILE.control_models[0].is_some() || PROFILE.control_models[1].is_some();
 
 /// The nozzle's model wants to know how fast filament is melted. The bench melts none.
-pub const MELTS_FILAMENT: bool = PROFILE.control_models[0].is_some() && !VIRTUAL_SENSORS;
+const MELTS_FILAMENT: bool = PROFILE.control_models[0].is_some() && !VIRTUAL_SENSORS;
 
 /// Models of heaters, or none, in an image.
 pub type ModelsPart = PartIf<HAS_MODELS>;
 
-/// Where the extruder is, as [`ferrostep_printer::machine::Machine::pushed_um`] says; of a machine that [`MELTS_FILAMENT`].
-pub static PUSHED_UM: AtomicI32 = AtomicI32::new(0);
+/// Where the extruder is at the end of the queue, thousandths of a millimetre; the number wraps.
+static PUSHED_UM: AtomicI32 = AtomicI32::new(0);
+
+/// Notes where the extruder is.
+pub fn note_filament(machine: &BoardMachine) {
+    if MELTS_FILAMENT {
+        let [.., steps] = machine.motor_steps();
+        let pushed_um = steps as f64 * 1e3 / machine.extruder_steps_per_mm().to_f64();
+        PUSHED_UM.store(pushed_um as i64 as i32, Ordering::Relaxed);
+    }
+}
 
 /// Heaters, thermistors and fans: the board's own, or their models.
 pub trait Parts: ThermalBoard + Fans + Sized {

@@ -99,7 +99,7 @@ mod app {
     use crate::fans::SharedDemand;
     use crate::filament::Encoder;
     use crate::greeting::Start;
-    use crate::heat::{Heat, MELTS_FILAMENT, PUSHED_UM};
+    use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Reader, SerialInput, Writers};
     use crate::host_start::{Actions, HostLines, LineRings};
     use crate::job_line::JOB_BYTES;
@@ -415,9 +415,7 @@ mod app {
                 LIFE.show(Task::Planner);
                 let more = machine.work(silence);
                 FANS.store(&machine.fan_demand());
-                if MELTS_FILAMENT {
-                    PUSHED_UM.store(machine.pushed_um(), Ordering::Relaxed);
-                }
+                heat::note_filament(machine);
                 black_box::note_position(machine);
                 encoder.look(machine, Mono::now().ticks(), &SIGNALS);
                 more

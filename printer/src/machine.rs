@@ -348,12 +348,6 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.extruder_steps_per_mm()
     }
 
-    /// Where the extruder is at the end of the queue, thousandths of a millimetre; the number wraps.
-    pub fn pushed_um(&self) -> i32 {
-        let [.., steps] = self.motor_steps();
-        (steps as f64 * 1e3 / self.extruder_steps_per_mm().to_f64()) as i64 as i32
-    }
-
     /// Sets the steps of the extruder in a millimetre of filament, at standstill.
     ///
     /// # Errors
