@@ -11,7 +11,7 @@
 //! | outputs off: steps move nothing; outputs on again: the rotor snaps to the nearest position of the field |
 //! `without_current_*`, `the_rotor_snaps_*`, `a_rotor_rests_*` |
 //! | end stops: hysteresis, bounce, stuck, polarity ([`end_stop`]) | `end_stop::tests` |
-//! | several motors lift Z, and tilt what they lift ([`lift`]) | `lift::tests`, `a_motor_of_z_*` |
+//! | several motors lift Z, and tilt what they lift ([`lift`]) | `lift::tests`, `a_further_motor_of_z_*` |
 //! | probe over the sheet only, hysteresis, noise, dead, always on; nozzle pressed into the sheet ([`sheet`]) | `sheet::tests`, `the_probe_*` |
 //!
 //! Left out, and why:

@@ -137,6 +137,11 @@ proptest! {
     }
 
     #[test]
+    fn both_edges_on_four_ports(entries in proptest::collection::vec(any_entry(), 0..40)) {
+        assert_played::<BothEdges, 4>(&entries, SIGNALS);
+    }
+
+    #[test]
     fn pulses_on_one_port(entries in proptest::collection::vec(any_entry(), 0..40), pulse_ticks in 84u32..100) {
         assert_played::<Pulses, 1>(&entries, Signals { pulse_ticks, ..SIGNALS });
     }

@@ -274,3 +274,27 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_further_motor_of_z_lifts_its_side() {
+    let mut config = config(Kinematics::Cartesian);
+    config.motors.push(config.motors[2].clone());
+    config.lift = Some(lift::Lift::new(vec![(2, [0.0, 50.0]), (4, [100.0, 50.0])]).unwrap());
+    let mut motion = Motion::new(config).unwrap();
+    let gap = |motion: &Motion| motion.probe_gap_mm().unwrap();
+    // The probe is 10 mm to the left of the middle, where 40 % of what the second motor makes arrives.
+    let start = gap(&motion);
+    motion.turn_by_hand(4, 1.0);
+    assert!((gap(&motion) - start - 0.4).abs() < 1e-6, "{}", gap(&motion));
+    motion.set_energized(0, 4, true, 0);
+    let held = motion.motor_mm(4);
+    motion.turn_by_hand(4, 1.0);
+    assert_eq!(motion.motor_mm(4), held, "a motor with current holds");
+    // Two millimetres down, and Z's own motor stays.
+    for step in 0..50 {
+        motion.step(step, 4, -256);
+    }
+    assert!((motion.motor_mm(4) - held + 2.0).abs() < 1e-9);
+    assert!((gap(&motion) - start - 0.4 * (motion.motor_mm(4) - motion.position_mm(2))).abs() < 1e-6);
+    assert_eq!(motion.record(4).unpowered_steps, 0);
+}
