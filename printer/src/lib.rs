@@ -66,6 +66,7 @@ mod tower;
 mod transfer;
 mod tuning;
 mod waits;
+mod z_motors;
 mod z_offset;
 
 pub use accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent, RecordFault, Recorder};
@@ -91,8 +92,7 @@ pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S,
     DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FilamentSensor, FilamentSensorKind, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Kept, MeshSettings, PauseSettings, PowerSupply, Profile,
-    SafeHoming, ZAlignment, ZMotor, ZMotors,
+    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings, PowerSupply, Profile, SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};
@@ -101,3 +101,4 @@ pub use skew_refusal::SkewRefusal;
 pub use stored::stored_keys;
 pub use tower::TowerRefusal;
 pub use transfer::JobLine;
+pub use z_motors::{Kept, ZAlignment, ZMotor, ZMotors};

@@ -9,6 +9,7 @@ mod timeline;
 mod watched_line;
 mod work;
 mod workload;
+mod z_motors;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{FanOutput, StepOutput};
@@ -368,14 +369,6 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     pub fn set_motors_enabled(&mut self, motors: u8, enabled: bool) {
         self.enabled_motors = if enabled { self.enabled_motors | motors } else { self.enabled_motors & !motors };
         self.feeder.queue.set_motors_enabled(motors, enabled);
-    }
-
-    /// Of Z's motors those in the mask make the steps to come ([`ferrostep_hal_shim::MotorEnable::step_z_motors`]). Only at standstill:
-    /// otherwise motion was stopped, and all of them will take part.
-    pub fn step_z_motors(&mut self, motors: u8) {
-        if self.is_idle() {
-            self.feeder.queue.step_z_motors(motors);
-        }
     }
 
     /// Mask of the motors that are switched on.

@@ -13,7 +13,8 @@ use crate::homing::Homing;
 use crate::part::Part;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::{MeshSettings, ZAlignment, ZMotors};
+use crate::profile::MeshSettings;
+use crate::z_motors::{ZAlignment, ZMotors};
 use crate::z_offset::within;
 
 /// Motors, at most.

@@ -1,0 +1,63 @@
+//! Several motors that lift Z, as a profile describes them.
+
+/// A further motor of Z.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ZMotor {
+    /// The board's name for it.
+    pub socket: &'static str,
+    /// It runs the other way round.
+    pub is_inverted: bool,
+}
+
+/// A part of a profile that most machines do not have, kept apart: where it is missing, an image does not hold its room.
+///
+/// Its `Debug` is an expression of Rust, as that of all parts of a profile.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Kept<T: 'static>(pub &'static T);
+
+impl<T: core::fmt::Debug> core::fmt::Debug for Kept<T> {
+    fn fmt(&self, out: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(out, "Kept(&{:?})", self.0)
+    }
+}
+
+/// The motors of Z, where there are several. The first is that of the axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ZMotors {
+    /// The further ones.
+    pub further: [Option<ZMotor>; ZMotors::FURTHER],
+    /// How they are aligned (G34); `None`: by hand.
+    pub alignment: Option<ZAlignment>,
+}
+
+impl ZMotors {
+    /// The most further motors.
+    pub const FURTHER: usize = 3;
+
+    /// Number of motors, the axis's own included.
+    pub const fn count(&self) -> usize {
+        let mut count = 1;
+        while count <= Self::FURTHER && self.further[count - 1].is_some() {
+            count += 1;
+        }
+        count
+    }
+}
+
+/// How the motors of Z are aligned. Places are machine coordinates X and Y, units of 10 nm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ZAlignment {
+    /// Where each motor lifts the bed or the gantry.
+    pub places_10nm: [[i64; 2]; ZMotors::FURTHER + 1],
+    /// Where the bed is probed.
+    pub points_10nm: [Option<[i64; 2]>; ZAlignment::MAX_POINTS],
+    /// For each motor the weights with which the heights at these points make the height at its place.
+    pub weights: [[f32; ZAlignment::MAX_POINTS]; ZMotors::FURTHER + 1],
+    /// How far apart the motors may be, units of 10 nm.
+    pub max_correction_10nm: i64,
+}
+
+impl ZAlignment {
+    /// The most points.
+    pub const MAX_POINTS: usize = 8;
+}
