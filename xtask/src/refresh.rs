@@ -55,9 +55,9 @@ const DESK: [Writer; 8] = [
         sources: &["planner/tests/shapers.rs", "planner/tests/ringing.rs"],
     },
     Writer {
-        what: "autotune of heaters",
-        arguments: &["test", "-p", "ferrostep-printer", "--lib", "tuned"],
-        sources: &["printer/src/heat/tests/tuning.rs"],
+        what: "autotune of heaters, and models of them",
+        arguments: &["test", "-p", "ferrostep-printer", "--lib", "--", "tuned", "modelled"],
+        sources: &["printer/src/heat/tests/tuning.rs", "printer/src/heat/tests/modelled.rs"],
     },
     Writer {
         what: "papers, slicers, hosts, refusals, faults, examples of prepared jobs",
