@@ -98,7 +98,8 @@ pub fn apply(command: &mut Command, failed_check: FailedCheck) {
     command.args(["--config", "profile.release.package.compiler_builtins.opt-level=\"s\""]);
     let flags: &[&str] = match failed_check {
         // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode: 4 KB.
-        FailedCheck::Panics => &["-Zfmt-debug=none"],
+        // A panic says its file: lines would make a place of its own of every check.
+        FailedCheck::Panics => &["-Zfmt-debug=none", "-Zlocation-detail=file"],
         FailedCheck::Traps => {
             &["-Zfmt-debug=none", "-Zlocation-detail=none", "-Zunstable-options", "-Cpanic=immediate-abort"]
         }
