@@ -2,7 +2,6 @@
 //! does not know, and what melts is not what it expects.
 
 use std::format;
-use std::path::Path;
 use std::string::String;
 use std::vec;
 use std::vec::Vec;
@@ -10,7 +9,7 @@ use std::vec::Vec;
 use super::load::SecondMass;
 use super::tuning::chart::{self, Chart, GREY, Panel, RUST, Row};
 use super::tuning::models::{MODELS, Model};
-use super::tuning::{Bench, MAX_FAN, MAX_OVERSHOOT, STEADY, ends, keep};
+use super::tuning::{Bench, MAX_FAN, MAX_OVERSHOOT, STEADY, ends, keep, keep_failures, note};
 use super::*;
 
 /// Filament of 1.75 mm for 15 mm^3/s, mm/s.
@@ -273,66 +272,52 @@ fn other_heaters_than_the_models_are_held() {
 /// Each failure at several moments of M306 T: heating up, at the peak, held without the fan and with it. The book has the worst of them.
 #[test]
 fn failures_trip_while_a_model_is_found() {
-    use HeaterFailure::*;
-    let mut table = String::from(
-        "| what fails | the host reads | V6 at 200 °C, 40 W | aluminium and glass at 70 °C, 220 W |\n|---|---|---|---|\n",
-    );
-    for (failure, words) in [
-        (Dead, "no power reaches the heater"),
-        (StuckOn, "transistor fails closed"),
-        (ThermistorOpen, "thermistor open"),
-        (ThermistorShorted, "thermistor shorted"),
-        (ThermistorFellOut, "thermistor falls out"),
-        (ThermistorFrozen, "reading stands still"),
-    ] {
-        let mut trips: Vec<String> = Vec::new();
-        let cells = [(&MODELS[0], [2, 60, 112, 117, 150, 260]), (&MODELS[6], [2, 100, 250, 300, 400, 450])].map(
-            |(model, moments_s)| {
-                let mut worst = [0.0_f32; 2];
-                let mut unnoticed = 0;
-                for at_s in moments_s {
-                    // Noise would thaw the frozen reading.
-                    let mut bench = Bench::new(model, 0.0);
-                    begin_step(&mut bench);
-                    (0..at_s * SAMPLES_A_S).for_each(|_| bench.sample().unwrap());
-                    assert!(
-                        !matches!(bench.control.step(model.heater), Some(StepProgress::Found(_))),
-                        "{at_s} s is too late"
-                    );
-                    bench.board.board.set_failure(model.heater, Some(failure));
-                    let mut highest = 0.0_f32;
-                    let fault = (0..900 * SAMPLES_A_S).find_map(|_| {
-                        highest = highest.max(bench.board.board.true_celsius(model.heater));
-                        bench.sample().err()
-                    });
-                    let target = if model.heater == Heater::Nozzle { 200.0 } else { 70.0 };
-                    assert!(failure == StuckOn || highest < target + 70.0, "{failure:?} after {at_s} s: {highest}");
-                    assert_eq!(bench.board.board.power(model.heater), 0.0, "{failure:?} after {at_s} s");
-                    worst[1] = worst[1].max(highest);
-                    let Some(fault) = fault else {
-                        // A reading that stands still at the target, where the power does so too, is what a steady heater looks like.
-                        assert_eq!(failure, ThermistorFrozen, "{} after {at_s} s", model.name);
-                        unnoticed += 1;
-                        continue;
-                    };
-                    assert_eq!(fault.heater, model.heater);
-                    assert_eq!(bench.control.step(model.heater), None, "the fault ends it");
-                    worst[0] = worst[0].max(bench.samples as f32 / SAMPLES_A_S as f32 - at_s as f32);
-                    let trip = format!("`{}`", fault.trip);
-                    if !trips.contains(&trip) {
-                        trips.push(trip);
+    use HeaterFailure::{StuckOn, ThermistorFrozen};
+    keep_failures(
+        "model_failures",
+        ["V6 at 200 °C, 40 W", "aluminium and glass at 70 °C, 220 W"],
+        |failure, trips| {
+            [(&MODELS[0], [2, 60, 112, 117, 150, 260]), (&MODELS[6], [2, 100, 250, 300, 400, 450])].map(
+                |(model, moments_s)| {
+                    let mut worst = [0.0_f32; 2];
+                    let mut unnoticed = 0;
+                    for at_s in moments_s {
+                        // Noise would thaw the frozen reading.
+                        let mut bench = Bench::new(model, 0.0);
+                        begin_step(&mut bench);
+                        (0..at_s * SAMPLES_A_S).for_each(|_| bench.sample().unwrap());
+                        assert!(
+                            !matches!(bench.control.step(model.heater), Some(StepProgress::Found(_))),
+                            "{at_s} s is too late"
+                        );
+                        bench.board.board.set_failure(model.heater, Some(failure));
+                        let mut highest = 0.0_f32;
+                        let fault = (0..900 * SAMPLES_A_S).find_map(|_| {
+                            highest = highest.max(bench.board.board.true_celsius(model.heater));
+                            bench.sample().err()
+                        });
+                        let target = if model.heater == Heater::Nozzle { 200.0 } else { 70.0 };
+                        assert!(failure == StuckOn || highest < target + 70.0, "{failure:?} after {at_s} s: {highest}");
+                        assert_eq!(bench.board.board.power(model.heater), 0.0, "{failure:?} after {at_s} s");
+                        worst[1] = worst[1].max(highest);
+                        let Some(fault) = fault else {
+                            // A reading that stands still at the target, where the power does so too, is what a steady heater looks like.
+                            assert_eq!(failure, ThermistorFrozen, "{} after {at_s} s", model.name);
+                            unnoticed += 1;
+                            continue;
+                        };
+                        assert_eq!(fault.heater, model.heater);
+                        assert_eq!(bench.control.step(model.heater), None, "the fault ends it");
+                        worst[0] = worst[0].max(bench.samples as f32 / SAMPLES_A_S as f32 - at_s as f32);
+                        note(trips, &fault);
                     }
-                }
-                let [after_s, highest] = worst;
-                let unnoticed = if unnoticed > 0 { format!("; not in {unnoticed} of 6") } else { String::new() };
-                format!("after {after_s:.1} s, {highest:.0} °C{unnoticed}")
-            },
-        );
-        let [nozzle, bed] = cells;
-        table += &format!("| {words} | {} | {nozzle} | {bed} |\n", trips.join(", "));
-    }
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/heaters.md");
-    ferrostep_checked_toml::book::keep(&page, "model_failures", &table).unwrap();
+                    let [after_s, highest] = worst;
+                    let unnoticed = if unnoticed > 0 { format!("; not in {unnoticed} of 6") } else { String::new() };
+                    format!("after {after_s:.1} s, {highest:.0} °C{unnoticed}")
+                },
+            )
+        },
+    );
 }
 
 #[test]

@@ -297,13 +297,16 @@ fn gains_stay_within_their_ranges() {
     }
 }
 
-/// Each failure at several moments of an autotune: heating up, and in all parts of a cycle. The book has the worst of them.
-#[test]
-fn failures_trip_while_a_heater_is_tuned() {
+/// Writes one of the book's tables of what fails while a heater is tuned. `trip` lets it fail, notes what trips, and tells how it went for each of two
+/// heaters.
+pub(super) fn keep_failures(
+    table: &str,
+    heaters: [&str; 2],
+    mut trip: impl FnMut(HeaterFailure, &mut Vec<String>) -> [String; 2],
+) {
     use HeaterFailure::*;
-    let mut table = String::from(
-        "| what fails | the host reads | V6 at 215 °C, 40 W | aluminium and glass at 60 °C, 220 W |\n|---|---|---|---|\n",
-    );
+    let [nozzle, bed] = heaters;
+    let mut text = format!("| what fails | the host reads | {nozzle} | {bed} |\n|---|---|---|---|\n");
     for (failure, words) in [
         (Dead, "no power reaches the heater"),
         (StuckOn, "transistor fails closed"),
@@ -312,8 +315,28 @@ fn failures_trip_while_a_heater_is_tuned() {
         (ThermistorFellOut, "thermistor falls out"),
         (ThermistorFrozen, "reading stands still"),
     ] {
-        let mut trips: Vec<String> = Vec::new();
-        let cells = [&MODELS[0], &MODELS[6]].map(|model| {
+        let mut trips = Vec::new();
+        let [nozzle, bed] = trip(failure, &mut trips);
+        text += &format!("| {words} | {} | {nozzle} | {bed} |\n", trips.join(", "));
+    }
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/heaters.md");
+    ferrostep_checked_toml::book::keep(&page, table, &text).unwrap();
+}
+
+/// Notes what has tripped, once.
+pub(super) fn note(trips: &mut Vec<String>, fault: &HeatFault) {
+    let trip = format!("`{}`", fault.trip);
+    if !trips.contains(&trip) {
+        trips.push(trip);
+    }
+}
+
+/// Each failure at several moments of an autotune: heating up, and in all parts of a cycle. The book has the worst of them.
+#[test]
+fn failures_trip_while_a_heater_is_tuned() {
+    use HeaterFailure::{StuckOn, ThermistorFellOut};
+    keep_failures("failures", ["V6 at 215 °C, 40 W", "aluminium and glass at 60 °C, 220 W"], |failure, trips| {
+        [&MODELS[0], &MODELS[6]].map(|model| {
             let mut worst = [0.0_f32; 2];
             for at_s in [2, 150, 200, 203, 206, 209] {
                 // Noise would thaw the frozen reading.
@@ -332,19 +355,12 @@ fn failures_trip_while_a_heater_is_tuned() {
                 assert_eq!(bench.control.relay(model.heater), None, "the fault ends the autotune");
                 let after_s = bench.samples as f32 / SAMPLES_A_S as f32 - at_s as f32;
                 worst = [worst[0].max(after_s), worst[1].max(highest)];
-                let trip = format!("`{}`", fault.trip);
-                if !trips.contains(&trip) {
-                    trips.push(trip);
-                }
+                note(trips, &fault);
             }
             let [after_s, highest] = worst;
             format!("after {after_s:.1} s, {highest:.0} °C")
-        });
-        let [nozzle, bed] = cells;
-        table += &format!("| {words} | {} | {nozzle} | {bed} |\n", trips.join(", "));
-    }
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/heaters.md");
-    ferrostep_checked_toml::book::keep(&page, "failures", &table).unwrap();
+        })
+    });
 }
 
 #[test]
