@@ -192,18 +192,17 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
     let mut script = Script::default();
     SensorLines::start(pins, &mut script);
-    let filament = fit::filament_pin(board, profile).map(|(Pin { port, number }, triggers_low)| SensorPin {
-        port,
-        number,
-        triggers_low,
-    });
-    if let Some(pin) = filament {
+    let [filament, power_loss] = [fit::filament_pin(board, profile), fit::power_loss_pin(board, profile)]
+        .map(|input| input.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
+    for pin in [filament, power_loss].into_iter().flatten() {
         pin.set_up(&mut script);
     }
     format!(
         "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
          /// The pin of the filament sensor. A switch triggers when filament is missing.\n\
          pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
+         /// The pin that says that the supply fails; it triggers then.\n\
+         pub const POWER_LOSS: Option<SensorPin> = {power_loss:?};\n\
          /// Their set-up.\n{}",
         stores("SENSOR_STORES", &script.0)
     )

@@ -118,6 +118,8 @@ enum Source {
     Accelerometer,
     Eeprom,
     FilamentEncoder,
+    /// A module's signal, high while the supply fails.
+    SupplyFails,
     /// Held at a constant level.
     Held(bool),
 }
@@ -176,6 +178,8 @@ pub struct Plant {
     pub bltouch: Option<BlTouch>,
     /// The sensor that sees filament move, on a printer that has one.
     pub filament_encoder: Option<FilamentEncoder>,
+    /// A module says that the supply fails, and feeds the board.
+    pub supply_fails: bool,
     /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its motor pushes; 0: none. A print of PLA of
     /// 1.75 mm takes 0.0054.
     pub filament_j_per_k_mm: f64,
@@ -484,6 +488,7 @@ impl Plant {
             Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
             Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
             Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
+            Source::SupplyFails => Some(self.supply_fails),
             Source::Held(level) => Some(level),
         }
     }

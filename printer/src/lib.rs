@@ -87,6 +87,7 @@ pub use motion_fault::{HomingOutcome, Miscount, MotionError, MotionFault};
 pub use part::{Absent, Part, Present};
 pub use paused::PauseReason;
 pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing, temperatures};
+pub use power_loss::{SUPPLY_FAILS, SupplySignal, SupplyWatch};
 pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{

@@ -28,7 +28,7 @@ mod names {
         AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*,
         FanSettings, FilamentSensor, FilamentSensorKind::*, FirmwareRetraction, HeaterModel, HeaterSettings,
         HeaterWatch, HomeEnd::*, HomeSensor::*, Kept, MeshSettings, PauseSettings, PidGains, PowerSupply, Profile,
-        SafeHoming, Skew, ZAlignment, ZMotor, ZMotors,
+        SafeHoming, Skew, SupplySignal, ZAlignment, ZMotor, ZMotors,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

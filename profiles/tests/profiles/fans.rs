@@ -1,7 +1,7 @@
 //! The fans of a profile.
 
 use ferrostep_hal_shim::FanOutput;
-use ferrostep_printer::{FanRule, FanSettings, PowerSupply};
+use ferrostep_printer::{FanRule, FanSettings, PowerSupply, SupplySignal};
 use ferrostep_profiles::{builtin_text, parse};
 
 fn with(fans: &str) -> Result<[Option<FanSettings>; 6], String> {
@@ -106,6 +106,26 @@ fn lights_and_relays_hang_at_outputs_for_fans() {
     ] {
         let refusal = with(tables).unwrap_err();
         assert!(refusal.contains(says), "{tables}: {refusal}");
+    }
+}
+
+#[test]
+fn the_supplys_signal_has_a_level() {
+    let signal = |keys: &str| {
+        let text = format!("{}\n[power_loss]\n{keys}\n", builtin_text("cartesian").unwrap());
+        parse(&text, "test.toml").map(|profile| profile.supply_signal).map_err(|error| error.to_string())
+    };
+    let usual = SupplySignal { failing_is_low: false, debounce_ms: 6, rise_10nm: 0 };
+    assert_eq!(signal("failing_is_low = false"), Ok(Some(usual)));
+    let slow = SupplySignal { failing_is_low: true, debounce_ms: 50, rise_10nm: 500_000 };
+    assert_eq!(signal("failing_is_low = true\ndebounce_s = 0.05\nrise_mm = 5"), Ok(Some(slow)));
+    for (keys, key) in [
+        ("", "failing_is_low"),
+        ("failing_is_low = true\ndebounce_s = 1", "debounce_s"),
+        ("failing_is_low = true\nrise_mm = -1", "rise_mm"),
+    ] {
+        let refusal = signal(keys).unwrap_err();
+        assert!(refusal.contains(&format!("power_loss.{key}")), "{refusal}");
     }
 }
 
