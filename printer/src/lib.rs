@@ -76,7 +76,7 @@ pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
 pub use fan_commands::tell_stalled_fan;
-pub use fans::{FanDemand, FanRule, FanSettings, FanTable};
+pub use fans::{FanDemand, FanRule, FanSettings, FanTable, LightColor};
 pub use filament::{EncoderWatch, FilamentWatch};
 pub use heat::{FanStatus, HeaterModel, HeaterStatus, PidGains};
 pub use heater_timeout::{HeaterRest, HeaterTimeout};

@@ -71,9 +71,9 @@ fn lights_and_relays_hang_at_outputs_for_fans() {
          [outputs.relay]\noutput = \"fan2\"\nat_start = 1",
     )
     .unwrap();
-    let rule = FanRule::Output { number: Some(0), is_pwm: true, at_start: 128, at_halt: 51 };
+    let rule = FanRule::Output { number: Some(0), is_pwm: true, at_start: 128, at_halt: 51, color: None };
     assert_eq!(outputs[4], Some(FanSettings { name: "light", rule, ..FanSettings::PART }));
-    let rule = FanRule::Output { number: None, is_pwm: false, at_start: 255, at_halt: 0 };
+    let rule = FanRule::Output { number: None, is_pwm: false, at_start: 255, at_halt: 0, color: None };
     assert_eq!(outputs[2], Some(FanSettings { name: "relay", rule, ..FanSettings::PART }));
     assert_eq!(outputs[..2], FanSettings::USUAL[..2]);
     for (tables, says) in [
@@ -91,6 +91,12 @@ fn lights_and_relays_hang_at_outputs_for_fans() {
         (
             "[outputs.a]\noutput = \"fan2\"\n[outputs.b]\noutput = \"fan2\"",
             "expected another output: fan2 is that of a",
+        ),
+        ("[outputs.a]\noutput = \"fan2\"\ncolor = \"red\"", "outputs.a.color = \"red\": expected pwm = true with it"),
+        (
+            "[outputs.a]\noutput = \"fan2\"\npwm = true\ncolor = \"red\"\n\
+             [outputs.b]\noutput = \"fan3\"\npwm = true\ncolor = \"red\"",
+            "outputs.b.color = \"red\": expected another color: that one is a's",
         ),
         ("[outputs.part]\noutput = \"fan2\"\n[fans.part]\nleast_power = 0.1", "a name that no fan has"),
         ("[outputs.\"a b\"]\noutput = \"fan2\"", "a name of letters, digits and _"),
