@@ -61,6 +61,11 @@ pub fn power_loss_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
     pin.zip(profile.supply_signal.map(|signal| signal.failing_is_low))
 }
 
+/// The pin of the board's button, which connects it to ground.
+pub fn button_pin(board: &Board) -> Option<(Pin, bool)> {
+    board.inputs.iter().find(|(input, _)| *input == "button").map(|(_, pin)| (*pin, true))
+}
+
 /// Sense resistors of a driver that is plugged in, ohm: those of the usual TMC2209 modules.
 const USUAL_SENSE_OHM: f64 = 0.11;
 

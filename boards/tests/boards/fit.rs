@@ -198,7 +198,7 @@ fn an_axis_homes_by_what_the_board_has() {
     let profile = ferrostep_profiles::load("prusa-mini").unwrap();
     let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
     assert!(error.contains(": homing.z.sensor = \"probe\": expected a sensor of the board"), "{error}");
-    assert!(error.ends_with("whose inputs are filament"), "{error}");
+    assert!(error.ends_with("whose inputs are filament, button"), "{error}");
 }
 
 #[test]
