@@ -192,18 +192,17 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
     let mut script = Script::default();
     SensorLines::start(pins, &mut script);
-    let filament = fit::filament_pin(board, profile).map(|(Pin { port, number }, triggers_low)| SensorPin {
-        port,
-        number,
-        triggers_low,
-    });
-    if let Some(pin) = filament {
+    let [filament, filament_switch] = [fit::filament_pin(board, profile), fit::filament_switch_pin(board, profile)]
+        .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
+    for pin in [filament, filament_switch].into_iter().flatten() {
         pin.set_up(&mut script);
     }
     format!(
         "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
          /// The pin of the filament sensor. A switch triggers when filament is missing.\n\
          pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
+         /// The pin of the switch beside a filament sensor that sees filament move.\n\
+         pub const FILAMENT_SWITCH: Option<SensorPin> = {filament_switch:?};\n\
          /// Their set-up.\n{}",
         stores("SENSOR_STORES", &script.0)
     )

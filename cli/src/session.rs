@@ -333,6 +333,12 @@ impl<D: Desk, R: Replies> Session<D, R> {
     /// Looks at the filament sensor, as a board does.
     fn watch_filament(&self) {
         let Some(sensor) = &self.profile.filament_sensor else { return };
+        if let Some(switch) = &self.profile.filament_switch {
+            let mut watch = self.filament.get();
+            let now_ms = (&self.clock).now_ms() as u32;
+            watch.look_beside_encoder(now_ms, self.is_filament_out.get(), switch, &self.signals);
+            self.filament.set(watch);
+        }
         if let Some(detection_10nm) = sensor.detection_10nm() {
             return self.watch_encoder(detection_10nm as f64 / 1e5, sensor.debounce_ms);
         }

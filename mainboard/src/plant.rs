@@ -118,6 +118,7 @@ enum Source {
     Accelerometer,
     Eeprom,
     FilamentEncoder,
+    FilamentSwitch,
     /// Held at a constant level.
     Held(bool),
 }
@@ -176,6 +177,8 @@ pub struct Plant {
     pub bltouch: Option<BlTouch>,
     /// The sensor that sees filament move, on a printer that has one.
     pub filament_encoder: Option<FilamentEncoder>,
+    /// Whether there is filament at the switch beside it.
+    pub is_filament_at_switch: bool,
     /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its motor pushes; 0: none. A print of PLA of
     /// 1.75 mm takes 0.0054.
     pub filament_j_per_k_mm: f64,
@@ -484,6 +487,8 @@ impl Plant {
             Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
             Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
             Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
+            // It connects the pin to the supply while there is filament.
+            Source::FilamentSwitch => Some(self.is_filament_at_switch),
             Source::Held(level) => Some(level),
         }
     }

@@ -451,6 +451,8 @@ pub struct Profile {
     pub fans: FanTable,
     /// The filament sensor, if there is one.
     pub filament_sensor: Option<FilamentSensor>,
+    /// The switch beside a filament sensor that sees filament move, if there is one.
+    pub filament_switch: Option<FilamentSensor>,
     /// The power supply, if it can be switched.
     pub power_supply: Option<PowerSupply>,
     /// Firmware retraction at start-up.

@@ -22,6 +22,7 @@ pub struct Signals {
     host_spoke: AtomicBool,
     is_writing: AtomicBool,
     filament_missing: AtomicBool,
+    switch_missing: AtomicBool,
     /// See [`Self::filament_detection_10nm`].
     filament_detection_10nm: AtomicU32,
     filament_counts_anew: AtomicBool,
@@ -55,6 +56,7 @@ impl Signals {
             host_spoke: AtomicBool::new(false),
             is_writing: AtomicBool::new(false),
             filament_missing: AtomicBool::new(false),
+            switch_missing: AtomicBool::new(false),
             filament_detection_10nm: AtomicU32::new(0),
             filament_counts_anew: AtomicBool::new(false),
             fan_stalled: AtomicBool::new(false),
@@ -154,6 +156,15 @@ impl Signals {
     /// Whether the filament sensor sees none, or none that moves; `false` without a sensor.
     pub fn is_filament_missing(&self) -> bool {
         self.filament_missing.load(Ordering::Relaxed)
+    }
+
+    /// Whether the switch beside a sensor that sees filament move says that there is none; `false` without such a switch.
+    pub fn is_filament_out(&self) -> bool {
+        self.switch_missing.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_filament_out(&self, is_out: bool) {
+        self.switch_missing.store(is_out, Ordering::Relaxed);
     }
 
     /// A fan does not turn as it must: the print is to pause.

@@ -58,6 +58,7 @@ impl Plant {
             eeprom: None,
             bltouch: None,
             filament_encoder: None,
+            is_filament_at_switch: true,
             filament_j_per_k_mm: 0.0,
             filament: super::Filament::default(),
             motor_rail: Rail::new(supply::Config::motors_24_v()),
@@ -152,6 +153,13 @@ impl Plant {
                 let start_mm = 0.41 * FILAMENT_EDGE_MM;
                 FilamentEncoder::new(encoder::Config { edge_mm: FILAMENT_EDGE_MM, play_mm: FILAMENT_PLAY_MM, start_mm })
             });
+        }
+        self.connect_filament_switch(board);
+    }
+
+    fn connect_filament_switch(&mut self, board: &Board) {
+        if let Some(input) = board.input("filament2") {
+            self.inputs.push((input.pin, Source::FilamentSwitch));
         }
     }
 

@@ -90,6 +90,7 @@ pub(crate) fn profile() -> Profile {
         control_models: [None; 2],
         fans: FanSettings::USUAL,
         filament_sensor: None,
+        filament_switch: None,
         power_supply: None,
         pause: crate::profile::PauseSettings {
             place_10nm: [1_000_000, 19_000_000],
