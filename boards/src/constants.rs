@@ -192,9 +192,15 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
     let mut script = Script::default();
     SensorLines::start(pins, &mut script);
-    let [filament, filament_switch] = [fit::filament_pin(board, profile), fit::filament_switch_pin(board, profile)]
-        .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
-    for pin in [filament, filament_switch].into_iter().flatten() {
+    let inputs = [
+        fit::filament_pin(board, profile),
+        fit::filament_switch_pin(board, profile),
+        fit::power_loss_pin(board, profile),
+        fit::button_pin(board),
+    ];
+    let [filament, filament_switch, power_loss, button] =
+        inputs.map(|input| input.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
+    for pin in [filament, filament_switch, power_loss, button].into_iter().flatten() {
         pin.set_up(&mut script);
     }
     format!(
@@ -203,6 +209,10 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
          pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
          /// The pin of the switch beside a filament sensor that sees filament move.\n\
          pub const FILAMENT_SWITCH: Option<SensorPin> = {filament_switch:?};\n\
+         /// The pin that says that the supply fails; it triggers then.\n\
+         pub const POWER_LOSS: Option<SensorPin> = {power_loss:?};\n\
+         /// The pin of the board's button.\n\
+         pub const BUTTON: Option<SensorPin> = {button:?};\n\
          /// Their set-up.\n{}",
         stores("SENSOR_STORES", &script.0)
     )

@@ -313,6 +313,7 @@ impl Conductor {
                 FaultKind::FilamentStuck(is_stuck) => session.set_filament_stuck(is_stuck),
                 FaultKind::EndStop(axis, failure) => session.set_end_stop_failure(axis, failure),
                 FaultKind::Pin(failure) => session.set_end_stop_failure(PROBED_AXIS, failure),
+                FaultKind::SupplySignal(is_failing) => session.set_supply_failing(is_failing),
                 FaultKind::FilamentBack => session.set_filament_out(false),
                 FaultKind::CardPulled => drop(card.map(|card| card.with_slot(VirtualCard::pull))),
                 FaultKind::CardPutBack => drop(card.map(|card| card.with_slot(VirtualCard::insert))),

@@ -119,6 +119,10 @@ enum Source {
     Eeprom,
     FilamentEncoder,
     FilamentSwitch,
+    /// A module's signal, high while the supply fails.
+    SupplyFails,
+    /// A button that connects its pin to ground; the pin has a pull-up.
+    Button,
     /// Held at a constant level.
     Held(bool),
 }
@@ -179,6 +183,10 @@ pub struct Plant {
     pub filament_encoder: Option<FilamentEncoder>,
     /// Whether there is filament at the switch beside it.
     pub is_filament_at_switch: bool,
+    /// A module says that the supply fails, and feeds the board.
+    pub supply_fails: bool,
+    /// A person presses the board's button.
+    pub is_button_pressed: bool,
     /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its motor pushes; 0: none. A print of PLA of
     /// 1.75 mm takes 0.0054.
     pub filament_j_per_k_mm: f64,
@@ -489,6 +497,8 @@ impl Plant {
             Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
             // It connects the pin to the supply while there is filament.
             Source::FilamentSwitch => Some(self.is_filament_at_switch),
+            Source::SupplyFails => Some(self.supply_fails),
+            Source::Button => Some(!self.is_button_pressed),
             Source::Held(level) => Some(level),
         }
     }

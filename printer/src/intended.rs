@@ -42,6 +42,7 @@ impl<P: Ports> Printer<'_, P> {
                 remarks.add(Remark::NoChamber);
             }
             Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
+            Command::SetLight { .. } if !self.has_light() => remarks.add(Remark::NoLight),
             Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),
             Command::CheckNozzle(_) if self.profile.nozzle_diameter_mm.is_none() => remarks.add(Remark::MachineUnknown),
             Command::CheckModel(_) if self.profile.model_names.is_empty() => remarks.add(Remark::MachineUnknown),

@@ -119,6 +119,8 @@ pub trait Motion {
     type ZMotors: Part;
     /// Of these motors those in the mask make the steps to come ([`crate::machine::Machine::step_z_motors`]).
     fn step_z_motors(&mut self, _motors: u8) {}
+    /// A signal that says that the supply fails, or none: the code that keeps a print then is compiled only where there is one.
+    type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
     /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned

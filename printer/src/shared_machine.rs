@@ -27,6 +27,8 @@ pub trait SharedMachine {
     type Servo: Part;
     /// Whether Z may have several motors that are aligned.
     type ZMotors: Part;
+    /// Whether a signal says when the supply fails.
+    type SupplySignal: Part;
 
     /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
@@ -235,6 +237,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     type ZMotors = S::ZMotors;
+    type SupplySignal = S::SupplySignal;
 
     fn step_z_motors(&mut self, motors: u8) {
         self.machine.with(|machine| machine.step_z_motors(motors));

@@ -10,8 +10,8 @@ use ferrostep_virtual_board::{EndStopFailure, HeaterFailure};
 /// The kinds of faults, for help and errors.
 pub const KINDS: &str = "nozzle-HOW, bed-HOW or chamber-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
                          drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out, \
-                         filament-back, filament-jam, filament-free, hotend-fan-stuck or hotend-fan-turns; x-HOW, y-HOW or z-HOW with HOW \
-                         never, always or works; pin-stays-in, pin-stays-out or pin-works";
+                         filament-back, filament-jam, filament-free, power-loss, power-back, hotend-fan-stuck or hotend-fan-turns; x-HOW, \
+                         y-HOW or z-HOW with HOW never, always or works; pin-stays-in, pin-stays-out or pin-works";
 
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +39,8 @@ pub enum FaultKind {
     FilamentBack,
     /// The filament does not follow the extruder any more (`true`), or does again.
     FilamentStuck(bool),
+    /// The supply's signal says that it fails (`true`), or that it is right again. Power stays, as with a module.
+    SupplySignal(bool),
     /// A fan stands still whatever its power (`true`), or turns again.
     Fan(FanOutput, bool),
     /// The sensor with which an axis homes fails, or works again.
@@ -58,6 +60,12 @@ impl FaultKind {
     #[must_use]
     pub const fn is_of_filament(self) -> bool {
         matches!(self, Self::FilamentOut | Self::FilamentBack)
+    }
+
+    /// Whether it needs a signal of the supply.
+    #[must_use]
+    pub const fn is_of_supply(self) -> bool {
+        matches!(self, Self::SupplySignal(_))
     }
 
     /// Whether it needs a sensor that sees filament move.
@@ -99,6 +107,8 @@ impl FromStr for FaultKind {
             "filament-back" => return Ok(Self::FilamentBack),
             "filament-jam" => return Ok(Self::FilamentStuck(true)),
             "filament-free" => return Ok(Self::FilamentStuck(false)),
+            "power-loss" => return Ok(Self::SupplySignal(true)),
+            "power-back" => return Ok(Self::SupplySignal(false)),
             "hotend-fan-stuck" => return Ok(Self::Fan(FanOutput::HotEnd, true)),
             "hotend-fan-turns" => return Ok(Self::Fan(FanOutput::HotEnd, false)),
             "pin-stays-in" => return Ok(Self::Pin(Some(EndStopFailure::PinStaysIn))),
@@ -165,6 +175,8 @@ mod tests {
         ] {
             assert_eq!(fault(text), Ok(Fault { kind, at: Duration::ZERO }), "{text}");
         }
+        let power = Fault { kind: FaultKind::SupplySignal(true), at: Duration::from_secs(20) };
+        assert_eq!(fault("power-loss@20"), Ok(power));
         for text in [
             "card",
             "card-pull:1%",

@@ -144,7 +144,7 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 22] = [
+const EXECUTED: [(&str, &str); 23] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder, heater_bed or chamber, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
@@ -171,6 +171,7 @@ const EXECUTED: [(&str, &str); 22] = [
     ("BLTOUCH_DEBUG", pin::DEBUG_WORDS),
     ("Z_TILT_ADJUST", ALIGN_WORDS),
     ("QUAD_GANTRY_LEVEL", ALIGN_WORDS),
+    ("SET_LED", "LED with a name, and RED, GREEN, BLUE or WHITE with a number from 0 to 1"),
 ];
 
 const ALIGN_WORDS: &str = "RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither";
@@ -218,7 +219,8 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         17 => Command::Skew(skew::calculate(&words)?),
         18 => Command::Skew(SkewCommand::Report),
         19 => pin::debug(&words)?,
-        20.. => align(&words)?,
+        20 | 21 => align(&words)?,
+        22.. => light(&words)?,
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })
@@ -251,6 +253,19 @@ fn fan<'a>(words: &NamedWords<'a>, name: &str, value: &str, remarks: &mut Remark
         }
     };
     Ok(Command::NamedFan { name, power })
+}
+
+/// SET_LED: Klipper's, of a machine with one light. A colour that is not named is off.
+#[inline(never)]
+fn light<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
+    let mut colors = [0; 4];
+    for (color, name) in colors.iter_mut().zip(["RED", "GREEN", "BLUE", "WHITE"]) {
+        *color = match words.number(name)?.unwrap_or(Decimal::ZERO).nanos() {
+            share @ 0..=ONE => ((share * 255 + ONE / 2) / ONE) as u8,
+            _ => return Err(words.expected()),
+        };
+    }
+    Ok(Command::SetLight { colors })
 }
 
 /// The part of the bed of BED_MESH_CALIBRATE.

@@ -27,8 +27,8 @@ mod names {
     pub use ferrostep_printer::{
         AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*,
         FanSettings, FilamentSensor, FilamentSensorKind::*, FirmwareRetraction, HeaterModel, HeaterSettings,
-        HeaterWatch, HomeEnd::*, HomeSensor::*, Kept, MeshSettings, PauseSettings, PidGains, PowerSupply, Profile,
-        SafeHoming, Skew, ZAlignment, ZMotor, ZMotors,
+        HeaterWatch, HomeEnd::*, HomeSensor::*, Kept, LightColor::*, MeshSettings, PauseSettings, PidGains,
+        PowerSupply, Profile, SafeHoming, Skew, SupplySignal, ZAlignment, ZMotor, ZMotors,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

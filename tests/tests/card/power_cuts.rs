@@ -8,6 +8,8 @@ use std::rc::Rc;
 
 use crate::setup::{Event, Setup, StepLog, image, nothing, profile};
 
+mod signal;
+
 /// Steps of a move that may come after the note of its end.
 const JOINED_STEPS: usize = 8;
 
