@@ -14,7 +14,7 @@ use crate::host_line::{self, Writers};
 use crate::ports::{BoardHeating, BoardMachine, BoardReplies, Overload};
 use crate::profile::PROFILE;
 use crate::timing;
-use crate::wiring::FILAMENT;
+use crate::wiring::{FILAMENT, FILAMENT_SWITCH};
 
 /// How often the black box records temperatures, s.
 const RECORD_INTERVAL_S: u32 = 1;
@@ -100,6 +100,9 @@ where
             && sensor.detection_10nm().is_none()
         {
             self.filament.look(now_ms, is_triggered(pin), sensor, self.signals);
+        }
+        if let (Some(pin), Some(switch)) = (FILAMENT_SWITCH, &PROFILE.filament_switch) {
+            self.filament.look_beside_encoder(now_ms, is_triggered(pin), switch, self.signals);
         }
         tell_stalled_fan(&mut self.stalled_fan, &PROFILE.fans, &self.heating, self.signals, &self.replies);
         if is_due(&mut self.card_ms, self.signals.card_report_interval_s(), now_ms)

@@ -192,16 +192,23 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
     let mut script = Script::default();
     SensorLines::start(pins, &mut script);
-    let inputs = [fit::filament_pin(board, profile), fit::power_loss_pin(board, profile), fit::button_pin(board)];
-    let [filament, power_loss, button] =
+    let inputs = [
+        fit::filament_pin(board, profile),
+        fit::filament_switch_pin(board, profile),
+        fit::power_loss_pin(board, profile),
+        fit::button_pin(board),
+    ];
+    let [filament, filament_switch, power_loss, button] =
         inputs.map(|input| input.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
-    for pin in [filament, power_loss, button].into_iter().flatten() {
+    for pin in [filament, filament_switch, power_loss, button].into_iter().flatten() {
         pin.set_up(&mut script);
     }
     format!(
         "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
          /// The pin of the filament sensor. A switch triggers when filament is missing.\n\
          pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
+         /// The pin of the switch beside a filament sensor that sees filament move.\n\
+         pub const FILAMENT_SWITCH: Option<SensorPin> = {filament_switch:?};\n\
          /// The pin that says that the supply fails; it triggers then.\n\
          pub const POWER_LOSS: Option<SensorPin> = {power_loss:?};\n\
          /// The pin of the board's button.\n\

@@ -50,9 +50,18 @@ pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3]
 /// The pin of the profile's filament sensor, and whether it is low while filament is missing (of an encoder neither level says so);
 /// `None` without such a sensor or such an input.
 pub fn filament_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
-    let pin = board.inputs.iter().find(|(input, _)| *input == "filament").map(|(_, pin)| *pin);
+    filament_input(board, "filament", profile.filament_sensor)
+}
+
+/// The same of the switch beside a sensor that sees filament move.
+pub fn filament_switch_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
+    filament_input(board, "filament2", profile.filament_switch)
+}
+
+fn filament_input(board: &Board, name: &str, sensor: Option<FilamentSensor>) -> Option<(Pin, bool)> {
+    let pin = board.inputs.iter().find(|(input, _)| *input == name).map(|(_, pin)| *pin);
     let is_low = |sensor: FilamentSensor| sensor.kind != FilamentSensorKind::Switch { missing_is_low: false };
-    pin.zip(profile.filament_sensor.map(is_low))
+    pin.zip(sensor.map(is_low))
 }
 
 /// The pin of the profile's signal that the supply fails, and whether it is low then; `None` without such a signal or such an input.
@@ -190,6 +199,10 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
     if profile.filament_sensor.is_some() && filament_pin(board, profile).is_none() {
         let expected = format!("no such table: the board {} has no input `filament`", board.name);
         return Err(refuse(profile_name, "filament_sensor", "a table", &expected));
+    }
+    if profile.filament_switch.is_some() && filament_switch_pin(board, profile).is_none() {
+        let expected = format!("no such table: the board {} has no input `filament2`", board.name);
+        return Err(refuse(profile_name, "filament_switch", "a table", &expected));
     }
     if profile.supply_signal.is_some() && power_loss_pin(board, profile).is_none() {
         let expected = format!("no such table: the board {} has no input `power_loss`", board.name);

@@ -316,7 +316,8 @@ pub struct ServeArguments {
     pub speed: Speed,
     /// Makes something fail, at once or at @SECONDS of the printer: nozzle-HOW or bed-HOW with HOW open, shorted,
     /// fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE (of the bytes), drop-line:RATE or flip-line:RATE (of the lines)
-    /// with RATE such as 1%; card-pull, card-back; filament-out, filament-back. Can be repeated.
+    /// with RATE such as 1%; card-pull, card-back; filament-out, filament-back; x-HOW, y-HOW or z-HOW with HOW
+    /// never, always or works (the sensors of G28); pin-stays-in, pin-stays-out, pin-works (a BLTouch). Can be repeated.
     #[arg(long, value_name = "KIND[@SECONDS]", conflicts_with = "board")]
     pub fault: Vec<Fault>,
     /// The memory card in the printer's slot: an image (FAT16 or FAT32), which at the end contains the files that a host has

@@ -48,6 +48,9 @@ const STATUS_INTERVAL: Duration = Duration::from_millis(250);
 /// Room for the longest frame of a prepared job, and as much as a host may send meanwhile, as on a board.
 const JOB_BYTES: usize = ferrostep_gpre::compact::MAX_FRAME_BYTES + 1024;
 
+/// The axis that a probe homes.
+const PROBED_AXIS: usize = 2;
+
 /// A card whose blocks are the bytes of an image.
 type Card = LocalCard<VirtualCard<Vec<u8>>>;
 
@@ -308,6 +311,8 @@ impl Conductor {
                 FaultKind::FilamentOut => session.set_filament_out(true),
                 FaultKind::Fan(fan, is_stuck) => session.set_fan_stuck(fan, is_stuck),
                 FaultKind::FilamentStuck(is_stuck) => session.set_filament_stuck(is_stuck),
+                FaultKind::EndStop(axis, failure) => session.set_end_stop_failure(axis, failure),
+                FaultKind::Pin(failure) => session.set_end_stop_failure(PROBED_AXIS, failure),
                 FaultKind::SupplySignal(is_failing) => session.set_supply_failing(is_failing),
                 FaultKind::FilamentBack => session.set_filament_out(false),
                 FaultKind::CardPulled => drop(card.map(|card| card.with_slot(VirtualCard::pull))),

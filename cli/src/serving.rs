@@ -15,6 +15,7 @@ use ferrostep::terminal::{self, tell};
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
+use ferrostep_printer::HomeSensor;
 use ferrostep_profiles::response::FrameMode;
 use ferrostep_simulator::frame::Mode;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -67,6 +68,13 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
                     kind = \"motion\" to the profile"
                 .to_owned(),
         );
+    }
+    let [.., z] = &profile.homing;
+    let has_pin = profile.bltouch.is_some() && z.sensor == HomeSensor::Probe;
+    if !has_pin && arguments.fault.iter().any(|fault| fault.kind.is_of_pin()) {
+        return Err("--fault pin-stays-in, pin-stays-out and pin-works need a probe with a pin: add [bltouch] to a profile with \
+                    homing.z.sensor = \"probe\""
+            .to_owned());
     }
     if let (Some(address), Some(port)) = (arguments.web, &arguments.port) {
         return serving_page::before_a_port(arguments, address, port, profile, &ends);

@@ -16,11 +16,11 @@ use ferrostep_printer::{
     Signals, SupplyWatch, tell_driver_event, tell_stalled_fan, temperatures,
 };
 use ferrostep_simulator::frame::Mode;
-use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
+use ferrostep_virtual_board::{EndStopFailure, HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
 use crate::desk::{
     Desk, DeskAccelerometer, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Encoder, ExtruderNow, Figures,
-    LimitFactors, LiveDesk, MotionState, PlanReader, Rehearsal,
+    LimitFactors, LiveDesk, MotionState, PlanReader, QueueMachine, Rehearsal,
 };
 use crate::record::Observer;
 use crate::remarks::{RemarkKind, RemarkList};
@@ -115,6 +115,13 @@ impl<R: Replies> PlanSession<R> {
     /// A machine that only plans, and records its plan.
     pub fn prepare(profile: Profile, look_ahead: usize, replies: R) -> Self {
         Self::new(profile, replies, |drivers| PlanReader::new(&profile, look_ahead, drivers, true))
+    }
+}
+
+impl<O: Observer, D: Desk<State = RefCell<QueueMachine<O>>>, R> Session<D, R> {
+    /// Lets the sensor with which X (0), Y (1) or Z (2) homes fail, or mends it.
+    pub fn set_end_stop_failure(&self, axis: usize, failure: Option<EndStopFailure>) {
+        self.desk.state().borrow_mut().queue_mut().motors_mut().set_end_stop_failure(axis, failure);
     }
 }
 
@@ -336,6 +343,12 @@ impl<D: Desk, R: Replies> Session<D, R> {
     /// Looks at the filament sensor, as a board does.
     fn watch_filament(&self) {
         let Some(sensor) = &self.profile.filament_sensor else { return };
+        if let Some(switch) = &self.profile.filament_switch {
+            let mut watch = self.filament.get();
+            let now_ms = (&self.clock).now_ms() as u32;
+            watch.look_beside_encoder(now_ms, self.is_filament_out.get(), switch, &self.signals);
+            self.filament.set(watch);
+        }
         if let Some(detection_10nm) = sensor.detection_10nm() {
             return self.watch_encoder(detection_10nm as f64 / 1e5, sensor.debounce_ms);
         }

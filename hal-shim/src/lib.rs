@@ -248,6 +248,9 @@ pub trait PlanningClock {
 pub trait MotionWatch: StepObserver {
     /// Whether the filament is followed that the extruder pushes, for a sensor that sees it move.
     const FOLLOWS_FILAMENT: bool = true;
+
+    /// Whether a switch may be beside that sensor.
+    const HAS_FILAMENT_SWITCH: bool = true;
     /// Digests of the steps so far. A board digests them as they are queued; virtual motors as they make them.
     fn digests(&self) -> StepDigests;
     /// A move was taken. `slowed_moves`: how many of all moves were slowed because the board could not keep up with them; a block is

@@ -15,6 +15,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some()) {
         println!("cargo:rustc-cfg=follows_filament");
     }
+    println!("cargo:rustc-check-cfg=cfg(filament_switch)");
+    if profile.filament_switch.is_some() {
+        println!("cargo:rustc-cfg=filament_switch");
+    }
     let board = board.for_machine(&profile);
     let feature = board.chip.feature;
     if env::var_os(format!("CARGO_FEATURE_{}", feature.to_uppercase())).is_none() {

@@ -118,6 +118,7 @@ enum Source {
     Accelerometer,
     Eeprom,
     FilamentEncoder,
+    FilamentSwitch,
     /// A module's signal, high while the supply fails.
     SupplyFails,
     /// A button that connects its pin to ground; the pin has a pull-up.
@@ -180,6 +181,8 @@ pub struct Plant {
     pub bltouch: Option<BlTouch>,
     /// The sensor that sees filament move, on a printer that has one.
     pub filament_encoder: Option<FilamentEncoder>,
+    /// Whether there is filament at the switch beside it.
+    pub is_filament_at_switch: bool,
     /// A module says that the supply fails, and feeds the board.
     pub supply_fails: bool,
     /// A person presses the board's button.
@@ -492,6 +495,8 @@ impl Plant {
             Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
             Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
             Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
+            // It connects the pin to the supply while there is filament.
+            Source::FilamentSwitch => Some(self.is_filament_at_switch),
             Source::SupplyFails => Some(self.supply_fails),
             Source::Button => Some(!self.is_button_pressed),
             Source::Held(level) => Some(level),

@@ -93,9 +93,13 @@ impl<P: Ports> Printer<'_, P> {
                     self.replies.send(Reply::Text("//action:cancel"));
                 }
             }
-            CommandError::ColdExtrusion { .. } if is_numbered => {
-                self.replies
-                    .send(Reply::Text("//action:notification Too cold to extrude: heat the nozzle, then resume"));
+            _ if is_numbered && (error.fails_homing() || matches!(error, CommandError::ColdExtrusion { .. })) => {
+                let text = if error.fails_homing() {
+                    "//action:notification Homing has failed: home the printer (G28), then resume"
+                } else {
+                    "//action:notification Too cold to extrude: heat the nozzle, then resume"
+                };
+                self.replies.send(Reply::Text(text));
                 // Printrun reads the second form only.
                 self.replies.send(Reply::Text("//action:pause\n// action:pause"));
             }

@@ -30,6 +30,12 @@ impl<P: Ports> Printer<'_, P> {
         if moves(command) {
             self.tell_lost_home();
         }
+        if is_of_print
+            && lays(command)
+            && let Some(axis) = self.interpreter.modal.failed_home.iter().position(|failed| *failed)
+        {
+            return Err(CommandError::FailedHome { axis });
+        }
         if is_of_print && moves(command) {
             if self.is_paused() {
                 self.resume().await?;

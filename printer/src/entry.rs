@@ -58,6 +58,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.set_position([x, y, z_10nm]);
         self.interpreter.modal.lift_10nm = 0;
         self.interpreter.modal.homed[2] = true;
+        self.interpreter.modal.failed_home[2] = false;
         // A probe triggers at its offset; any other sensor where the profile says.
         self.interpreter.modal.z = KnownZ { trigger_10nm: Some(self.interpreter.trigger_10nm(2)), ..KnownZ::default() };
         self.interpreter.follow([x, y, z_10nm]);

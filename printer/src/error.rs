@@ -127,6 +127,11 @@ pub enum CommandError {
     NoScrews,
     /// The motors of Z are not at one height, and how that is to be mended.
     NotAligned(&'static str),
+    /// A print would lay a line, and an axis has failed to home.
+    FailedHome {
+        /// Index of the axis.
+        axis: usize,
+    },
     /// The bed is probed and followed with all axes homed.
     BedUnhomed {
         /// Index of an axis that is not homed.
@@ -238,6 +243,20 @@ impl CommandError {
     /// Whether it has stopped the machine, not only the line.
     pub(crate) const fn stops(&self) -> bool {
         matches!(self, Self::Stopped | Self::Halted | Self::NeedsReset(_) | Self::MotionFault(_))
+    }
+
+    /// Whether an axis is not where the print needs it, because its homing has failed.
+    pub(crate) const fn fails_homing(&self) -> bool {
+        matches!(
+            self,
+            Self::HomingFailed { .. }
+                | Self::HomingDisagrees { .. }
+                | Self::SensorStuck { .. }
+                | Self::NoStallSignal { .. }
+                | Self::HomeFirst { .. }
+                | Self::ProbePin(_)
+                | Self::FailedHome { .. }
+        )
     }
 
     /// A prepared job goes on at one position, the machine stands at another; units of 10 nm.

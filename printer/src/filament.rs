@@ -28,12 +28,26 @@ impl FilamentWatch {
 
     /// To be called several times a second with what the sensor says now and a clock of milliseconds that may wrap.
     pub fn look(&mut self, now_ms: u32, is_missing: bool, sensor: &FilamentSensor, signals: &Signals) {
-        if is_missing == signals.is_filament_missing() {
-            self.since_ms = None;
-        } else if now_ms.wrapping_sub(*self.since_ms.get_or_insert(now_ms)) >= u32::from(sensor.debounce_ms) {
+        if self.has_settled(now_ms, is_missing, signals.is_filament_missing(), sensor) {
             signals.set_filament_missing(is_missing);
+        }
+    }
+
+    /// The same for a switch beside a sensor that sees filament move.
+    pub fn look_beside_encoder(&mut self, now_ms: u32, is_missing: bool, switch: &FilamentSensor, signals: &Signals) {
+        if self.has_settled(now_ms, is_missing, signals.is_filament_out(), switch) {
+            signals.set_filament_out(is_missing);
+        }
+    }
+
+    /// Whether the sensor has said something else than what counts for long enough.
+    fn has_settled(&mut self, now_ms: u32, says: bool, counts: bool, sensor: &FilamentSensor) -> bool {
+        let lasts = says != counts
+            && now_ms.wrapping_sub(*self.since_ms.get_or_insert(now_ms)) >= u32::from(sensor.debounce_ms);
+        if says == counts || lasts {
             self.since_ms = None;
         }
+        lasts
     }
 }
 
@@ -60,6 +74,16 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn has_encoder(&self) -> bool {
         P::Motion::FOLLOWS_FILAMENT
             && self.profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some())
+    }
+
+    /// Whether a switch is beside that sensor.
+    pub(crate) fn has_filament_switch(&self) -> bool {
+        P::Motion::HAS_FILAMENT_SWITCH && self.profile.filament_switch.is_some()
+    }
+
+    /// Whether one of the sensors says that filament is missing.
+    pub(crate) fn is_filament_missing(&self) -> bool {
+        self.signals.is_filament_missing() || self.has_filament_switch() && self.signals.is_filament_out()
     }
 
     /// M412.
@@ -89,11 +113,17 @@ impl<P: Ports> Printer<'_, P> {
 
     fn report_filament_sensor(&self) {
         let state = if self.pauses_at_runout { "ON" } else { "OFF" };
-        let filament = if self.signals.is_filament_missing() { "missing" } else { "present" };
+        let word = |is_missing| if is_missing { "missing" } else { "present" };
+        let filament = word(self.signals.is_filament_missing());
         if self.has_encoder() {
             let distance_mm = Real::short(f64::from(self.signals.filament_detection_10nm()) / 1e5, 5);
-            self.replies
-                .say(format_args!("echo:Filament runout {state}; distance: {distance_mm} mm; filament: {filament}"));
+            let [before, switch] = match () {
+                () if self.has_filament_switch() => ["; switch: ", word(self.signals.is_filament_out())],
+                () => ["", ""],
+            };
+            self.replies.say(format_args!(
+                "echo:Filament runout {state}; distance: {distance_mm} mm; filament: {filament}{before}{switch}"
+            ));
         } else {
             self.replies.say(format_args!("echo:Filament runout {state}; filament: {filament}"));
         }
@@ -117,11 +147,12 @@ impl<P: Ports> Printer<'_, P> {
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn has_run_out(&self) -> bool {
-        let is_out = self.pauses_at_runout && self.signals.is_filament_missing();
+        let is_out = self.pauses_at_runout && self.is_filament_missing();
         // A print's nozzle is hot; lines without heat are a rehearsal.
         let is_out = is_out && self.heating.status(Heater::Nozzle).target_celsius > 0.0;
         if is_out {
-            let what = if self.has_encoder() {
+            let is_switch = self.has_filament_switch() && self.signals.is_filament_out();
+            let what = if self.has_encoder() && !is_switch {
                 "The filament does not move, it is jammed or has run out"
             } else {
                 "The filament has run out"

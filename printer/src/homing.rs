@@ -33,6 +33,14 @@ impl<M: Motion> Homing<'_, '_, M> {
     pub async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         let all = !(axes.x || axes.y || axes.z);
         let named = [axes.x, axes.y, axes.z].map(|named| named || all);
+        // Until it is done: whatever ends it leaves the axes at places that no print may count on.
+        self.interpreter.modal.note_failed_home(named, true);
+        self.home_named(named).await?;
+        self.interpreter.modal.note_failed_home(named, false);
+        Ok(())
+    }
+
+    async fn home_named(&mut self, named: [bool; 3]) -> Result<(), CommandError> {
         let home_at_10nm = self.interpreter.profile.safe_homing.home_at_10nm.filter(|_| named[Z]);
         if home_at_10nm.is_some() {
             let unknown = (0..Z).find(|&axis| !named[axis] && !self.interpreter.modal.homed[axis]);

@@ -86,6 +86,8 @@ pub(crate) struct Modal {
     pub homed: [bool; 3],
     /// Axes that are no longer homed, before the host has been told.
     pub lost: [bool; 3],
+    /// Axes that have failed to home, and have not been homed since: no print lays lines with them.
+    pub failed_home: [bool; 3],
     pub z: KnownZ,
     /// Whether a prepared job is being received, between whose moves the host's lines are executed.
     pub in_prepared_job: bool,
@@ -127,6 +129,7 @@ impl Modal {
             extruder_rest_100pm: 0,
             homed: [false; 3],
             lost: [false; 3],
+            failed_home: [false; 3],
             z: KnownZ::default(),
             in_prepared_job: false,
             probe_offset_10nm: profile.safe_homing.probe_offset_10nm,
@@ -184,6 +187,13 @@ impl Modal {
         self.cold_extrusion_allowed = print.cold_extrusion_allowed;
         self.retraction = print.retraction;
         self.z.shift_10nm = print.z.shift_10nm;
+    }
+
+    /// Notes whether the named axes have failed to home.
+    pub fn note_failed_home(&mut self, named: [bool; 3], failed: bool) {
+        for (axis, named) in self.failed_home.iter_mut().zip(named) {
+            *axis = failed && named || *axis && !named;
+        }
     }
 
     /// The motors of the axes in the mask may have been turned: these axes are no longer homed.

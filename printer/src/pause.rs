@@ -111,7 +111,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 has ended the wait for heat. The
     /// print stays paused then, except after a halt.
     pub async fn resume(&mut self) -> Result<(), CommandError> {
-        let Some(paused) = self.paused else { return Ok(()) };
+        let Some(mut paused) = self.paused else { return Ok(()) };
         self.tell_host("//action:prompt_end");
         self.heat_again(paused.targets_celsius).await?;
         self.motion.finish().await?;
@@ -119,6 +119,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(axis) = (0..3).find(is_lost) {
             return Err(CommandError::PausedUnhomed { axis });
         }
+        paused.stay_where_homed(&self.interpreter.modal, self.motion.position_10nm());
         if paused.drawn_100pm != 0 || paused.load_100pm != 0 {
             self.check_extrusion_temperature()?;
         }

@@ -70,3 +70,17 @@ pub(crate) struct Paused {
     /// When it goes on by itself, ms; `None`: never.
     pub(crate) until_ms: Option<u64>,
 }
+
+impl Paused {
+    /// An axis that was not homed when the print paused, and has been homed since, has other coordinates now: it stays where a person has
+    /// left it.
+    pub(crate) fn stay_where_homed(&mut self, now: &Modal, position_10nm: [i64; 3]) {
+        for (axis, position_10nm) in position_10nm.into_iter().enumerate() {
+            if now.homed[axis] && !self.modal.homed[axis] {
+                self.place_10nm[axis] = position_10nm;
+                self.modal.machine_10nm[axis] = now.machine_10nm[axis];
+                self.modal.offset_10nm[axis] = now.offset_10nm[axis];
+            }
+        }
+    }
+}

@@ -24,6 +24,9 @@ pub(crate) type Text = heapless::String<384>;
 pub trait Motion {
     /// Whether the filament that the extruder pushes can be watched ([`crate::machine::Machine::pushed_filament`]).
     const FOLLOWS_FILAMENT: bool = true;
+
+    /// As [`ferrostep_hal_shim::MotionWatch::HAS_FILAMENT_SWITCH`].
+    const HAS_FILAMENT_SWITCH: bool = true;
     /// A command begins: any stop from now on ends its waits. Returns whether motion was stopped since the last command began, by
     /// anything but [`Self::stop`].
     fn begin_command(&mut self) -> bool {

@@ -329,6 +329,8 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.follow_the_motors();
             }
             CommandError::Stopped | CommandError::Halted | CommandError::NeedsReset(_) => self.follow_the_motors(),
+            // Where it sticks out it would scratch over the bed.
+            CommandError::ProbePin(_) => self.interpreter.modal.note_failed_home([false, false, true], true),
             _ => {}
         }
     }

@@ -452,6 +452,8 @@ pub struct Profile {
     pub fans: FanTable,
     /// The filament sensor, if there is one.
     pub filament_sensor: Option<FilamentSensor>,
+    /// The switch beside a filament sensor that sees filament move, if there is one.
+    pub filament_switch: Option<FilamentSensor>,
     /// The signal that says that the supply fails, if there is one.
     pub supply_signal: Option<SupplySignal>,
     /// The power supply, if it can be switched.

@@ -104,6 +104,7 @@ fn unless_full<T>(outcome: Result<T, MoveError>) -> Option<Result<T, MotionError
 
 impl<S: SharedMachine> Motion for SharedMotion<S> {
     const FOLLOWS_FILAMENT: bool = <S::Queue as MotionWatch>::FOLLOWS_FILAMENT;
+    const HAS_FILAMENT_SWITCH: bool = <S::Queue as MotionWatch>::HAS_FILAMENT_SWITCH;
 
     fn begin_command(&mut self) -> bool {
         let stops = self.stops();

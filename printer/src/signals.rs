@@ -26,6 +26,7 @@ pub struct Signals {
     /// The supply has failed, and no one has acted on it.
     supply_failed: AtomicBool,
     filament_missing: AtomicBool,
+    switch_missing: AtomicBool,
     /// See [`Self::filament_detection_10nm`].
     filament_detection_10nm: AtomicU32,
     filament_counts_anew: AtomicBool,
@@ -61,6 +62,7 @@ impl Signals {
             supply_failing: AtomicBool::new(false),
             supply_failed: AtomicBool::new(false),
             filament_missing: AtomicBool::new(false),
+            switch_missing: AtomicBool::new(false),
             filament_detection_10nm: AtomicU32::new(0),
             filament_counts_anew: AtomicBool::new(false),
             fan_stalled: AtomicBool::new(false),
@@ -188,6 +190,15 @@ impl Signals {
     /// Whether the filament sensor sees none, or none that moves; `false` without a sensor.
     pub fn is_filament_missing(&self) -> bool {
         self.filament_missing.load(Ordering::Relaxed)
+    }
+
+    /// Whether the switch beside a sensor that sees filament move says that there is none; `false` without such a switch.
+    pub fn is_filament_out(&self) -> bool {
+        self.switch_missing.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_filament_out(&self, is_out: bool) {
+        self.switch_missing.store(is_out, Ordering::Relaxed);
     }
 
     /// A fan does not turn as it must: the print is to pause.

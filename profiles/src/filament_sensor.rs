@@ -73,3 +73,22 @@ pub(crate) fn filament_sensor(keys: &Section<'_>) -> Option<FilamentSensor> {
         debounce_ms: (debounce_s.unwrap_or(usual_s) * 1e3).round() as u16,
     })
 }
+
+/// The switch beside a sensor that sees filament move, if there is one.
+pub(crate) fn filament_switch(keys: &Section<'_>, sensor: Option<FilamentSensor>) -> Option<FilamentSensor> {
+    let table = keys.optional_section(
+        "filament_switch",
+        "no second sensor",
+        "a switch beside a [`filament_sensor`](gcode.md#two-filament-sensors) of the kind motion; its pin is the board's `filament2`",
+    )?;
+    let missing_is_low = table.flag("missing_is_low").required("whether its signal is low while filament is missing");
+    let debounce_s = table.number("debounce_s", DEBOUNCE).or(SWITCH_DEBOUNCE_S, "how long it must say the same");
+    if sensor.and_then(|sensor| sensor.detection_10nm()).is_none() {
+        table.refuse(
+            "missing_is_low",
+            "a table [filament_sensor] with kind = \"motion\" beside it; a switch alone is [filament_sensor] with kind = \"switch\"",
+        );
+    }
+    let debounce_ms = (debounce_s * 1e3).round() as u16;
+    Some(FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low }, debounce_ms })
+}

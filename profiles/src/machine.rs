@@ -7,7 +7,7 @@ use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
-use crate::filament_sensor::filament_sensor;
+use crate::filament_sensor::{filament_sensor, filament_switch};
 use crate::{
     bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, supply, z_motors,
 };
@@ -106,6 +106,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let moves_per_s = budget
         .number("moves_per_s", MOVES_PER_S)
         .or(DEFAULT_MOVES_PER_S.into(), "moves, if the processor has nothing else to do for motion");
+    let filament = filament_sensor(&apart);
     let profile = Profile {
         name: "",
         model_names: "",
@@ -137,7 +138,8 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         chamber: heaters::chamber(&apart),
         pause: pause::pause(&apart, &travel),
         fans: fans::fans(&apart),
-        filament_sensor: filament_sensor(&apart),
+        filament_sensor: filament,
+        filament_switch: filament_switch(&apart, filament),
         power_supply: supply::power_supply(&apart),
         supply_signal: supply::supply_signal(&apart),
         retraction: extrusion::retraction(&apart),

@@ -129,6 +129,28 @@ fn a_filament_sensor_needs_an_input() {
     }
 }
 
+/// The Octopus has a second connector for it (Marlin's pin table: FIL_RUNOUT2_PIN is PG13), the Buddy has none.
+#[test]
+fn a_second_filament_sensor_needs_a_second_input() {
+    let profile = |name: &str| {
+        let sensors = "[filament_sensor]\nkind = \"motion\"\n[filament_switch]\nmissing_is_low = true\n";
+        let text = format!("{}\n{sensors}", ferrostep_profiles::builtin_text(name).unwrap());
+        ferrostep_profiles::parse(&text, "test.toml").unwrap()
+    };
+    let board = load("btt-octopus-1.1").unwrap();
+    let corexy = profile("corexy");
+    fit::check(&board, &corexy, "test.toml").unwrap();
+    let (pin, missing_is_low) = fit::filament_switch_pin(&board, &corexy).unwrap();
+    assert_eq!((pin.to_string().as_str(), missing_is_low), ("PG13", true));
+    let items = ferrostep_boards::constants::sensors(&board, &corexy);
+    let constant = "FILAMENT_SWITCH: Option<SensorPin> = Some(SensorPin { port: 6, number: 13, triggers_low: true });";
+    assert!(items.contains(constant), "{items}");
+    let plain = ferrostep_boards::constants::sensors(&board, &ferrostep_profiles::load("corexy").unwrap());
+    assert!(plain.contains("FILAMENT_SWITCH: Option<SensorPin> = None;"), "{plain}");
+    let error = fit::check(&load("prusa-buddy").unwrap(), &profile("prusa-mini"), "test.toml").unwrap_err().to_string();
+    assert!(error.contains("filament_switch") && error.contains("has no input `filament2`"), "{error}");
+}
+
 #[test]
 fn the_supplys_signal_needs_the_boards_input() {
     let check = |board: &str, profile: &str| {

@@ -44,6 +44,11 @@ impl<O: Observer> Rehearsal<O> {
         self.machine.borrow().queue().motors().true_position_10nm()
     }
 
+    /// How far the motors have pushed against the frame behind end stops that did not trigger, units of 10 nm.
+    pub fn pushed_10nm(&self) -> [i64; 3] {
+        self.machine.borrow().queue().motors().pushed_10nm()
+    }
+
     /// Step counters of all motors.
     pub fn motor_steps(&self) -> [i64; 4] {
         self.machine.borrow().motor_steps()

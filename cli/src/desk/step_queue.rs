@@ -84,6 +84,11 @@ impl<O: Observer> VirtualStepQueue<O> {
         &self.motors
     }
 
+    /// The motors.
+    pub fn motors_mut(&mut self) -> &mut VirtualMotors {
+        &mut self.motors
+    }
+
     /// Most events in any millisecond, times 1000.
     pub fn max_event_rate_hz(&self) -> u64 {
         self.watch.rate.most_hz()

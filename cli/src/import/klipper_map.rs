@@ -193,8 +193,8 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// A switch that tells whether there is filament; Klipper's is triggered while there is. Or a sensor that sees filament move, which
-    /// goes before: it sees as well that there is none.
+    /// A switch that tells whether there is filament; Klipper's is triggered while there is. Or a sensor that sees filament move, with or
+    /// without a switch beside it.
     fn filament_sensor(&mut self) {
         let [motion, switch] =
             ["filament_motion_sensor", "filament_switch_sensor"].map(|kind| self.pausing_sensor(kind));
@@ -202,19 +202,14 @@ impl<'a> Reading<'a> {
         if let Some(name) = motion {
             self.keep(name, "switch_pin", &["filament_sensor.kind"], "motion", why);
             self.keep_number(name, "detection_length", &["filament_sensor.detection_mm"], |length| length);
-            if let Some(switch) = switch {
-                self.lose(
-                    switch,
-                    "switch_pin",
-                    "one filament sensor, and the other one sees as well that there is none",
-                );
-            }
-        } else if let Some(name) = switch
+        }
+        let table = if motion.is_some() { "filament_switch" } else { "filament_sensor" };
+        if let Some(name) = switch
             && let Some(pin) = self.entry(name, "switch_pin")
         {
             let missing_is_low = !pin.value.contains('!');
-            self.keep(name, "switch_pin", &["filament_sensor.missing_is_low"], missing_is_low, why);
-            self.keep_number(name, "debounce_delay", &["filament_sensor.debounce_s"], |seconds| seconds);
+            self.keep(name, "switch_pin", &[&format!("{table}.missing_is_low")], missing_is_low, why);
+            self.keep_number(name, "debounce_delay", &[&format!("{table}.debounce_s")], |seconds| seconds);
         }
     }
 

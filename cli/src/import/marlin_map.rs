@@ -512,15 +512,24 @@ impl<'a> Reading<'a> {
         if self.get("FILAMENT_RUNOUT_SENSOR").is_none() || !is_on {
             return;
         }
-        if self.get("FILAMENT_MOTION_SENSOR").is_some() {
-            for name in ["FILAMENT_RUNOUT_SENSOR", "FILAMENT_MOTION_SENSOR"] {
+        let both = self.get("FILAMENT_SWITCH_AND_MOTION").is_some();
+        if both || self.get("FILAMENT_MOTION_SENSOR").is_some() {
+            // With both, the state is the switch's.
+            let names: &[&str] = if both {
+                &["FILAMENT_SWITCH_AND_MOTION"]
+            } else {
+                &["FILAMENT_RUNOUT_SENSOR", "FILAMENT_MOTION_SENSOR"]
+            };
+            for name in names {
                 self.keep(name, "filament_sensor.kind", "motion", "its pin is the board's");
             }
             self.keep_number("FILAMENT_RUNOUT_DISTANCE_MM", "filament_sensor.detection_mm", |length| length);
-            self.lose("FIL_RUNOUT_STATE", "neither level of a motion sensor says anything");
-            return;
+            if !both {
+                self.lose("FIL_RUNOUT_STATE", "neither level of a motion sensor says anything");
+                return;
+            }
         }
-        let path = "filament_sensor.missing_is_low";
+        let path = if both { "filament_switch.missing_is_low" } else { "filament_sensor.missing_is_low" };
         let missing_is_low = self.get("FIL_RUNOUT_STATE").is_none_or(|definition| definition.value != "HIGH");
         for name in ["FILAMENT_RUNOUT_SENSOR", "FIL_RUNOUT_STATE"] {
             self.keep(name, path, missing_is_low, "its pin is the board's");

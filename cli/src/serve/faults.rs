@@ -5,12 +5,13 @@ use std::time::Duration;
 
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_host_line::damage::{LineFault, share};
-use ferrostep_virtual_board::HeaterFailure;
+use ferrostep_virtual_board::{EndStopFailure, HeaterFailure};
 
 /// The kinds of faults, for help and errors.
 pub const KINDS: &str = "nozzle-HOW, bed-HOW or chamber-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
                          drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out, \
-                         filament-back, filament-jam, filament-free, power-loss, power-back, hotend-fan-stuck or hotend-fan-turns";
+                         filament-back, filament-jam, filament-free, power-loss, power-back, hotend-fan-stuck or hotend-fan-turns; x-HOW, \
+                         y-HOW or z-HOW with HOW never, always or works; pin-stays-in, pin-stays-out or pin-works";
 
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +43,10 @@ pub enum FaultKind {
     SupplySignal(bool),
     /// A fan stands still whatever its power (`true`), or turns again.
     Fan(FanOutput, bool),
+    /// The sensor with which an axis homes fails, or works again.
+    EndStop(usize, Option<EndStopFailure>),
+    /// The pin of the probe fails, or works again.
+    Pin(Option<EndStopFailure>),
 }
 
 impl FaultKind {
@@ -67,6 +72,12 @@ impl FaultKind {
     #[must_use]
     pub const fn is_of_moving_filament(self) -> bool {
         matches!(self, Self::FilamentStuck(_))
+    }
+
+    /// Whether it needs a probe with a pin.
+    #[must_use]
+    pub const fn is_of_pin(self) -> bool {
+        matches!(self, Self::Pin(_))
     }
 }
 
@@ -100,7 +111,22 @@ impl FromStr for FaultKind {
             "power-back" => return Ok(Self::SupplySignal(false)),
             "hotend-fan-stuck" => return Ok(Self::Fan(FanOutput::HotEnd, true)),
             "hotend-fan-turns" => return Ok(Self::Fan(FanOutput::HotEnd, false)),
+            "pin-stays-in" => return Ok(Self::Pin(Some(EndStopFailure::PinStaysIn))),
+            "pin-stays-out" => return Ok(Self::Pin(Some(EndStopFailure::PinStaysOut))),
+            "pin-works" => return Ok(Self::Pin(None)),
             _ => {}
+        }
+        let axis = text
+            .split_once('-')
+            .and_then(|(axis, how)| Some((["x", "y", "z"].iter().position(|name| *name == axis)?, how)));
+        if let Some((axis, how)) = axis {
+            let failure = match how {
+                "never" => Some(EndStopFailure::NeverTriggers),
+                "always" => Some(EndStopFailure::AlwaysTriggered),
+                "works" => None,
+                _ => return Err(format!("unknown fault, expected {KINDS}")),
+            };
+            return Ok(Self::EndStop(axis, failure));
         }
         let (heater, how) = text.split_once('-').unwrap_or((text, ""));
         let heater = match heater {
@@ -140,6 +166,15 @@ mod tests {
         assert_eq!(fault("filament-out@90"), Ok(out));
         let jam = Fault { kind: FaultKind::FilamentStuck(true), at: Duration::from_secs(30) };
         assert_eq!(fault("filament-jam@30"), Ok(jam));
+        for (text, kind) in [
+            ("y-never", FaultKind::EndStop(1, Some(EndStopFailure::NeverTriggers))),
+            ("z-always", FaultKind::EndStop(2, Some(EndStopFailure::AlwaysTriggered))),
+            ("x-works", FaultKind::EndStop(0, None)),
+            ("pin-stays-out", FaultKind::Pin(Some(EndStopFailure::PinStaysOut))),
+            ("pin-works", FaultKind::Pin(None)),
+        ] {
+            assert_eq!(fault(text), Ok(Fault { kind, at: Duration::ZERO }), "{text}");
+        }
         let power = Fault { kind: FaultKind::SupplySignal(true), at: Duration::from_secs(20) };
         assert_eq!(fault("power-loss@20"), Ok(power));
         for text in [
@@ -153,6 +188,10 @@ mod tests {
             "flip:101%",
             "drop:x%",
             "lose:1%",
+            "x",
+            "x-sometimes",
+            "e-never",
+            "pin-out",
         ] {
             assert!(fault(text).is_err(), "{text}");
         }

@@ -91,6 +91,7 @@ pub fn is_triggered(pin: SensorPin) -> bool {
 
 impl Motors<MOTOR_PORTS> for BoardPins {
     const FOLLOWS_FILAMENT: bool = cfg!(follows_filament);
+    const HAS_FILAMENT_SWITCH: bool = cfg!(filament_switch);
 
     const Z_MOTORS: usize = FURTHER_Z.len() + 1;
 

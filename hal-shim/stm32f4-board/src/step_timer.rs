@@ -18,6 +18,8 @@ use crate::servo;
 pub trait Motors<const PORTS: usize> {
     /// As [`MotionWatch::FOLLOWS_FILAMENT`].
     const FOLLOWS_FILAMENT: bool = false;
+    /// As [`MotionWatch::HAS_FILAMENT_SWITCH`].
+    const HAS_FILAMENT_SWITCH: bool = false;
     /// Number of motors that lift Z.
     const Z_MOTORS: usize = 1;
     /// The step pin of one of them; the first is the axis's own.
@@ -401,6 +403,7 @@ impl<B, M, const PORTS: usize, const N: usize> StepObserver for MotorQueue<B, M,
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotionWatch for MotorQueue<B, M, PORTS, N> {
     const FOLLOWS_FILAMENT: bool = B::FOLLOWS_FILAMENT;
+    const HAS_FILAMENT_SWITCH: bool = B::HAS_FILAMENT_SWITCH;
 
     fn digests(&self) -> StepDigests {
         self.digests

@@ -107,6 +107,7 @@ impl<Q: StepObserver> StepObserver for ModelledSensors<Q> {
 
 impl<Q: MotionWatch> MotionWatch for ModelledSensors<Q> {
     const FOLLOWS_FILAMENT: bool = Q::FOLLOWS_FILAMENT;
+    const HAS_FILAMENT_SWITCH: bool = Q::HAS_FILAMENT_SWITCH;
 
     fn digests(&self) -> StepDigests {
         self.queue.digests()

@@ -3,7 +3,7 @@
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Geometry, StepEntry, StepLedger, StepObserver};
 
-use super::{StallSignal, VirtualProbe};
+use super::{EndStopFailure, StallSignal, VirtualProbe};
 use crate::pin::VirtualPin;
 use ferrostep_hal_shim::Approach;
 
@@ -26,6 +26,9 @@ pub struct VirtualMotors {
     pub ledger: StepLedger,
     geometry: Geometry,
     end_stops: [VirtualEndStop; 3],
+    failures: [Option<EndStopFailure>; 3],
+    /// How far motors have pushed against the frame behind an end stop that did not trigger.
+    pushed_10nm: [i64; 3],
     /// Motor positions, in steps from the machine's true origin, when the ledger's were zero.
     start_steps: [i64; 3],
     /// Axes without a switch: the frame ends where it would be.
@@ -50,6 +53,8 @@ impl VirtualMotors {
             ledger: StepLedger::default(),
             geometry,
             end_stops,
+            failures: [None; 3],
+            pushed_10nm: [0; 3],
             start_steps: geometry.motor_steps(true_position_10nm).map(i64::from),
             framed: 0,
             probe: None,
@@ -79,7 +84,24 @@ impl VirtualMotors {
     /// Pulses of this width for the servo of that pin, microseconds.
     pub fn tell_pin(&mut self, width_us: u16) {
         if let Some(pin) = &mut self.pin {
-            pin.tell(width_us);
+            let [.., failure] = self.failures;
+            pin.tell(width_us, failure);
+        }
+    }
+
+    /// Lets the sensor that homes X (0), Y (1) or Z (2) fail, or mends it.
+    pub fn set_end_stop_failure(&mut self, axis: usize, failure: Option<EndStopFailure>) {
+        if let Some(of_axis) = self.failures.get_mut(axis) {
+            *of_axis = failure;
+        }
+    }
+
+    /// What a failed sensor says whatever happens; `None`: what a working one would say.
+    fn said_by_failure(&self, axis: usize) -> Option<bool> {
+        match self.failures.get(axis).copied().flatten()? {
+            EndStopFailure::NeverTriggers => Some(false),
+            EndStopFailure::AlwaysTriggered => Some(true),
+            EndStopFailure::PinStaysIn | EndStopFailure::PinStaysOut => None,
         }
     }
 
@@ -152,6 +174,7 @@ impl VirtualMotors {
         let lag_steps = lag(axis).abs();
         let is_there = signal.is_there(lag_steps, interval_ticks);
         let falls_back = signal.falls_back(lag_steps);
+        let is_there = self.said_by_failure(axis).unwrap_or(is_there);
         if !is_there && falls_back > 0 {
             for (motor, offset) in self.start_steps.iter_mut().enumerate() {
                 *offset -= lag(motor).signum() * falls_back;
@@ -170,6 +193,41 @@ impl VirtualMotors {
         if self.is_framed(axis) {
             return self.play_until_stalled(entry, axis, observer);
         }
+        let approach = self.play_until_met(entry, axis, observer);
+        self.hold(axis);
+        approach
+    }
+
+    /// How far motors have pushed against the frame, which stands where an end stop that does not trigger should have, units of 10 nm.
+    pub fn pushed_10nm(&self) -> [i64; 3] {
+        self.pushed_10nm
+    }
+
+    /// The frame holds what an end stop that never triggers lets drive on: the motors lose those steps.
+    fn hold(&mut self, axis: usize) {
+        if self.is_framed(axis) || self.said_by_failure(axis) != Some(false) {
+            return;
+        }
+        let mut place = self.driven_to_10nm();
+        let trigger = self.trigger_10nm(axis, place);
+        let (Some(stop), Some(at), Some(trigger)) = (self.end_stops.get(axis), place.get_mut(axis), trigger) else {
+            return;
+        };
+        let beyond = if stop.at_max { *at - trigger } else { trigger - *at };
+        if beyond <= 0 {
+            return;
+        }
+        *at = trigger;
+        if let Some(pushed) = self.pushed_10nm.get_mut(axis) {
+            *pushed += beyond;
+        }
+        let counted = self.ledger.motor_steps();
+        for ((start, held), counted) in self.start_steps.iter_mut().zip(self.geometry.motor_steps(place)).zip(counted) {
+            *start = i64::from(held) - counted;
+        }
+    }
+
+    fn play_until_met(&mut self, entry: StepEntry, axis: usize, observer: &mut impl StepObserver) -> Approach {
         // Where the head is costs more than an event: it is computed only where the end stop can be.
         let mut apart = self.events_apart(axis);
         for (index, event) in (1..).zip(entry.events()) {
@@ -216,6 +274,9 @@ impl VirtualMotors {
 
     /// Whether the sensor that homes X (0), Y (1) or Z (2) is triggered.
     pub fn is_triggered(&self, axis: usize) -> bool {
+        if let Some(said) = self.said_by_failure(axis) {
+            return said;
+        }
         let place = self.true_position_10nm();
         let (Some(stop), Some(position), Some(trigger)) =
             (self.end_stops.get(axis), place.get(axis).copied(), self.trigger_10nm(axis, place))
@@ -319,6 +380,37 @@ mod tests {
             motors.play_until_triggered(StepEntry::directions(0b100), 2, &mut ());
             assert_eq!(motors.play_until_triggered(down, 2, &mut ()).triggered, sees);
             assert_eq!(motors.ledger.motor_steps()[2], if sees { -1_200 } else { -2_000 });
+        }
+    }
+
+    #[test]
+    fn a_failed_end_stop_says_one_thing_wherever_the_head_is() {
+        for (failure, says) in [
+            (EndStopFailure::NeverTriggers, false),
+            (EndStopFailure::AlwaysTriggered, true),
+            (EndStopFailure::PinStaysIn, true),
+        ] {
+            let mut motors = motors(Kinematics::Cartesian);
+            motors.set_end_stop_failure(0, Some(failure));
+            motors.play_until_triggered(StepEntry::directions(0b1), 0, &mut ());
+            let there = StepEntry::stair(1_000, 100, 0b1, 0).unwrap();
+            assert_eq!(motors.play_until_triggered(there, 0, &mut ()).triggered, says, "{failure:?}");
+            assert_eq!(motors.is_triggered(0), says, "{failure:?}");
+            assert!(!motors.is_triggered(1), "{failure:?}");
+            let always = failure == EndStopFailure::AlwaysTriggered;
+            let steps = if always {
+                -1
+            } else if says {
+                -80
+            } else {
+                -100
+            };
+            assert_eq!(motors.ledger.motor_steps()[0], steps, "{failure:?}");
+            // The frame has held the last 20 of 100 steps, 0.25 mm.
+            let [pushed, ..] = motors.pushed_10nm();
+            assert_eq!(pushed, if says { 0 } else { 25_000 }, "{failure:?}");
+            motors.set_end_stop_failure(0, None);
+            assert_eq!(motors.is_triggered(0), !always, "{failure:?}");
         }
     }
 }

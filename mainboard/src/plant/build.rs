@@ -58,6 +58,7 @@ impl Plant {
             eeprom: None,
             bltouch: None,
             filament_encoder: None,
+            is_filament_at_switch: true,
             supply_fails: false,
             is_button_pressed: false,
             filament_j_per_k_mm: 0.0,
@@ -160,6 +161,13 @@ impl Plant {
                 let start_mm = 0.41 * FILAMENT_EDGE_MM;
                 FilamentEncoder::new(encoder::Config { edge_mm: FILAMENT_EDGE_MM, play_mm: FILAMENT_PLAY_MM, start_mm })
             });
+        }
+        self.connect_filament_switch(board);
+    }
+
+    fn connect_filament_switch(&mut self, board: &Board) {
+        if let Some(input) = board.input("filament2") {
+            self.inputs.push((input.pin, Source::FilamentSwitch));
         }
     }
 

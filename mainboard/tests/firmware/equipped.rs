@@ -1,5 +1,5 @@
 //! An Octopus with all that a profile may add, in one image: a supply and a light that are switched, a module that says that the supply fails, a probe with
-//! a pin, a chamber, and a sensor that sees filament move. It fits the flash, or it is not built.
+//! a pin, a chamber, and a sensor that sees filament move with a switch beside it. It fits the flash, or it is not built.
 
 use std::sync::OnceLock;
 
@@ -65,6 +65,9 @@ back_off_mm = 3
 [bltouch]
 "#;
 
+/// The switch beside the sensor that sees filament move, which connects its pin to the supply while there is filament.
+const SWITCH: &str = "[filament_switch]\nmissing_is_low = true\n";
+
 /// The board.
 pub fn octopus() -> &'static BoardFacts {
     BOARDS.iter().find(|board| board.name == "btt-octopus-1.1").unwrap()
@@ -74,7 +77,7 @@ pub fn octopus() -> &'static BoardFacts {
 pub fn equipped() -> &'static Variant {
     static BUILT: OnceLock<Variant> = OnceLock::new();
     BUILT.get_or_init(|| {
-        let sensor = format!("\n[filament_sensor]\nkind = \"motion\"\ndetection_mm = {DETECTION_MM}\n");
+        let sensor = format!("\n[filament_sensor]\nkind = \"motion\"\ndetection_mm = {DETECTION_MM}\n{SWITCH}");
         let equip =
             |profile: String| [&without_homing_of_z(&profile), SUPPLY_AND_LIGHT, CHAMBER, &sensor, PROBE].concat();
         changed("btt-octopus-1.1", "corexy", "octopus-equipped", |board| board, equip)

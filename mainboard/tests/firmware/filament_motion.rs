@@ -50,7 +50,7 @@ fn print_undisturbed(bench: &mut Bench, job: &Job) {
     }
     bench.host.send("M400").unwrap();
     let report = bench.host.ask("M412", "echo:Filament runout").unwrap();
-    assert_eq!(report, "echo:Filament runout ON; distance: 3 mm; filament: present");
+    assert_eq!(report, "echo:Filament runout ON; distance: 3 mm; filament: present; switch: present");
 }
 
 /// 3 % of slip are within the maker's margin of 4 %.
@@ -107,4 +107,40 @@ fn a_jam_pauses_the_print_which_then_goes_on_as_if_there_had_been_none() {
     let after = expected.iter().rev().zip(made.iter().rev()).take_while(|(expected, made)| expected == made).count();
     eprintln!("{} events, {before} before the way aside, {after} after it, {} made", expected.len(), made.len());
     assert!(before + after >= expected.len() && made.len() > expected.len());
+}
+
+/// The filament's end passes the switch, with some of it still between switch and encoder: the switch speaks, and alone.
+#[test]
+fn the_switch_beside_it_pauses_the_print_and_says_so() {
+    let job = Job::cube(LINES);
+    let mut bench = boot();
+    let (mut pulled_mm, mut pauses) = (None, 0);
+    for (index, line) in job.lines().enumerate() {
+        if index > JAM_FROM && pulled_mm.is_none() && line.contains(" E") && line.contains('X') {
+            bench.change(|plant, _| plant.is_filament_at_switch = false);
+            pulled_mm = Some(pushed_mm(&mut bench));
+        }
+        let answer = print_line(&mut bench, line);
+        if answer.starts_with("ok") {
+            continue;
+        }
+        assert_eq!(answer, "echo:The filament has run out; M412 S0 ignores the sensor");
+        pauses += 1;
+        eprintln!("said with {:.2} mm pushed since its end", pushed_mm(&mut bench) - pulled_mm.unwrap());
+        bench.host.wait_for("the pause", |text| text.starts_with("echo:Change the filament")).unwrap();
+        bench.change(|plant, _| plant.is_filament_at_switch = true);
+        bench.pass(2_000);
+        bench.host.send_raw(b"M108\n").unwrap();
+        bench.host.wait_for("the end of the pause", |text| text == "//action:resumed").unwrap();
+        bench.host.wait_for("the line's answer", |text| text.starts_with("ok")).unwrap();
+    }
+    assert_eq!(pauses, 1);
+    bench.host.send("M400").unwrap();
+    let report = bench.host.ask("M412", "echo:Filament runout").unwrap();
+    assert_eq!(report, "echo:Filament runout ON; distance: 3 mm; filament: present; switch: present");
+    bench.change(|plant, _| plant.is_filament_at_switch = false);
+    bench.pass(1_000);
+    let report = bench.host.ask("M412", "echo:Filament runout").unwrap();
+    assert_eq!(report, "echo:Filament runout ON; distance: 3 mm; filament: present; switch: missing");
+    assert_eq!(bench.host.ask("M119", "filament:").unwrap(), "filament: open");
 }

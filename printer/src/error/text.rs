@@ -125,6 +125,10 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "{name} is not homed: send G28 before the bed is probed or followed")
             }
+            Self::FailedHome { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(out, "homing {name} has failed, so that the print would go on at an unknown place: home it (G28) first")
+            }
             Self::ShiftsNoJob => write!(out, "a prepared job brings its own heights: send M290 before or after it"),
             Self::ShiftsHomedZ => write!(out, "Z is not homed: send G28 before M290"),
             Self::ShiftsZOnly { word } => write!(out, "{word}: M290 shifts Z alone: send M290 Z"),

@@ -293,3 +293,38 @@ fn m412_sets_an_encoders_length_and_counts_anew() {
     world.pauses(&mut printer, "M412 D5", false);
     assert!(!world.said("out of range") && !world.said("distance"), "{:?}", world.texts);
 }
+
+/// Both act, and each in words of its own.
+#[test]
+fn a_switch_beside_an_encoder_speaks_for_itself() {
+    let rig = Rig::new(|profile| {
+        profile.filament_sensor = Some(ENCODER);
+        profile.filament_switch = Some(SENSOR);
+    });
+    let world = World { rig, target_celsius: 210.0, signals: Signals::new(), texts: RefCell::default() };
+    let mut printer = world.printer();
+    let mut asks = |line: &str, answer: &str| {
+        world.pauses(&mut printer, line, false);
+        assert!(world.said(answer), "{line}: {:?}", world.texts);
+    };
+    asks("M412", "echo:Filament runout ON; distance: 7 mm; filament: present; switch: present");
+    let mut watch = FilamentWatch::new();
+    for now_ms in [0, 499, 500] {
+        assert!(!world.signals.is_filament_out());
+        watch.look_beside_encoder(now_ms, true, &SENSOR, &world.signals);
+    }
+    assert!(world.signals.is_filament_out() && !world.signals.is_filament_missing());
+    asks("M412", "filament: present; switch: missing");
+    asks("M119", "filament: open");
+    // What an encoder counts does not make the switch's filament come back.
+    asks("M412 R", "ok");
+    asks("M412", "filament: present; switch: missing");
+    world.signals.set_filament_missing(true);
+    assert!(world.pauses(&mut printer, "G1 X10 E1 F600", true));
+    assert!(world.said("echo:The filament has run out; M412 S0 ignores the sensor"), "{:?}", world.texts);
+    world.signals.set_filament_out(false);
+    assert!(!world.pauses(&mut printer, "G1 X20 E2", true), "it counts anew");
+    world.signals.set_filament_missing(true);
+    assert!(world.pauses(&mut printer, "G1 X30 E3", true));
+    assert!(world.said("echo:The filament does not move, it is jammed or has run out"), "{:?}", world.texts);
+}

@@ -90,6 +90,7 @@ pub(crate) fn profile() -> Profile {
         control_models: [None; 2],
         fans: FanSettings::USUAL,
         filament_sensor: None,
+        filament_switch: None,
         power_supply: None,
         supply_signal: None,
         pause: crate::profile::PauseSettings {

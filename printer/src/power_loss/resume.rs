@@ -238,6 +238,7 @@ impl<P: Ports> Printer<'_, P> {
             // Draws back and rises; X and Y stay, as they are not homed.
             3 => {
                 self.interpreter.modal.homed[2] = true;
+                self.interpreter.modal.failed_home[2] = false;
                 Command::Pause(AxisWords::default())
             }
             4 => Command::Home(AxisFlags { x: true, y: true, z: false, e: false }),

@@ -45,3 +45,31 @@ fn keys_of_the_other_kind_are_refused() {
         assert!(error.contains(refusal), "{keys}: {error}");
     }
 }
+
+#[test]
+fn a_switch_may_be_beside_a_motion_sensor_only() {
+    let with = |keys: &str| {
+        let text = format!("{}\n{keys}\n", builtin_text("cartesian").unwrap());
+        parse(&text, "test.toml").map(|profile| profile.filament_switch).map_err(|error| error.to_string())
+    };
+    let motion = "[filament_sensor]\nkind = \"motion\"\n";
+    let kind = FilamentSensorKind::Switch { missing_is_low: true };
+    for (keys, debounce_ms) in [("", 500), ("debounce_s = 0.2\n", 200)] {
+        let text = format!("{motion}[filament_switch]\nmissing_is_low = true\n{keys}");
+        assert_eq!(with(&text), Ok(Some(FilamentSensor { kind, debounce_ms })), "{keys}");
+    }
+    assert_eq!(with(motion), Ok(None));
+    let alone = "a table [filament_sensor] with kind = \"motion\" beside it";
+    for (keys, refusal) in [
+        ("[filament_switch]\nmissing_is_low = true", alone),
+        ("[filament_sensor]\nmissing_is_low = true\n[filament_switch]\nmissing_is_low = true", alone),
+        ("[filament_sensor]\nkind = \"motion\"\n[filament_switch]", "filament_switch.missing_is_low"),
+        (
+            "[filament_sensor]\nkind = \"motion\"\n[filament_switch]\nmissing_is_low = true\ndetection_mm = 3",
+            "unknown key",
+        ),
+    ] {
+        let error = with(keys).unwrap_err();
+        assert!(error.contains(refusal), "{keys}: {error}");
+    }
+}

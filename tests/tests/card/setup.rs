@@ -16,7 +16,7 @@ use ferrostep_gcode::{LineReader, Reply};
 use ferrostep_planner::{StepDigests, StepObserver};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::{Host, HostLines, HostText, Printer, Profile, Replies};
-use ferrostep_virtual_board::{VirtualCard, VirtualDelay};
+use ferrostep_virtual_board::{EndStopFailure, VirtualCard, VirtualDelay};
 
 pub type Slot = VirtualCard<Vec<u8>>;
 pub type Card = LocalCard<Slot>;
@@ -155,6 +155,16 @@ impl Setup {
         self.session.desk().motor_steps()
     }
 
+    /// Where the nozzle truly is, mm.
+    pub fn true_mm(&self) -> [f64; 3] {
+        self.session.desk().true_position_10nm().map(|units| units as f64 / 1e5)
+    }
+
+    /// Lets the sensor with which an axis homes fail, or mends it.
+    pub fn set_end_stop_failure(&self, axis: usize, failure: Option<EndStopFailure>) {
+        self.session.set_end_stop_failure(axis, failure);
+    }
+
     /// Whether this line has been sent in the present conversation.
     pub fn has_said(&self, text: &str) -> bool {
         self.session.replies().0.borrow().iter().any(|line| line == text)
@@ -234,7 +244,7 @@ impl HostLines for Hosts<'_, '_> {
     fn next(&mut self) -> HostText<'_> {
         if self.at == self.bytes.len() {
             self.polls += 1;
-            assert!(self.polls < 10_000_000, "the print does not end");
+            assert!(self.polls < 10_000_000, "the print does not end: {:?}", self.setup.session.replies().0);
             let progress = self.setup.session.signals().card_progress();
             let lines = (self.beside)(&self.setup.card, progress);
             self.at = 0;

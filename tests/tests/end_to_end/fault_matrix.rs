@@ -1,16 +1,20 @@
 //! What becomes of a printer when something fails while it is at something: each fault at each time, as the book's table.
 
-use embedded_hal_async::delay::DelayNs;
+mod card;
+mod jam;
+mod sensors;
+mod trial;
+
 use ferrostep_checked_toml::book;
 use ferrostep_hal_shim::{FanOutput, Heater, SpareConnector};
 use ferrostep_printer::{ChamberSettings, FilamentSensor, FilamentSensorKind, HeaterSettings, HeaterWatch, Profile};
-use ferrostep_tests::host_side::numbered;
 use ferrostep_tmc2209::DriverStatus;
-use ferrostep_virtual_board::{DriverChip, HeaterFailure, VirtualDelay};
+use ferrostep_virtual_board::{EndStopFailure, HeaterFailure};
 
 use crate::command::repository;
 use crate::desk::profile;
-use crate::hosts::{Conversation, Machine, machine};
+use crate::hosts::machine;
+use trial::{HOST_IS_GONE_S, LONG_S, Trial, now_s};
 
 /// What fails.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,10 +27,9 @@ enum Fault {
     Driver(u32),
     DriverIsSilent,
     EmergencyStop,
+    /// The sensor with which this axis homes.
+    EndStop(usize, EndStopFailure),
 }
-
-/// The motor whose driver fails: Y.
-const MOTOR: usize = 1;
 
 const FAULTS: [(&str, Fault); 15] = [
     ("the nozzle's thermistor breaks", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorOpen)),
@@ -74,6 +77,16 @@ impl At {
         !matches!(self, Self::Idle | Self::Heating)
     }
 
+    /// What a host has sent before.
+    fn lines_before(self) -> Vec<&'static str> {
+        let mut lines = vec!["G28", "G90", "M83"];
+        if self.is_hot() {
+            let heats = ["M141 S40", "M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 Y50 Z5 F3000", "M400"];
+            lines.extend(heats);
+        }
+        lines
+    }
+
     /// The command at whose middle it happens, and when, s after its beginning.
     fn command(self) -> Option<(&'static str, f64)> {
         match self {
@@ -87,124 +100,12 @@ impl At {
     }
 }
 
-/// How long the fault has, until a person looks, s. What lets heaters cool is noticed within a minute.
-const LONG_S: f64 = 300.0;
-const HOST_IS_GONE_S: f64 = 2100.0;
-
-fn now_s(machine: &Machine) -> f64 {
-    machine.clock().now_ns() as f64 * 1e-9
-}
-
-/// One machine with one fault.
-struct Trial<'a> {
-    machine: &'a Machine,
-    conversation: Conversation<'a>,
-    fault: Fault,
-    said: Vec<String>,
-    number: i64,
-    /// When it happens, s.
-    at_s: f64,
-    /// When the present pause began.
-    paused_s: Option<f64>,
-    pauses: u32,
-    /// A person mends filament and fan in this pause.
-    mended_in: u32,
-}
-
-impl Trial<'_> {
-    /// Sends a line of the print. The fault happens when its time has come, and a person goes on with a paused print.
-    fn say(&mut self, line: &str) {
-        self.number += 1;
-        let text = format!("{}\n", numbered(self.number, line));
-        let Self { fault, at_s, paused_s, pauses, mended_in, .. } = self;
-        let patience_s = if *fault == Fault::HostGoes { HOST_IS_GONE_S } else { LONG_S };
-        let replies = self.conversation.say_while(text.as_bytes(), |machine| {
-            happen(machine, *fault, at_s);
-            if !machine.signals().is_paused_for_user() {
-                *paused_s = None;
-                return;
-            }
-            if paused_s.is_none() {
-                *pauses += 1;
-            }
-            let waited_s = now_s(machine) - *paused_s.get_or_insert_with(|| now_s(machine));
-            if waited_s > patience_s && *pauses >= *mended_in {
-                machine.set_filament_out(false);
-                machine.set_fan_stuck(FanOutput::HotEnd, false);
-            }
-            if waited_s > patience_s + 2.0 {
-                machine.signals().end_wait();
-            }
-        });
-        self.said.extend(replies.iter().flat_map(|reply| reply.lines()).map(str::to_owned));
-    }
-
-    /// Nobody says anything for a while.
-    fn be_silent(&mut self, seconds: f64) {
-        let (machine, fault) = (self.machine, self.fault);
-        let mut at_s = self.at_s;
-        let wait = async {
-            for _ in 0..(seconds * 10.0) as u32 {
-                VirtualDelay(machine.clock()).delay_ms(100).await;
-            }
-        };
-        machine.run_with(wait, |machine| happen(machine, fault, &mut at_s));
-        self.at_s = at_s;
-        let replies = machine.replies().take();
-        self.said.extend(replies.iter().flat_map(|reply| reply.lines()).map(str::to_owned));
-    }
-
-    fn count(&self, text: &str) -> usize {
-        self.said.iter().filter(|line| line.starts_with(text)).count()
-    }
-}
-
-/// The fault happens, once its time has come.
-fn happen(machine: &Machine, fault: Fault, at_s: &mut f64) {
-    if now_s(machine) < *at_s {
-        return;
-    }
-    *at_s = f64::INFINITY;
-    match fault {
-        Fault::Heater(heater, failure) => machine.set_heater_failure(heater, Some(failure)),
-        Fault::FilamentRunsOut => machine.set_filament_out(true),
-        Fault::HotEndFanStands => machine.set_fan_stuck(FanOutput::HotEnd, true),
-        Fault::HostGoes => {}
-        Fault::Driver(flags) => with_chip(machine, |chip| chip.set_flags(flags)),
-        Fault::DriverIsSilent => with_chip(machine, |chip| chip.set_silent(true)),
-        Fault::EmergencyStop => machine.halt(),
-    }
-}
-
-fn with_chip(machine: &Machine, act: impl FnOnce(&mut DriverChip)) {
-    machine.drivers().with_lines(|lines| act(lines.chip(MOTOR).unwrap())).unwrap();
-}
-
 /// What becomes of the machine, as the table has it.
 fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
     let machine = machine(profile);
-    let mut trial = Trial {
-        machine: &machine,
-        conversation: Conversation::new(&machine),
-        fault,
-        said: Vec::new(),
-        number: 0,
-        at_s: f64::INFINITY,
-        paused_s: None,
-        pauses: 0,
-        mended_in: 1 + u32::from(at == At::Paused),
-    };
-    for line in ["G28", "M83", "G90"] {
-        trial.say(line);
-    }
-    if at.is_hot() {
-        for line in ["M141 S40", "M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 Y50 Z5 F3000", "M400"] {
-            trial.say(line);
-        }
-    }
+    let mut trial = Trial::new(&machine, at, fault);
     let begun_s = now_s(&machine);
-    trial.at_s = begun_s + at.command().map_or(5.0, |(_, seconds)| seconds);
-    trial.said.clear();
+    trial.fails_at(begun_s + at.command().map_or(5.0, |(_, seconds)| seconds));
     if let Some((line, _)) = at.command() {
         trial.say(line);
     }
@@ -213,13 +114,18 @@ fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
     let mut lines = 0;
     while at == At::Printing && host_is_here && now_s(&machine) < begun_s + lasts_s && !machine.signals().is_halted() {
         lines += 1;
+        let said_s = now_s(&machine);
         trial.say(&format!("G1 X{} E0.5 F900", 50 + 60 * (lines % 2)));
+        if now_s(&machine) == said_s {
+            // It was refused; a host takes its time, too.
+            trial.be_silent(1.0);
+        }
     }
     if at == At::Printing && !host_is_here {
         trial.say("G1 X110 E0.5 F900");
     }
     trial.be_silent((begun_s + lasts_s - now_s(&machine)).max(10.0));
-    assert_eq!(trial.at_s, f64::INFINITY, "{at:?} {fault:?}: it has not happened");
+    assert!(trial.has_failed(), "{at:?} {fault:?}: it has not happened");
     let heated = at != At::Idle;
     let is_off = Heater::ALL.iter().all(|heater| machine.heaters().power(*heater) == 0.0);
     let own_pauses = usize::from(at == At::Paused);
@@ -293,11 +199,21 @@ fn each_fault_at_each_time_is_in_the_book() {
                 Fault::Heater(_, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted) => true,
                 Fault::Heater(Heater::Bed, _) => at.is_hot(),
                 Fault::Heater(..) => *at != At::Idle,
+                Fault::EndStop(..) => false,
                 Fault::DriverIsSilent | Fault::FilamentRunsOut | Fault::HotEndFanStands | Fault::HostGoes => false,
             };
             assert!(!must_halt || cell.starts_with("halts"), "{name}, {at:?}: {cell}");
         }
         text += &format!("| {name} | {} |\n", cells.join(" | "));
+    }
+    let mut row = |name: &str, cell: &dyn Fn(At) -> String| {
+        text += &format!("| {name} | {} |\n", TIMES.map(|(_, at)| cell(at)).join(" | "));
+    };
+    row("the filament does not move any more", &|at| jam::outcome(&machine, at));
+    row("the card that prints is pulled out", &|at| card::outcome(&machine, at, true));
+    row("a card that does not print is pulled out", &|at| card::outcome(&machine, at, false));
+    for (name, sensors, axis, failure) in sensors::ROWS {
+        row(name, &|at| sensors::outcome(sensors, at, axis, failure));
     }
     book::keep(&repository().join("docs/src/safety.md"), "faults", &text).unwrap();
 }

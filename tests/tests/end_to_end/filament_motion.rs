@@ -146,6 +146,48 @@ fn a_jam_pauses_a_print_within_the_length_and_the_print_ends_as_if_there_had_bee
     }
 }
 
+/// Filament that ends is told by the switch, before as much has been pushed as the encoder wants; a jam is told by the encoder alone.
+#[test]
+fn a_switch_beside_the_encoder_tells_the_end_of_the_filament_and_the_encoder_a_jam() {
+    for (ends, text) in [
+        (true, "echo:The filament has run out; M412 S0 ignores the sensor"),
+        (false, "echo:The filament does not move, it is jammed or has run out; M412 S0 ignores the sensor"),
+    ] {
+        let profile = Profile {
+            filament_switch: Some(FilamentSensor {
+                kind: FilamentSensorKind::Switch { missing_is_low: true },
+                debounce_ms: 500,
+            }),
+            ..*machine(0.0).profile()
+        };
+        let machine = Session::live(profile, LOOK_AHEAD_BLOCKS, Collector::default());
+        machine.desk().grant(u64::MAX / 2);
+        let lines = commands(&example("cube.gcode"), 2_500);
+        let (mut has_ended, mut waits_ms) = (false, 0);
+        let said = print(&machine, &lines, |machine| {
+            let ExtruderNow { steps, steps_per_mm, .. } = extruder(machine);
+            if !has_ended && steps as f64 / steps_per_mm >= 30.0 {
+                has_ended = true;
+                if ends { machine.set_filament_out(true) } else { machine.set_filament_stuck(true) }
+            }
+            if machine.signals().is_paused_for_user() {
+                assert!(waits_ms < 2_000, "{text}: a second pause: {:#?}", last_of(machine));
+                waits_ms += 1;
+                if waits_ms == 1_000 {
+                    machine.set_filament_out(false);
+                }
+                // The switch says for its time that it is back.
+                if waits_ms == 1_500 {
+                    machine.signals().end_wait();
+                }
+            }
+        });
+        assert_eq!(pauses(&said), 1, "{text}: {said:?}");
+        let told: Vec<&String> = said.iter().filter(|line| line.starts_with("echo:The filament")).collect();
+        assert_eq!(told, [text]);
+    }
+}
+
 /// A person pushes filament that is not in the sensor yet, and prints then.
 #[test]
 fn what_a_person_pushes_pauses_no_print() {

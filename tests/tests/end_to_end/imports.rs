@@ -285,6 +285,13 @@ fn a_motion_sensor_is_kept() {
     );
     says(&imported, "filament_sensor = { kind = \"motion\", detection_mm = 3.5 }\n");
     assert!(lost(&imported, "FIL_RUNOUT_STATE").unwrap().contains("neither level"));
+    let both = marlin(
+        "#define FILAMENT_RUNOUT_SENSOR\n#define FIL_RUNOUT_STATE HIGH\n#define FILAMENT_RUNOUT_DISTANCE_MM 3.5\n\
+         #define FILAMENT_SWITCH_AND_MOTION\n",
+    );
+    says(&both, "filament_sensor = { kind = \"motion\", detection_mm = 3.5 }\n");
+    says(&both, "filament_switch.missing_is_low = false\n");
+    assert!(lost(&both, "FIL_RUNOUT_STATE").is_none() && lost(&both, "FILAMENT_SWITCH_AND_MOTION").is_none());
     let switch = marlin("#define FILAMENT_RUNOUT_SENSOR\n#define FILAMENT_RUNOUT_DISTANCE_MM 25\n");
     says(&switch, "filament_sensor = { missing_is_low = true }\n");
     assert!(lost(&switch, "FILAMENT_RUNOUT_DISTANCE_MM").unwrap().contains("at once"));
@@ -298,7 +305,9 @@ fn a_motion_sensor_is_kept() {
     let imported = klipper(&text);
     says(&imported, "filament_sensor = { kind = \"motion\", detection_mm = 2.88 }\n");
     assert!(profile(&imported)["filament_sensor"].get("missing_is_low").is_none());
-    assert!(lost(&imported, "[filament_switch_sensor toolhead] switch_pin").unwrap().contains("one filament sensor"));
+    // The file has a switch beside it.
+    says(&imported, "filament_switch.missing_is_low = true\n");
+    assert!(lost(&imported, "[filament_switch_sensor toolhead] switch_pin").is_none());
     assert_eq!(lost(&imported, "[filament_motion_sensor encoder] extruder").unwrap(), "one extruder");
     // One that pauses nothing is none; without a length the profile's default is Klipper's.
     let imported = klipper(&text.replace("^PC2", "^PC2\npause_on_runout = False"));

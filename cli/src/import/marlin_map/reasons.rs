@@ -30,7 +30,6 @@ pub(super) fn reason(name: &str) -> &'static str {
             "a profile's supply has a level and a state at the start; only M80 switches it on"
         }
         "FILAMENT_RUNOUT_DISTANCE_MM" => "a switch pauses a print at once: its tube's filament is not used up",
-        "FILAMENT_SWITCH_AND_MOTION" => "one filament sensor",
         _ if name.starts_with("FILAMENT_RUNOUT") || name.starts_with("FIL_RUNOUT") => {
             "a profile's sensor pauses a print when it says that filament is missing"
         }
