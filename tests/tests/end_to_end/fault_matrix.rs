@@ -7,7 +7,10 @@ mod trial;
 
 use ferrostep_checked_toml::book;
 use ferrostep_hal_shim::{FanOutput, Heater, SpareConnector};
-use ferrostep_printer::{ChamberSettings, FilamentSensor, FilamentSensorKind, HeaterSettings, HeaterWatch, Profile};
+use ferrostep_printer::{
+    ChamberSettings, FilamentSensor, FilamentSensorKind, HeaterSettings, HeaterWatch, Profile, SUPPLY_FAILS,
+    SupplySignal,
+};
 use ferrostep_tmc2209::DriverStatus;
 use ferrostep_virtual_board::{EndStopFailure, HeaterFailure};
 
@@ -27,11 +30,13 @@ enum Fault {
     Driver(u32),
     DriverIsSilent,
     EmergencyStop,
+    /// A module says so, and feeds the board.
+    SupplyFails,
     /// The sensor with which this axis homes.
     EndStop(usize, EndStopFailure),
 }
 
-const FAULTS: [(&str, Fault); 15] = [
+const FAULTS: [(&str, Fault); 16] = [
     ("the nozzle's thermistor breaks", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorOpen)),
     ("the nozzle's thermistor is shorted", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorShorted)),
     ("the nozzle's thermistor falls out", Fault::Heater(Heater::Nozzle, HeaterFailure::ThermistorFellOut)),
@@ -47,6 +52,7 @@ const FAULTS: [(&str, Fault); 15] = [
     ("the hot end's fan stands", Fault::HotEndFanStands),
     ("the host is gone for 35 minutes", Fault::HostGoes),
     ("M112", Fault::EmergencyStop),
+    ("a module says that the supply fails", Fault::SupplyFails),
 ];
 
 /// What the printer is at.
@@ -170,7 +176,10 @@ fn halted(trial: &mut Trial<'_>, is_off: bool) -> String {
     trial.say("G1 X90 F3000");
     assert_eq!(machine.figures().motor_steps, steps, "{fault:?}");
     assert!(trial.said.iter().any(|line| line.contains("M999") || line.contains("reset")), "{:#?}", trial.said);
-    if fault == Fault::EmergencyStop {
+    if fault == Fault::SupplyFails {
+        assert_eq!(trial.count(SUPPLY_FAILS), 1, "{:#?}", trial.said);
+    }
+    if matches!(fault, Fault::EmergencyStop | Fault::SupplyFails) {
         return "halts".to_owned();
     }
     if matches!(fault, Fault::Heater(..)) {
@@ -186,6 +195,7 @@ fn each_fault_at_each_time_is_in_the_book() {
     let mut machine = profile("prusa-mini");
     machine.filament_sensor =
         Some(FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 500 });
+    machine.supply_signal = Some(SupplySignal { failing_is_low: false, debounce_ms: 6, rise_10nm: 0 });
     let settings = HeaterSettings { is_warmed_by_others: true, watch: HeaterWatch::CHAMBER, ..machine.bed };
     let connector = SpareConnector::Nozzle1;
     machine.chamber = Some(ChamberSettings { thermistor: connector, heater: Some(connector), settings });
@@ -195,7 +205,7 @@ fn each_fault_at_each_time_is_in_the_book() {
         for ((_, at), cell) in TIMES.iter().zip(&cells) {
             // A broken thermistor is noticed cold or hot, a heater that fails wherever it should heat: the bed is cold while the nozzle heats.
             let must_halt = match fault {
-                Fault::EmergencyStop | Fault::Driver(_) => true,
+                Fault::EmergencyStop | Fault::SupplyFails | Fault::Driver(_) => true,
                 Fault::Heater(_, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted) => true,
                 Fault::Heater(Heater::Bed, _) => at.is_hot(),
                 Fault::Heater(..) => *at != At::Idle,

@@ -127,6 +127,7 @@ fn happen(machine: &Machine, fault: Fault, at_s: &mut f64) {
         Fault::Driver(flags) => with_chip(machine, |chip| chip.set_flags(flags)),
         Fault::DriverIsSilent => with_chip(machine, |chip| chip.set_silent(true)),
         Fault::EmergencyStop => machine.halt(),
+        Fault::SupplyFails => machine.set_supply_failing(true),
         Fault::EndStop(axis, failure) => machine.set_end_stop_failure(axis, Some(failure)),
     }
 }
