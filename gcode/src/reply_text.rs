@@ -214,7 +214,7 @@ fn write_hundredths(formatter: &mut Formatter<'_>, hundredths: i64) -> fmt::Resu
 }
 
 fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures) -> fmt::Result {
-    let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber } = *temperatures;
+    let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber, nozzles } = *temperatures;
     let [chamber_now, chamber_target] = chamber.map_or([0.0; 2], |chamber| [chamber.celsius, chamber.target]);
     let fields = [
         (" T:", nozzle),
@@ -229,11 +229,19 @@ fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures
         // A value that is not finite is written as such, so that hosts find no temperature instead of a wrong one.
         write!(formatter, "{}", Real::fixed(value, 2))?;
     }
-    write!(formatter, " @:{nozzle_power} B@:{bed_power}")?;
-    match chamber.and_then(|chamber| chamber.power) {
-        Some(power) => write!(formatter, " C@:{power}"),
-        None => Ok(()),
+    // Marlin's order.
+    for (tool, nozzle) in nozzles.iter().flatten().enumerate() {
+        let (now, target) = (Real::fixed(nozzle.celsius, 2), Real::fixed(nozzle.target, 2));
+        write!(formatter, " T{tool}:{now} /{target}")?;
     }
+    write!(formatter, " @:{nozzle_power} B@:{bed_power}")?;
+    if let Some(power) = chamber.and_then(|chamber| chamber.power) {
+        write!(formatter, " C@:{power}")?;
+    }
+    for (tool, nozzle) in nozzles.iter().flatten().enumerate() {
+        write!(formatter, " @{tool}:{}", nozzle.power)?;
+    }
+    Ok(())
 }
 
 fn write_position(formatter: &mut Formatter<'_>, position: &Position) -> fmt::Result {

@@ -23,6 +23,7 @@ mod names;
 mod pause;
 pub mod response;
 mod skew;
+mod tools;
 mod z_motors;
 
 use error_budget::ErrorBudget;

@@ -434,12 +434,17 @@ impl Motion for PlannedMotion<'_> {
 
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
+    type Tools = ferrostep_printer::Present;
 
     fn step_z_motors(&mut self, motors: u8) {
         let Reading { motors: virtual_motors, z_motors, .. } = &mut self.reader.plan.borrow_mut().reading;
         if let Some(z_motors) = z_motors {
             z_motors.step(motors, virtual_motors);
         }
+    }
+
+    fn step_extruder(&mut self, _tool: u8, offset_10nm: [i32; 2]) {
+        self.reader.plan.borrow_mut().bed.set_nozzle_offset(offset_10nm);
     }
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {

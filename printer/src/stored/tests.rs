@@ -150,7 +150,7 @@ const CHANGES: [&str; 21] = [
     "M304 P51 I2.5 D255",
 ];
 
-fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<crate::Present> {
+fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<(crate::Present, crate::Present)> {
     for line in CHANGES {
         execute(printer, line).unwrap();
     }
@@ -425,7 +425,7 @@ fn settings_change_at_standstill() {
 #[test]
 fn names_are_distinct_and_stay() {
     let mut names: Vec<&str> =
-        Group::<crate::Present>::all().flat_map(|group| group.settings).map(|setting| setting.name).collect();
+        Group::<(crate::Present, crate::Present)>::all().flat_map(|group| group.settings).map(|setting| setting.name).collect();
     let known = [
         "acceleration_mm_per_s2.print",
         "acceleration_mm_per_s2.retract",
@@ -475,6 +475,16 @@ fn names_are_distinct_and_stay() {
         "skew.xz.factor",
         "skew.yz.factor",
         "steps_per_mm.e",
+        "tools.t1.nozzle.derivative",
+        "tools.t1.nozzle.fan_gain",
+        "tools.t1.nozzle.integral",
+        "tools.t1.nozzle.proportional",
+        "tools.t1.offset_mm.*",
+        "tools.t1.pressure_advance.above.filament_mm_per_s",
+        "tools.t1.pressure_advance.above.seconds",
+        "tools.t1.pressure_advance.seconds",
+        "tools.t1.pressure_advance.smooth_time_s",
+        "tools.t1.steps_per_mm",
     ];
     names.sort_unstable();
     assert_eq!(names, known, "a new setting is added here; one that stood here is a setting that printers have stored");

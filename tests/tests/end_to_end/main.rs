@@ -65,6 +65,7 @@ mod slicer_profiles;
 mod stall;
 mod supply;
 mod sweeps;
+mod tools;
 mod towers;
 mod waits;
 mod waveform;

@@ -340,8 +340,8 @@ fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
 fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
     let (_, mut board) = control_of(ALONE.map(settings), None, FanSettings::USUAL);
     board.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
-    let [nozzle, bed] = ALONE.map(settings);
-    let mut control: HeatControl = HeatControl::new([Some(nozzle), Some(bed), None], FanSettings::USUAL, &mut board);
+    let [nozzle, bed, _] = ALONE.map(settings);
+    let mut control: HeatControl = HeatControl::new([Some(nozzle), Some(bed), None, None], FanSettings::USUAL, &mut board);
     assert!(of_board(&board).1, "before the first sample");
     assert!(control.update(&mut board).is_err());
     assert_eq!(of_board(&board), (255, true));
