@@ -5,6 +5,7 @@ mod mesh;
 mod reasons;
 mod sensor;
 mod skew;
+mod tools;
 mod z_motors;
 
 use std::collections::{HashMap, HashSet};
@@ -357,6 +358,7 @@ impl<'a> Reading<'a> {
         }
         self.heater_model();
         self.chamber();
+        self.tools();
         for (name, path) in [
             ("EXTRUDE_MINTEMP", "min_extrusion_celsius"),
             ("WATCH_TEMP_PERIOD", "nozzle.watch_s"),

@@ -70,17 +70,20 @@ fn usual_target(heater: Heater) -> f32 {
 }
 
 /// Heaters that no other warms. The chamber has tests of its own.
+const USUAL: [Heater; 2] = [Heater::Nozzle, Heater::Bed];
+
+/// The same, and the nozzle of a second tool.
 const ALONE: [Heater; 3] = [Heater::Nozzle, Heater::Bed, Heater::Nozzle1];
 
-/// Nozzle, bed and second nozzle of these settings on the virtual board, a chamber, and their control.
+/// Nozzle and bed of these settings on the virtual board, a chamber, a second nozzle, and their control.
 fn control_of(
-    [nozzle, bed, nozzle1]: [HeaterSettings; 3],
-    chamber: Option<HeaterSettings>,
+    [nozzle, bed]: [HeaterSettings; 2],
+    [chamber, nozzle1]: [Option<HeaterSettings>; 2],
     fan_table: FanTable,
 ) -> (HeatControl, VirtualHeaters) {
     let heated = |settings: HeaterSettings| (settings.mass, settings.thermistor);
-    let mut board = VirtualHeaters::new(heated(nozzle), heated(bed), chamber.map(heated), Some(heated(nozzle1)));
-    (HeatControl::new([Some(nozzle), Some(bed), chamber, Some(nozzle1)], fan_table, &mut board), board)
+    let mut board = VirtualHeaters::new(heated(nozzle), heated(bed), chamber.map(heated), nozzle1.map(heated));
+    (HeatControl::new([Some(nozzle), Some(bed), chamber, nozzle1], fan_table, &mut board), board)
 }
 
 /// Control and virtual board in virtual time.
@@ -93,7 +96,7 @@ struct Rig {
 
 impl Rig {
     fn new() -> Self {
-        let (control, board) = control_of(ALONE.map(settings), Some(settings(Heater::Chamber)), FanSettings::USUAL);
+        let (control, board) = control_of(USUAL.map(settings), [Heater::Chamber, Heater::Nozzle1].map(settings).map(Some), FanSettings::USUAL);
         Self { control, board, samples: 0 }
     }
 

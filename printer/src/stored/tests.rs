@@ -494,5 +494,7 @@ fn names_are_distinct_and_stay() {
     ids.dedup();
     assert_eq!(ids.len(), names.len(), "two names have the same id: change the new one");
     let statistics = Statistics::default().numbers_mut().len();
-    assert!(super::all_values().count() + statistics <= ferrostep_settings::MAX_VALUES);
+    // Those of a second tool fit where not all of the others differ from the profile's; M500 says it where they do not.
+    let of_tools = super::all_values().filter(|(setting, _)| setting.name.starts_with("tools.")).count();
+    assert!(super::all_values().count() - of_tools + statistics <= ferrostep_settings::MAX_VALUES);
 }

@@ -1,6 +1,6 @@
 //! Two extruders on one carriage: T0 and T1.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep::desk::{Desk as _, LOOK_AHEAD_BLOCKS};
 use ferrostep::session::Session;
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::{MAX_TOOLS, Profile};
@@ -173,7 +173,7 @@ fn two_colours_are_two_prints_of_one_tool_each() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(ferrostep_random_cases::cases(12)))]
+    #![proptest_config(ferrostep_random_cases::cases(12))]
 
     /// Whatever the changes: each extruder makes the steps of its own filament, and carriage and coordinates stay together.
     #[test]

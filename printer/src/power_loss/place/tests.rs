@@ -101,6 +101,12 @@ fn what_is_written_is_read() {
         assert!(bytes.len() <= KEPT_BYTES, "{}", bytes.len());
         let mut read = if shown(&written) == shown(&other()) { place() } else { other() };
         assert!(read.read(&bytes));
+        // What the selected tool has is where it is in force, and T0 has no offset.
+        let selected = usize::from(written.tools.selected);
+        let (kept, offset_10nm) = (written.tools.tools[selected], read.tools.tools[selected].offset_10nm);
+        let flags = (read.tools.tools[selected].retracted, read.tools.tools[selected].drawn_back);
+        assert_eq!((offset_10nm, flags), (kept.offset_10nm, (kept.retracted, kept.drawn_back)));
+        read.tools.tools[selected] = kept;
         assert_eq!(shown(&read), shown(&written));
     }
 }
