@@ -6,11 +6,11 @@ use core::cell::RefCell;
 use core::fmt;
 use core::sync::atomic::Ordering;
 
+use ferrostep_printer::Kept;
 #[cfg(drivers)]
 use ferrostep_printer::MotorDrivers;
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
 use ferrostep_stm32f4_board::driver_line::{DriverLine, FERROSTEP_DRIVERS};
-use ferrostep_printer::Kept;
 use ferrostep_tmc2209::{DriverBank, DriverSettings, LineTiming, MOTORS, SECOND_EXTRUDER};
 #[cfg(drivers)]
 use ferrostep_tmc2209::{DriverReport, DriverState, LineBusy, SettingsError, SingleWireUart};

@@ -214,7 +214,8 @@ fn write_hundredths(formatter: &mut Formatter<'_>, hundredths: i64) -> fmt::Resu
 }
 
 fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures) -> fmt::Result {
-    let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber, nozzles } = *temperatures;
+    let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber, nozzles } =
+        *temperatures;
     let [chamber_now, chamber_target] = chamber.map_or([0.0; 2], |chamber| [chamber.celsius, chamber.target]);
     let fields = [
         (" T:", nozzle),

@@ -60,10 +60,16 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         Command::Skew(skew) if skew.is_query() => WhileHalted::Works,
         Command::FilamentSensor(words) if words.is_query() => WhileHalted::Works,
         Command::FeedPercent(words) if *words == FeedWords::default() => WhileHalted::Works,
-        Command::HomeOffset(words) | Command::StepsPerMm(_, words) | Command::ToolOffset { offset: words, .. } if *words == AxisWords::default() => WhileHalted::Works,
+        Command::HomeOffset(words) | Command::StepsPerMm(_, words) | Command::ToolOffset { offset: words, .. }
+            if *words == AxisWords::default() =>
+        {
+            WhileHalted::Works
+        }
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
         Command::PressureAdvance(_, words) if *words == AdvanceWords::default() => WhileHalted::Works,
-        Command::NozzleGains(_, words) | Command::BedGains(words) if *words == GainWords::default() => WhileHalted::Works,
+        Command::NozzleGains(_, words) | Command::BedGains(words) if *words == GainWords::default() => {
+            WhileHalted::Works
+        }
         Command::DisableMotors(_) | Command::HeatersOff | Command::Supply(SupplyCommand::Off { .. }) => {
             WhileHalted::IsOff
         }

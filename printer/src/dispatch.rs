@@ -298,9 +298,13 @@ impl<P: Ports> Printer<'_, P> {
             Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
-            Command::StepsPerMm(_, ref words) if *words == AxisWords::default() => return waiting(Waiting::ReportSteps),
+            Command::StepsPerMm(_, ref words) if *words == AxisWords::default() => {
+                return waiting(Waiting::ReportSteps);
+            }
             Command::StepsPerMm(tool, ref words) => return waiting(Waiting::Finish(Then::StepsPerMm(tool, words))),
-            Command::ToolOffset { tool, ref offset } if self.profile.has_tools() => {
+            Command::ToolOffset { tool, ref offset }
+                if <P::Motion as Motion>::Tools::PRESENT && self.profile.has_tools() =>
+            {
                 return waiting(Waiting::Finish(Then::ToolOffset(tool, offset)));
             }
             Command::ToolOffset { .. } => {}
@@ -340,7 +344,9 @@ impl<P: Ports> Printer<'_, P> {
             Command::Restart => return waiting(Waiting::Stop(Stop::Restart)),
             Command::CheckNozzle(diameter) => self.check_nozzle(diameter)?,
             Command::CheckModel(model) => self.check_model(model)?,
-            Command::SelectTool { tool: Some(number), stays } if <P::Motion as Motion>::Tools::PRESENT && self.profile.has_tools() => {
+            Command::SelectTool { tool: Some(number), stays }
+                if <P::Motion as Motion>::Tools::PRESENT && self.profile.has_tools() =>
+            {
                 return waiting(Waiting::Tool { number, stays });
             }
             Command::SelectTool { tool: None, .. } => self.report_tool(),
@@ -377,7 +383,9 @@ impl<P: Ports> Printer<'_, P> {
                 }
             }
             Command::Fan { number: 0, power } if !self.equipment.fan && power > 0 => self.needs(false, "fan")?,
-            Command::Fan { number: 0, power } if self.part_fan() != FanOutput::Part => {
+            Command::Fan { number: 0, power }
+                if <P::Motion as Motion>::Tools::PRESENT && self.part_fan() != FanOutput::Part =>
+            {
                 let output = self.part_fan();
                 self.power_loss.set_fan(output, power);
                 return waiting(Waiting::Fan { output, power });

@@ -2,7 +2,9 @@
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, DriverWords};
-use ferrostep_tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, SECOND_EXTRUDER, motor_name};
+use ferrostep_tmc2209::{
+    DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, SECOND_EXTRUDER, motor_name,
+};
 
 use crate::error::CommandError;
 use crate::ports::{MotorDrivers, Ports, Replies};

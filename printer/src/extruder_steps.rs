@@ -80,10 +80,11 @@ impl<P: Ports> Printer<'_, P> {
     /// Whether M92 with these words gives the extruder other steps.
     pub fn changes_extruder_steps(&self, tool: Option<u8>, words: &AxisWords) -> bool {
         let asked = words.e.map(|steps_per_mm| steps_per_mm.to_f64());
-        tool.unwrap_or(0) == 0 && asked.is_some_and(|steps_per_mm| {
-            self.are_extruder_steps(self.selected_tool(), steps_per_mm)
-                && StepsPerMm::nearest(steps_per_mm) != self.motion.extruder_steps_per_mm()
-        })
+        tool.unwrap_or(0) == 0
+            && asked.is_some_and(|steps_per_mm| {
+                self.are_extruder_steps(self.selected_tool(), steps_per_mm)
+                    && StepsPerMm::nearest(steps_per_mm) != self.motion.extruder_steps_per_mm()
+            })
     }
 
     /// At standstill. A prepared job is planned with the profile's.

@@ -37,8 +37,12 @@ impl FilamentWatch {
 }
 
 /// What a print does when its filament has run out: M600 without words.
-pub(crate) static CHANGE_FILAMENT: Command<'static> =
-    Command::ChangeFilament { tool: None, park: AxisWords { x: None, y: None, z: None, e: None }, unload: None, load: None };
+pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {
+    tool: None,
+    park: AxisWords { x: None, y: None, z: None, e: None },
+    unload: None,
+    load: None,
+};
 
 /// Whether a command lays a line, as only prints do. A person who pushes new filament in moves E alone.
 pub(crate) fn lays(command: &Command<'_>) -> bool {

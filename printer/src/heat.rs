@@ -251,8 +251,9 @@ impl<M: Part, T: Part> HeatControl<M, T> {
                 let melts = !self.has_nozzles() || self.nozzle() == Heater::Nozzle;
                 for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
                     let (celsius, power) = (channel.celsius, channel.power);
-                    let modelled = M::get_mut(&mut self.models)
-                        .and_then(|models| models.power(heater, celsius?, &mut channel.target, power, (fan_power, melts)));
+                    let modelled = M::get_mut(&mut self.models).and_then(|models| {
+                        models.power(heater, celsius?, &mut channel.target, power, (fan_power, melts))
+                    });
                     match modelled {
                         Some(power) => channel.power = power,
                         None => channel.control(fan_power),
@@ -467,7 +468,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
 
     /// Whether a further tool has a nozzle of its own.
     pub fn has_nozzles(&self) -> bool {
-        self.channel(Heater::Nozzle1).is_some()
+        T::PRESENT && self.channel(Heater::Nozzle1).is_some()
     }
 
     /// The heater of the selected tool's nozzle.
@@ -489,7 +490,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
     fn hottest_nozzle(&self) -> Option<f32> {
         let celsius = |nozzle: &Channel| nozzle.thermometer.celsius().ok();
         let first = self.channel(Heater::Nozzle).and_then(celsius);
-        match self.channel(Heater::Nozzle1) {
+        match self.channel(Heater::Nozzle1).filter(|_| T::PRESENT) {
             None => first,
             Some(second) => first.zip(celsius(second)).map(|(first, second)| first.max(second)),
         }

@@ -13,11 +13,10 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         self.needs(self.equipment.end_stops, "end stops")?;
         // The sensors are where T0's nozzle finds them.
-        let offset_10nm = self.tool_offset_10nm();
-        self.interpreter.modal.add_offset(offset_10nm.map(|length| -length));
+        self.leave_tool_offset();
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
         let outcome = Homing { motion, interpreter, drivers: self.drivers, line: self.line }.home(axes).await;
-        self.interpreter.modal.add_offset(offset_10nm);
+        self.take_tool_offset();
         outcome?;
         if axes.z || !(axes.x || axes.y) {
             self.end_begun_tower();

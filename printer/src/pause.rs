@@ -333,7 +333,11 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Moves filament without changing E.
-    pub(crate) async fn move_filament(&mut self, filament_100pm: i64, rate_10nm_per_s: i64) -> Result<(), CommandError> {
+    pub(crate) async fn move_filament(
+        &mut self,
+        filament_100pm: i64,
+        rate_10nm_per_s: i64,
+    ) -> Result<(), CommandError> {
         if filament_100pm == 0 {
             return Ok(());
         }

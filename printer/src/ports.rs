@@ -4,7 +4,9 @@ use core::fmt;
 use core::future::Future;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{ChamberTemperature, MotionFigures, NozzleTemperature, Remarks, Reply, ShortText, Temperatures, TimingFigures};
+use ferrostep_gcode::{
+    ChamberTemperature, MotionFigures, NozzleTemperature, Remarks, Reply, ShortText, Temperatures, TimingFigures,
+};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater, ServoPulses};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};

@@ -188,6 +188,22 @@ impl<'a, P: Ports> Printer<'a, P> {
         tools.map_or([0; 3], |tools| tools.offset_10nm(tools.selected))
     }
 
+    /// Coordinates become those of T0's nozzle, until [`Self::take_tool_offset`].
+    pub(crate) fn leave_tool_offset(&mut self) {
+        if ToolsPart::<P>::PRESENT {
+            let offset_10nm = self.tool_offset_10nm();
+            self.interpreter.modal.add_offset(offset_10nm.map(|length| -length));
+        }
+    }
+
+    /// Coordinates become those of the selected nozzle.
+    pub(crate) fn take_tool_offset(&mut self) {
+        if ToolsPart::<P>::PRESENT {
+            let offset_10nm = self.tool_offset_10nm();
+            self.interpreter.modal.add_offset(offset_10nm);
+        }
+    }
+
     /// Steps of the extruder of a tool, or of the selected one, as the profile has them.
     pub(crate) fn steps_of_profile(&self, tool: Option<u8>) -> StepsPerMm {
         let tool = tool.unwrap_or(self.selected_tool());
@@ -257,9 +273,8 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.say_clamped(clamped);
             }
         }
-        let is_drawn_back = ToolsPart::<P>::get(&self.tools)
-            .and_then(|tools| tools.get(tool))
-            .is_some_and(|tool| tool.drawn_back);
+        let is_drawn_back =
+            ToolsPart::<P>::get(&self.tools).and_then(|tools| tools.get(tool)).is_some_and(|tool| tool.drawn_back);
         if swaps && self.can_swap(self.nozzle()) && !self.interpreter.modal.retracted {
             let back_10nm = if is_drawn_back { settings.retract_10nm } else { 0 };
             self.move_filament(filament_100pm(back_10nm + settings.prime_10nm, 100), settings.prime_10nm_per_s).await?;
@@ -450,6 +465,9 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// M218, at standstill.
     #[inline(never)]
     pub(crate) fn tool_offset(&mut self, tool: Option<u8>, words: &AxisWords) -> Result<(), CommandError> {
+        if !ToolsPart::<P>::PRESENT {
+            return Ok(());
+        }
         if *words == AxisWords::default() {
             self.report_offsets();
             return Ok(());

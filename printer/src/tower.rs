@@ -4,7 +4,8 @@ use core::fmt;
 use core::fmt::Write as _;
 
 use ferrostep_gcode::{
-    AdvanceWords, Command, Decimal, ParseError, Real, Remarks, ShortText, TowerCourse, TowerWords, parse, parse_with_remarks,
+    AdvanceWords, Command, Decimal, ParseError, Real, Remarks, ShortText, TowerCourse, TowerWords, parse,
+    parse_with_remarks,
 };
 
 use crate::error::{CommandError, Failure};

@@ -10,7 +10,9 @@ use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
 use crate::filament_sensor::filament_sensor;
-use crate::{bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, tools, z_motors};
+use crate::{
+    bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, tools, z_motors,
+};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;

@@ -4,7 +4,8 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_hal_shim::SpareConnector;
 use ferrostep_planner::{PressureAdvance, StepsPerMm};
 use ferrostep_printer::{
-    FanRule, FanSettings, FanTable, FurtherTool, HeaterSettings, Kept, MAX_TOOLS, ToolChange, ToolHeater, Tools, ZMotors,
+    FanRule, FanSettings, FanTable, FurtherTool, HeaterSettings, Kept, MAX_TOOLS, ToolChange, ToolHeater, Tools,
+    ZMotors,
 };
 
 use crate::axes::units_10nm;
@@ -50,7 +51,12 @@ pub(crate) fn tools(keys: &Section<'_>, first: &First<'_>) -> Option<Kept<Tools>
             "by how much the nozzle rises before the other one takes its place; where that is lower, by as much more",
         ),
         travel_10nm_per_s: length("travel_mm_per_s", TRAVEL, 100.0, "how fast the other nozzle goes to that place"),
-        retract_10nm: length("retract_mm", FILAMENT, 0.0, "filament that a tool draws back when it is left, if it is warm enough"),
+        retract_10nm: length(
+            "retract_mm",
+            FILAMENT,
+            0.0,
+            "filament that a tool draws back when it is left, if it is warm enough",
+        ),
         retract_10nm_per_s: length("retract_mm_per_s", FILAMENT_SPEED, 40.0, "how fast"),
         prime_10nm: length(
             "prime_mm",
@@ -107,7 +113,8 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
         .word("thermistor", SpareConnector::THERMISTORS.map(named))
         .optional("that of `heater`", "the board's input for its thermistor");
     let about = "with `heater`: its keys are those of `[nozzle]`";
-    let settings = table.optional_section("nozzle", "as T0's", about).map(|keys| heaters::further_nozzle(&keys, first.nozzle));
+    let settings =
+        table.optional_section("nozzle", "as T0's", about).map(|keys| heaters::further_nozzle(&keys, first.nozzle));
     let Some(heater) = heater else {
         if thermistor.is_some() {
             table.refuse("thermistor", "heater beside it");

@@ -7,8 +7,8 @@ use ferrostep_hal_shim::{
     Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepLink,
     StepQueue,
 };
-use ferrostep_printer::MAX_TOOLS;
 use ferrostep_planner::{Move, StepDigests, StepEntry, StepLedger, StepObserver};
+use ferrostep_printer::MAX_TOOLS;
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::drivers::DeskDrivers;

@@ -87,7 +87,8 @@ mod tests {
 
     #[test]
     fn a_line_may_name_the_extruder() {
-        let of = |tool| Command::PressureAdvance(Some(tool), AdvanceWords { slow: some("0.05"), ..AdvanceWords::default() });
+        let of =
+            |tool| Command::PressureAdvance(Some(tool), AdvanceWords { slow: some("0.05"), ..AdvanceWords::default() });
         reads("M900 T1 K0.05", of(1));
         reads("M900 T0 K.05 ; filament", of(0));
         reads("M572 D1 S0.05", of(1));

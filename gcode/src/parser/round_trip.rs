@@ -104,7 +104,9 @@ fn take_apart(command: Command<'_>) -> (char, u32, Words) {
         Command::AbsolutePositioning => (90, vec![]),
         Command::RelativePositioning => (91, vec![]),
         Command::SetPosition(to) => (92, axes(to)),
-        Command::SelectTool { tool: Some(tool), stays } => return ('T', tool, given([('S', stays.then_some(whole(1)))])),
+        Command::SelectTool { tool: Some(tool), stays } => {
+            return ('T', tool, given([('S', stays.then_some(whole(1)))]));
+        }
         other => {
             let (code, words) = take_apart_m(other);
             return ('M', code, words);
@@ -358,9 +360,15 @@ fn any_gains() -> impl Strategy<Value = Command<'static>> {
 }
 
 fn any_autotune() -> impl Strategy<Value = Command<'static>> {
-    (any::<bool>(), of(any_tool()), of(not_negative()), of(0..=20_u8), any::<bool>()).prop_map(|(of_bed, tool, target, cycles, uses)| {
-        Command::Autotune { of_bed, tool: if of_bed { None } else { tool }, target, cycles, uses }
-    })
+    (any::<bool>(), of(any_tool()), of(not_negative()), of(0..=20_u8), any::<bool>()).prop_map(
+        |(of_bed, tool, target, cycles, uses)| Command::Autotune {
+            of_bed,
+            tool: if of_bed { None } else { tool },
+            target,
+            cycles,
+            uses,
+        },
+    )
 }
 
 /// As M593 sets it: of one axis, or of both alike.
@@ -478,9 +486,8 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         (0u64..9_000_000_000).prop_map(|seconds| Command::IdleTimeout { seconds }),
         of(any::<u16>()).prop_map(Command::HeaterTimeout),
         (of(any_tool()), of(not_negative())).prop_map(|(tool, target)| Command::SetNozzle(tool, target)),
-        (of(any_tool()), of(any_number()), of(any_number()), of(any_number())).prop_map(|(tool, x, y, z)| {
-            Command::ToolOffset { tool, offset: AxisWords { x, y, z, e: None } }
-        }),
+        (of(any_tool()), of(any_number()), of(any_number()), of(any_number()))
+            .prop_map(|(tool, x, y, z)| { Command::ToolOffset { tool, offset: AxisWords { x, y, z, e: None } } }),
         of(not_negative()).prop_map(Command::SetBed),
         (of(any_tool()), any_wait()).prop_map(|(tool, wait)| Command::WaitNozzle(tool, wait)),
         any_wait().prop_map(Command::WaitBed),
@@ -508,12 +515,8 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             load
         }),
         (of(any_number()), of(any_number())).prop_map(|(unload, load)| Command::FilamentLengths { unload, load }),
-        (any::<bool>(), of(any_tool()), of(any_number()), of(any_number())).prop_map(|(loads, tool, length, rise)| Command::LoadFilament {
-            loads,
-            tool,
-            length,
-            rise
-        }),
+        (any::<bool>(), of(any_tool()), of(any_number()), of(any_number()))
+            .prop_map(|(loads, tool, length, rise)| Command::LoadFilament { loads, tool, length, rise }),
         Just(Command::ReportFans),
         Just(Command::ResumePrint),
         any::<u8>().prop_map(Command::PromptAnswer),

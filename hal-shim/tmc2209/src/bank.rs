@@ -1,7 +1,7 @@
 //! All drivers of a board, and whose turn it is on their line.
 
-use super::event::SECOND_EXTRUDER;
 use super::driver::{Driver, DriverReport, DriverState};
+use super::event::SECOND_EXTRUDER;
 use super::event::{DriverEvent, DriverEventKind, Failure};
 use super::exchange::{Exchange, Request};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};

@@ -1,9 +1,9 @@
 //! Z's correction joins the events on their way to the step queue.
 
+use super::Bed;
 use super::bounds::SurfaceBounds;
 use super::entries::BedEntries;
 use super::mesh::{MAX_SLOPE, Mesh, MeshError, UM_10NM};
-use super::Bed;
 use crate::event_buffer::{EventBuffer, MAX_ENTRIES};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::step_queue::{Notice, StepEntry, StepKind};

@@ -96,7 +96,11 @@ struct Rig {
 
 impl Rig {
     fn new() -> Self {
-        let (control, board) = control_of(USUAL.map(settings), [Heater::Chamber, Heater::Nozzle1].map(settings).map(Some), FanSettings::USUAL);
+        let (control, board) = control_of(
+            USUAL.map(settings),
+            [Heater::Chamber, Heater::Nozzle1].map(settings).map(Some),
+            FanSettings::USUAL,
+        );
         Self { control, board, samples: 0 }
     }
 

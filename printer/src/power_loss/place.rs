@@ -84,7 +84,8 @@ impl<T: Part> Place<T> {
         skew.factors.iter_mut().for_each(|factor| *factor = codec.word(factor.cast_unsigned()).cast_signed());
         [offset, lines, profile].into_iter().for_each(|number| *number = codec.word(*number));
         let [a, b, c, d, e, f] = *fans;
-        let (first, rest) = (codec.word(u32::from_le_bytes([a, b, c, d])), codec.word(u32::from_le_bytes([e, f, 0, 0])));
+        let (first, rest) =
+            (codec.word(u32::from_le_bytes([a, b, c, d])), codec.word(u32::from_le_bytes([e, f, 0, 0])));
         let ([a, b, c, d], [e, f, ..]) = (first.to_le_bytes(), rest.to_le_bytes());
         *fans = [a, b, c, d, e, f];
         for celsius in targets_celsius.iter_mut().chain([&mut modal.min_extrusion_celsius]) {
@@ -134,7 +135,11 @@ fn pass_advance(advance: &mut PressureAdvance, codec: &mut Codec<'_, '_>) {
 
 /// Which tool is selected, the offset of the further one, and what belongs to the one that rests.
 fn pass_tools(tools: &mut ToolBox, codec: &mut Codec<'_, '_>) {
-    let flags = tools.tools.iter().rev().fold(0, |flags, tool| flags << 2 | u32::from(tool.retracted) << 1 | u32::from(tool.drawn_back));
+    let flags = tools
+        .tools
+        .iter()
+        .rev()
+        .fold(0, |flags, tool| flags << 2 | u32::from(tool.retracted) << 1 | u32::from(tool.drawn_back));
     let resting_flow = tools.tools.iter().enumerate().find(|(tool, _)| *tool != usize::from(tools.selected));
     let resting_flow = resting_flow.map_or(100, |(_, tool)| tool.flow_percent);
     let kept = codec.word(u32::from(tools.selected) | (flags & 0xff) << 8 | u32::from(resting_flow) << 16);

@@ -241,7 +241,8 @@ impl<P: Ports> Printer<'_, P> {
             1 => Command::WaitBed(WaitTarget::Heating(bed)),
             2 => {
                 // The other nozzle heats meanwhile.
-                let (selected, other) = if self.take_tools(&place.tools) { (nozzle1, nozzle) } else { (nozzle, nozzle1) };
+                let (selected, other) =
+                    if self.take_tools(&place.tools) { (nozzle1, nozzle) } else { (nozzle, nozzle1) };
                 self.heat_other_nozzle(other);
                 Command::WaitNozzle(None, WaitTarget::Heating(selected))
             }

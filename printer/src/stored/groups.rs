@@ -376,12 +376,9 @@ impl<M: Parts> Group<M> {
                 setting("tools.t1.pressure_advance.seconds", "S", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {
                     values.tool()?.advance.get_mut(0).map(Place::Optional)
                 }),
-                setting(
-                    "tools.t1.pressure_advance.smooth_time_s",
-                    "W",
-                    PressureAdvance::SMOOTH_TIME_S,
-                    |values, _| values.tool()?.advance.get_mut(1).map(Place::Optional),
-                ),
+                setting("tools.t1.pressure_advance.smooth_time_s", "W", PressureAdvance::SMOOTH_TIME_S, |values, _| {
+                    values.tool()?.advance.get_mut(1).map(Place::Optional)
+                }),
                 setting(
                     "tools.t1.pressure_advance.above.seconds",
                     "L",

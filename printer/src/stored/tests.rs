@@ -424,8 +424,10 @@ fn settings_change_at_standstill() {
 /// Memories know settings by what their names hash to: none may share it, and no name may change.
 #[test]
 fn names_are_distinct_and_stay() {
-    let mut names: Vec<&str> =
-        Group::<(crate::Present, crate::Present)>::all().flat_map(|group| group.settings).map(|setting| setting.name).collect();
+    let mut names: Vec<&str> = Group::<(crate::Present, crate::Present)>::all()
+        .flat_map(|group| group.settings)
+        .map(|setting| setting.name)
+        .collect();
     let known = [
         "acceleration_mm_per_s2.print",
         "acceleration_mm_per_s2.retract",

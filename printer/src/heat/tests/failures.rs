@@ -341,7 +341,8 @@ fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
     let (_, mut board) = control_of(USUAL.map(settings), [None; 2], FanSettings::USUAL);
     board.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
     let [nozzle, bed] = USUAL.map(settings);
-    let mut control: HeatControl = HeatControl::new([Some(nozzle), Some(bed), None, None], FanSettings::USUAL, &mut board);
+    let mut control: HeatControl =
+        HeatControl::new([Some(nozzle), Some(bed), None, None], FanSettings::USUAL, &mut board);
     assert!(of_board(&board).1, "before the first sample");
     assert!(control.update(&mut board).is_err());
     assert_eq!(of_board(&board), (255, true));
