@@ -151,6 +151,8 @@ pub struct FirmwareInfo<'a> {
     pub machine: &'a str,
     /// `Cartesian` or `COREXY`.
     pub kinematics: &'a str,
+    /// How many extruders there are.
+    pub extruders: u8,
     /// Lower ends of the travel of X, Y and Z, units of 10 nm (for the `area:` line).
     pub lower_end_10nm: [i64; 3],
     /// Upper ends.

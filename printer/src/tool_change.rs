@@ -23,6 +23,7 @@ pub(crate) const LARGEST_OFFSET_10NM: i64 = 20_000_000;
 
 /// Why a change is refused.
 const IN_A_PAUSE: &str = "T: a paused print goes on with the tool that it was paused with: resume or cancel it first";
+const OFFSET_IN_A_PAUSE: &str = "M218: a paused print goes on where it was: resume or cancel it first";
 const IN_A_JOB: &str = "T: a prepared job cannot change the tool: print the G-code itself";
 const TOO_HIGH: &str = "T: the new nozzle is lower, and Z would have to rise above its travel: lower Z first, or change without a move (S1)";
 const NO_SUCH_TOOL: &str = "T - Invalid extruder number !, this machine has T0 and T1";
@@ -111,6 +112,12 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// Whether the machine has several tools.
     pub fn has_tools(&self) -> bool {
         self.further_tools().is_some()
+    }
+
+    /// How many tools there are.
+    pub(crate) fn count_tools(&self) -> u8 {
+        let further = self.further_tools().map_or(0, |tools| tools.further.iter().flatten().count());
+        1 + further as u8
     }
 
     /// The selected tool.
@@ -475,6 +482,9 @@ impl<'a, P: Ports> Printer<'a, P> {
         let tool = self.tool(tool)?;
         if tool == 0 {
             return Err(CommandError::Tool(OF_FIRST));
+        }
+        if self.is_paused() {
+            return Err(CommandError::Tool(OFFSET_IN_A_PAUSE));
         }
         let Some(tools) = ToolsPart::<P>::get(&self.tools) else { return Ok(()) };
         let (selected, before_10nm) = (tools.selected, tools.offset_10nm(tool));

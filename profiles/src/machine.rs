@@ -98,6 +98,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let [.., e_steps_per_mm] = steps_per_mm;
     let first = tools::First {
         steps_per_mm: e_steps_per_mm,
+        most_steps_per_mm: 1e6 / interval_us / limits.max_feed_mm_per_s[3],
         advance: motion.pressure_advance,
         nozzle: &nozzle,
         fans: &fans,

@@ -25,6 +25,8 @@ const TABLES: [&str; MAX_TOOLS - 1] = ["t1"];
 /// What a further tool has where its table says nothing.
 pub(crate) struct First<'a> {
     pub steps_per_mm: f64,
+    /// The most steps a millimetre that an extruder's motor can make at its largest feed.
+    pub most_steps_per_mm: f64,
     pub advance: PressureAdvance,
     pub nozzle: &'a HeaterSettings,
     pub fans: &'a FanTable,
@@ -90,6 +92,10 @@ fn further_tool(table: &Section<'_>, name: &'static str, first: &First<'_>) -> F
         .number("steps_per_mm", STEPS)
         .optional("`steps_per_mm.e`", "of its motor (M92 T1 E)")
         .unwrap_or(first.steps_per_mm);
+    if steps_per_mm > first.most_steps_per_mm {
+        let most = first.most_steps_per_mm.floor();
+        table.refuse("steps_per_mm", format!("at most {most} steps/mm at max_feed_mm_per_s.e: lower that, or take fewer microsteps"));
+    }
     let driver = drivers::driver(&table, name, steps_per_mm, first.both_edges);
     FurtherTool {
         socket,

@@ -26,6 +26,7 @@ mod homing_places;
 mod hostile;
 mod hosts;
 mod idle_heaters;
+mod import_tools;
 mod import_z_motors;
 mod imports;
 mod inputs;

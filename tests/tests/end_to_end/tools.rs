@@ -79,6 +79,7 @@ fn the_new_nozzle_goes_to_where_the_old_one_was() {
     let before = steps(&machine);
     run(&mut host, "T0");
     assert_eq!(host.say("T"), ["Active Extruder: 0", "ok"]);
+    assert!(host.say("M115")[0].contains("EXTRUDER_COUNT:2"));
     assert_eq!(steps(&machine), before);
 }
 
