@@ -130,6 +130,23 @@ fn a_filament_sensor_needs_an_input() {
 }
 
 #[test]
+fn the_supplys_signal_needs_the_boards_input() {
+    let check = |board: &str, profile: &str| {
+        let text = ferrostep_profiles::builtin_text(profile).unwrap();
+        let text = format!("{text}\n[power_loss]\nfailing_is_low = false\n");
+        let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+        let board = load(board).unwrap();
+        let constant = ferrostep_boards::constants::sensors(&board, &profile);
+        fit::check(&board, &profile, "test.toml").map(|()| constant).map_err(|error| error.to_string())
+    };
+    let constant = check("btt-octopus-1.1", "corexy").unwrap();
+    let pin = "POWER_LOSS: Option<SensorPin> = Some(SensorPin { port: 2, number: 0, triggers_low: false });";
+    assert!(constant.contains(pin), "{constant}");
+    let error = check("prusa-buddy", "prusa-mini").unwrap_err();
+    assert!(error.contains("power_loss") && error.contains("has no input `power_loss`"), "{error}");
+}
+
+#[test]
 fn fans_need_outputs_and_tachometers_that_the_board_has() {
     let check = |board: &str, fans: &str| {
         let text = format!("{}\n{fans}", ferrostep_profiles::builtin_text("corexy").unwrap());
@@ -181,7 +198,7 @@ fn an_axis_homes_by_what_the_board_has() {
     let profile = ferrostep_profiles::load("prusa-mini").unwrap();
     let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
     assert!(error.contains(": homing.z.sensor = \"probe\": expected a sensor of the board"), "{error}");
-    assert!(error.ends_with("whose inputs are filament"), "{error}");
+    assert!(error.ends_with("whose inputs are filament, button"), "{error}");
 }
 
 #[test]
