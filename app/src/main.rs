@@ -13,7 +13,7 @@
 //! | 8 | `temperature` | every 10 ms | `heat`, watchdog | 160 conversions, two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 8 | `tachometers` | every ms, on a board that has any | | looks at each fan's line |
-//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock; looks at the filament's encoder |
+//! | 4 | `planner` | a move, or 2 ms | `machine`, `heat` | fills the step queue: 256 portions a lock; looks at the filament's encoder, the supply's signal and the button |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `records`, `mailbox` | one line, one item of a job; a wait is an await |
 //! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers`, `records` | a datagram's end, and the next |
 //! | 1 | `accelerometer` | every 2 ms, on a board with a plug for one | `recorder`, `machine`, `writers` | a sample and its line: 40 us on the bus; at most 34 in a row |
@@ -31,6 +31,7 @@
 
 mod accelerometer;
 mod black_box;
+mod button;
 mod card;
 mod clock;
 mod commands;
@@ -50,6 +51,7 @@ mod profile;
 mod reports;
 #[cfg(settings_memory)]
 mod settings_memory;
+mod supply;
 mod timing;
 mod wiring;
 
@@ -92,6 +94,7 @@ mod app {
 
     use crate::accelerometer::{self as board_accelerometer, BoardRecorder};
     use crate::black_box::{self, Records};
+    use crate::button::Button;
     use crate::card::{self, BoardCard, BoardMailbox};
     use crate::clock::Mono;
     use crate::commands;
@@ -106,6 +109,7 @@ mod app {
     use crate::ports::{self, BoardHeating, BoardMachine, BoardReplies, LOOK_AHEAD_BLOCKS, PLANNER_WORK};
     use crate::profile::PROFILE;
     use crate::reports::Reports;
+    use crate::supply::Supply;
     use crate::wiring::{BoardDriverLine, DRIVER_PINS, SENSOR_STORES, SENSORS};
 
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
@@ -406,9 +410,11 @@ mod app {
     }
 
     /// Keeps the step queue full. Must run often enough that the queue's entries last.
-    #[task(priority = 4, shared = [machine], local = [planner_work, motion_clock, patience])]
+    #[task(priority = 4, shared = [machine, heat], local = [planner_work, motion_clock, patience])]
     async fn planner(mut cx: planner::Context) {
         let mut encoder = Encoder::new();
+        let mut supply = Supply::new();
+        let mut button = Button::new();
         loop {
             let silence = cx.local.patience.silence(cx.local.motion_clock.now_ticks());
             while cx.shared.machine.lock(|machine| {
@@ -420,6 +426,16 @@ mod app {
                 encoder.look(machine, Mono::now().ticks(), &SIGNALS);
                 more
             }) {}
+            button.look(Mono::now().ticks(), &SIGNALS);
+            if supply.has_failed(Mono::now().ticks(), &SIGNALS) {
+                if SIGNALS.card_progress().is_some() {
+                    // The printer's task keeps the print, and halts then.
+                    step_timer::stop(STEPS.link());
+                    cx.shared.heat.lock(|heat| heat.all_off());
+                } else {
+                    act(Emergency::Stop);
+                }
+            }
             // It looks in either case, woken or after the interval.
             let _ = Mono::timeout_after(PLANNER_INTERVAL_MS.millis(), cx.local.planner_work.wait()).await;
         }

@@ -148,6 +148,7 @@ impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock
     type Servo = PartIf<{ ferrostep_profile_constant::PROFILE.bltouch.is_some() }>;
     type ZMotors = PartIf<{ ferrostep_profile_constant::PROFILE.aligns_z() }>;
     type Tools = PartIf<{ ferrostep_profile_constant::PROFILE.has_tools() }>;
+    type SupplySignal = PartIf<{ ferrostep_profile_constant::PROFILE.supply_signal.is_some() }>;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {
         self.machine.borrow_mut().lock(|machine| act(machine))

@@ -2,7 +2,9 @@
 
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{FanOutput, Heater};
-use ferrostep_printer::{FilamentWatch, HeaterTimeout, Heating, Replies, Signals, tell_stalled_fan, temperatures};
+use ferrostep_printer::{
+    FilamentWatch, HeaterTimeout, Heating, Replies, SUPPLY_FAILS, Signals, tell_stalled_fan, temperatures,
+};
 use ferrostep_stm32f4_board::board::is_triggered;
 use rtic::Mutex;
 
@@ -81,6 +83,9 @@ where
         #[cfg(servo)]
         crate::ports::pin_in();
         let fault = self.heating.fault();
+        if PROFILE.supply_signal.is_some() && self.signals.take_supply_failure() {
+            self.replies.send(Reply::Text(SUPPLY_FAILS));
+        }
         self.records.lock(|records| records.halted(fault));
         self.replies.halted(fault);
     }

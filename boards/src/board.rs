@@ -84,7 +84,7 @@ pub struct Board {
     pub fans: Vec<Fan>,
     /// Thermistors.
     pub thermistors: Vec<Thermistor>,
-    /// End stops (`x`, `y`, `z`), `probe`, `filament`.
+    /// End stops (`x`, `y`, `z`), `probe`, `filament`, `power_loss`, `button`.
     pub inputs: Vec<(&'static str, Pin)>,
     /// Transmitter and receiver of the host's line, USART1.
     pub serial: [Pin; 2],

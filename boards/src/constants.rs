@@ -201,18 +201,20 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
     let mut script = Script::default();
     SensorLines::start(pins, &mut script);
-    let filament = fit::filament_pin(board, profile).map(|(Pin { port, number }, triggers_low)| SensorPin {
-        port,
-        number,
-        triggers_low,
-    });
-    if let Some(pin) = filament {
+    let inputs = [fit::filament_pin(board, profile), fit::power_loss_pin(board, profile), fit::button_pin(board)];
+    let [filament, power_loss, button] =
+        inputs.map(|input| input.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
+    for pin in [filament, power_loss, button].into_iter().flatten() {
         pin.set_up(&mut script);
     }
     format!(
         "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
          /// The pin of the filament sensor. A switch triggers when filament is missing.\n\
          pub const FILAMENT: Option<SensorPin> = {filament:?};\n\
+         /// The pin that says that the supply fails; it triggers then.\n\
+         pub const POWER_LOSS: Option<SensorPin> = {power_loss:?};\n\
+         /// The pin of the board's button.\n\
+         pub const BUTTON: Option<SensorPin> = {button:?};\n\
          /// Their set-up.\n{}",
         stores("SENSOR_STORES", &script.0)
     )

@@ -56,6 +56,17 @@ pub fn filament_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
     pin.zip(profile.filament_sensor.map(is_low))
 }
 
+/// The pin of the profile's signal that the supply fails, and whether it is low then; `None` without such a signal or such an input.
+pub fn power_loss_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
+    let pin = board.inputs.iter().find(|(input, _)| *input == "power_loss").map(|(_, pin)| *pin);
+    pin.zip(profile.supply_signal.map(|signal| signal.failing_is_low))
+}
+
+/// The pin of the board's button, which connects it to ground.
+pub fn button_pin(board: &Board) -> Option<(Pin, bool)> {
+    board.inputs.iter().find(|(input, _)| *input == "button").map(|(_, pin)| (*pin, true))
+}
+
 /// Sense resistors of a driver that is plugged in, ohm: those of the usual TMC2209 modules.
 const USUAL_SENSE_OHM: f64 = 0.11;
 
@@ -208,6 +219,10 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
     if profile.filament_sensor.is_some() && filament_pin(board, profile).is_none() {
         let expected = format!("no such table: the board {} has no input `filament`", board.name);
         return Err(refuse(profile_name, "filament_sensor", "a table", &expected));
+    }
+    if profile.supply_signal.is_some() && power_loss_pin(board, profile).is_none() {
+        let expected = format!("no such table: the board {} has no input `power_loss`", board.name);
+        return Err(refuse(profile_name, "power_loss", "a table", &expected));
     }
     let pins = sensor_pins(board, profile);
     for (axis, (homing, pin)) in AXES.into_iter().zip(profile.homing.iter().zip(pins)) {

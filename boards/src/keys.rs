@@ -79,7 +79,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     let fan_tables = keys.section_of_defaults("fans", "high = on; not on a timer that switches a heater");
     let fans = some(&fan_tables, FanOutput::ALL.map(FanOutput::name), |name, table| fan(table, name, &mut pins));
     let input_keys = keys.section_of_defaults("inputs", "end stops of x, y and z, and other sensors");
-    let inputs = ["x", "y", "z", "probe", "filament"]
+    let inputs = ["x", "y", "z", "probe", "filament", "power_loss", "button"]
         .into_iter()
         .filter_map(|name| Some((name, pins.take_some(&input_keys, name, Use::Input, "no such sensor", "")?)))
         .collect();

@@ -143,6 +143,8 @@ pub struct Mailbox {
     /// Place in the file of the next byte to be taken or put.
     position: u32,
     kept: Kept,
+    /// The place before [`Self::kept`], if that is not to be relied on yet.
+    aside: Kept,
     /// [`Self::kept`] is to be written.
     keeps: bool,
     /// It could not be written.
@@ -167,6 +169,7 @@ impl Mailbox {
             buffers: [Buffer::EMPTY; 2],
             position: 0,
             kept: Kept::new(),
+            aside: Kept::new(),
             keeps: false,
             keep_failure: None,
         }
@@ -180,6 +183,18 @@ impl Mailbox {
     /// The same, to be changed. It is written with [`Self::keep`] only.
     pub fn kept_mut(&mut self) -> &mut Kept {
         &mut self.kept
+    }
+
+    /// Keeps the place aside, before it becomes another that may have to be taken back.
+    pub fn set_aside(&mut self) {
+        self.aside.clone_from(&self.kept);
+    }
+
+    /// Takes back the place that was put aside; `false`: there is none.
+    pub fn take_aside(&mut self) -> bool {
+        core::mem::swap(&mut self.kept, &mut self.aside);
+        self.aside.clear();
+        !self.kept.is_empty()
     }
 
     /// Lets the card's task write the place. It never waits: until then the card keeps the one before.

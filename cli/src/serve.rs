@@ -308,6 +308,7 @@ impl Conductor {
                 FaultKind::FilamentOut => session.set_filament_out(true),
                 FaultKind::Fan(fan, is_stuck) => session.set_fan_stuck(fan, is_stuck),
                 FaultKind::FilamentStuck(is_stuck) => session.set_filament_stuck(is_stuck),
+                FaultKind::SupplySignal(is_failing) => session.set_supply_failing(is_failing),
                 FaultKind::FilamentBack => session.set_filament_out(false),
                 FaultKind::CardPulled => drop(card.map(|card| card.with_slot(VirtualCard::pull))),
                 FaultKind::CardPutBack => drop(card.map(|card| card.with_slot(VirtualCard::insert))),

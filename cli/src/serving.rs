@@ -57,6 +57,9 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
             "--fault filament-out and filament-back need a sensor: add [filament_sensor] to the profile".to_owned()
         );
     }
+    if profile.supply_signal.is_none() && arguments.fault.iter().any(|fault| fault.kind.is_of_supply()) {
+        return Err("--fault power-loss and power-back need a signal: add [power_loss] to the profile".to_owned());
+    }
     let sees_it_move = profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some());
     if !sees_it_move && arguments.fault.iter().any(|fault| fault.kind.is_of_moving_filament()) {
         return Err(

@@ -12,8 +12,8 @@ use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    EncoderWatch, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals,
-    tell_driver_event, tell_stalled_fan, temperatures,
+    EncoderWatch, Failure, FilamentWatch, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, SUPPLY_FAILS,
+    Signals, SupplyWatch, tell_driver_event, tell_stalled_fan, temperatures,
 };
 use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
@@ -61,6 +61,8 @@ pub struct Session<D, R> {
     stalled_fan: Cell<Option<FanOutput>>,
     /// What the filament sensor says.
     is_filament_out: Cell<bool>,
+    is_supply_failing: Cell<bool>,
+    supply: Cell<SupplyWatch>,
     replies: R,
     last_step_ns: Cell<u64>,
     /// The motion clock when time passed last.
@@ -131,6 +133,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
             encoder_watch: Cell::default(),
             stalled_fan: Cell::default(),
             is_filament_out: Cell::new(false),
+            is_supply_failing: Cell::new(false),
+            supply: Cell::new(SupplyWatch::new()),
             replies,
             profile,
             last_step_ns: Cell::new(0),
@@ -202,6 +206,11 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.set_filament_stuck(is_out);
     }
 
+    /// The supply's signal says that it fails, or that it is right again. Power stays.
+    pub fn set_supply_failing(&self, is_failing: bool) {
+        self.is_supply_failing.set(is_failing);
+    }
+
     /// The filament is jammed, so that the extruder's gear grinds on it, or free again.
     pub fn set_filament_stuck(&self, is_stuck: bool) {
         self.encoder.update(|mut encoder| {
@@ -262,6 +271,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
             self.tell_driver_events();
             self.rest_heaters();
             self.watch_filament();
+            self.watch_supply();
             self.watch_fans();
             self.report_temperatures(&mut next_report_ms);
             self.report_card(&mut next_card_report_ms);
@@ -332,6 +342,26 @@ impl<D: Desk, R: Replies> Session<D, R> {
         let mut watch = self.filament.get();
         watch.look((&self.clock).now_ms() as u32, self.is_filament_out.get(), sensor, &self.signals);
         self.filament.set(watch);
+    }
+
+    /// Looks at the supply's signal, as a board does.
+    fn watch_supply(&self) {
+        let Some(signal) = &self.profile.supply_signal else { return };
+        let mut watch = self.supply.get();
+        let now_ms = (&self.clock).now_ms() as u32;
+        let has_failed = watch.look(now_ms, self.is_supply_failing.get(), signal, &self.signals);
+        self.supply.set(watch);
+        if !has_failed {
+            return;
+        }
+        if self.signals.card_progress().is_some() {
+            self.desk.state().stop();
+            self.heating().all_off();
+        } else if self.signals.take_supply_failure() {
+            self.replies.send(Reply::Text(SUPPLY_FAILS));
+            self.halt();
+            self.replies.send(Reply::Killed);
+        }
     }
 
     fn watch_encoder(&self, detection_mm: f64, debounce_ms: u16) {

@@ -113,6 +113,11 @@ pub enum Command<'a> {
         /// S, 0 to 255.
         power: u8,
     },
+    /// M150, SET_LED: a light of several colours.
+    SetLight {
+        /// Powers of red, green, blue and white, 0 to 255.
+        colors: [u8; 4],
+    },
     /// M123: powers and speeds of the fans.
     ReportFans,
     /// M603: what filament changes draw out and push in; without words a query.

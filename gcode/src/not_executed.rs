@@ -156,7 +156,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(136), "M136", "begin a job (MakerBot)", "a job needs no such beginning"),
     accepted(m(142), "M142", "temperature of the heat break", "its fan is not controlled"),
     unknown(m(145), "M145", "temperatures of materials", "give temperatures with M104 and M140"),
-    unknown(m(150), "M150", "colour of the light", NO_OUTPUT),
     unknown(m(154), "M154", "report the position by itself", "ask with M114"),
     unknown((b'M', 163, 165), "M163 to M165", "mix filaments", NO_TWIN),
     unknown(m(192), "M192", "wait for the probe's temperature", "there is no such thermometer: nothing is waited for"),
@@ -204,12 +203,11 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     accepted(named(1), "EXCLUDE_OBJECT*", "names and outlines of objects, to leave one out (Klipper)", "all are printed"),
     accepted(named(2), "START_PRINT, PRINT_START", "a macro that homes and heats (Klipper)", "nothing is homed and nothing heats: give the profile a macro of this name, or write G28, M190 and M109 into the slicer's start code"),
     accepted(named(3), "END_PRINT, PRINT_END", "a macro that switches off (Klipper)", "heaters, fan and motors stay on: give the profile a macro of this name, or write M104 S0, M140 S0, M107 and M84 into the slicer's end code"),
-    accepted(named(4), "SET_LED", "colour of a light (Klipper)", NO_OUTPUT),
-    accepted(named(5), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
-    accepted(named(6), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
-    accepted(named(7), "SKEW_PROFILE", "load, save or remove the skew of a machine (Klipper)", "the skew of the profile, or the one that M500 has stored, is in force: set it with SET_SKEW or M852"),
-    refused(named(8), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
-    refused(named(9), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
+    accepted(named(4), "TIMELAPSE_*", "trigger a camera (Klipper)", NO_OUTPUT),
+    accepted(named(5), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
+    accepted(named(6), "SKEW_PROFILE", "load, save or remove the skew of a machine (Klipper)", "the skew of the profile, or the one that M500 has stored, is in force: set it with SET_SKEW or M852"),
+    refused(named(7), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
+    refused(named(8), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
 ];
 
 const _: () = assert!(NOT_EXECUTED.len() <= 128, "a set of remarks has a bit for each entry");

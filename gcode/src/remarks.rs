@@ -57,6 +57,8 @@ pub enum Remark {
     MeshWords,
     /// M42 on a machine without outputs.
     NoOutputs,
+    /// M150 on a machine without a light of several colours.
+    NoLight,
     /// M80 and M81 on a machine whose power supply cannot be switched.
     NoSupply,
     /// M141 and M191 on a machine that does not know its chamber's temperature.
@@ -106,6 +108,7 @@ const ABOUT_LINE: &[&str] = &[
     "the profile has no chamber; no effect, and nothing is waited for",
     "the profile has no such servo (table bltouch: P0); no effect",
     "the profile has no z_motors with points; no effect",
+    "the profile has no light of several colours (color of its outputs); no effect",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -160,6 +163,7 @@ impl Remarks {
             Remark::NoBed => self.about_line |= NO_BED,
             Remark::MeshWords => self.about_line |= 1 << 15,
             Remark::NoOutputs => self.about_line |= 1 << 16,
+            Remark::NoLight => self.about_line |= 1 << 21,
             Remark::NoSupply => self.about_line |= 1 << 17,
             Remark::NoChamber => self.about_line |= 1 << 18,
             Remark::NoServo => self.about_line |= 1 << 19,

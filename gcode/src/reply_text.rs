@@ -306,7 +306,10 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
     if !source_code_url.is_empty() {
         write!(formatter, " SOURCE_CODE_URL:{source_code_url}")?;
     }
-    write!(formatter, " PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} KINEMATICS:{kinematics} EXTRUDER_COUNT:{extruders}")?;
+    write!(
+        formatter,
+        " PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} KINEMATICS:{kinematics} EXTRUDER_COUNT:{extruders}"
+    )?;
     if let Some([first, second, third]) = identifier {
         // A UUID's form, as hosts expect it: "Fsp" and a version of this form, then the 96 bits of the board.
         let (high, low) = (second >> 16, second & 0xffff);

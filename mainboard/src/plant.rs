@@ -118,6 +118,10 @@ enum Source {
     Accelerometer,
     Eeprom,
     FilamentEncoder,
+    /// A module's signal, high while the supply fails.
+    SupplyFails,
+    /// A button that connects its pin to ground; the pin has a pull-up.
+    Button,
     /// Held at a constant level.
     Held(bool),
 }
@@ -176,6 +180,10 @@ pub struct Plant {
     pub bltouch: Option<BlTouch>,
     /// The sensor that sees filament move, on a printer that has one.
     pub filament_encoder: Option<FilamentEncoder>,
+    /// A module says that the supply fails, and feeds the board.
+    pub supply_fails: bool,
+    /// A person presses the board's button.
+    pub is_button_pressed: bool,
     /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its motor pushes; 0: none. A print of PLA of
     /// 1.75 mm takes 0.0054.
     pub filament_j_per_k_mm: f64,
@@ -484,6 +492,8 @@ impl Plant {
             Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
             Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
             Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
+            Source::SupplyFails => Some(self.supply_fails),
+            Source::Button => Some(!self.is_button_pressed),
             Source::Held(level) => Some(level),
         }
     }

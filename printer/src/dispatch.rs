@@ -49,6 +49,7 @@ enum Waiting<'a> {
         cycles: Option<u8>,
         uses: bool,
     },
+    Light([u8; 4]),
     Tower(Option<&'a TowerWords<'a>>),
     Stop(Stop),
     /// M92 without words.
@@ -156,6 +157,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
             Waiting::Autotune { heater, target, cycles, uses } => self.autotune(heater, target, cycles, uses).await?,
             Waiting::Fan { output, power } => self.motion.set_fan_power(output, power).await?,
+            Waiting::Light(colors) => self.set_light(colors).await?,
             Waiting::Tower(words) => self.set_tower(words)?,
             Waiting::ShowSettings(command) => self.show_settings(command),
             Waiting::ReportSteps => self.report_steps_per_mm(),
@@ -408,6 +410,8 @@ impl<P: Ports> Printer<'_, P> {
                     return waiting(Waiting::Fan { output, power });
                 }
             }
+            Command::SetLight { .. } if !self.has_light() => {}
+            Command::SetLight { colors } => return waiting(Waiting::Light(colors)),
             Command::ReportFans => self.report_fans(),
             Command::Stop { longest_ms } => {
                 return pause(PauseReason::Stop, PauseWords { longest_ms, ..PauseWords::default() });

@@ -1,10 +1,10 @@
-//! M106, M107, M123, SET_FAN_SPEED, and the pause when a fan does not turn.
+//! M106, M107, M42, M150, M123, SET_FAN_SPEED, and the pause when a fan does not turn.
 
 use ferrostep_gcode::{AxisWords, Command};
 use ferrostep_hal_shim::FanOutput;
 
 use crate::error::CommandError;
-use crate::fans::{self, FanRule, FanSettings, FanTable};
+use crate::fans::{self, FanRule, FanSettings, FanTable, LightColor};
 use crate::heat::FanStatus;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
@@ -68,6 +68,23 @@ impl<P: Ports> Printer<'_, P> {
             None if self.has_outputs() => Err(CommandError::OtherOutput),
             output => Ok(output),
         }
+    }
+
+    /// Whether an output is a colour of a light.
+    pub(crate) fn has_light(&self) -> bool {
+        let is_colored = |fan: &FanSettings| matches!(fan.rule, FanRule::Output { color: Some(_), .. });
+        P::Heating::HAS_OUTPUTS && fans::find(&self.profile.fans, is_colored).is_some()
+    }
+
+    /// M150: the light's outputs get the powers of their colours, with the motion around the command.
+    pub(crate) async fn set_light(&mut self, colors: [u8; 4]) -> Result<(), CommandError> {
+        for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
+            let Some(FanSettings { rule: FanRule::Output { color: Some(color), .. }, .. }) = fan else { continue };
+            let power = LightColor::ALL.iter().zip(colors).find(|(of, _)| *of == color).map_or(0, |(_, power)| power);
+            self.power_loss.set_fan(output, power);
+            self.motion.set_fan_power(output, power).await?;
+        }
+        Ok(())
     }
 
     /// M123: every fan's power, 0 to 255, and its speed where it has a tachometer, as Prusa's firmware writes them.

@@ -42,7 +42,27 @@ pub enum FanRule {
         at_start: u8,
         /// Power while the machine is halted, 0 to 255.
         at_halt: u8,
+        /// Which colour of a light it is, for M150.
+        color: Option<LightColor>,
     },
+}
+
+/// A colour of a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightColor {
+    /// M150 R.
+    Red,
+    /// M150 U.
+    Green,
+    /// M150 B.
+    Blue,
+    /// M150 W.
+    White,
+}
+
+impl LightColor {
+    /// All, in the order of their powers in [`ferrostep_gcode::Command::SetLight`].
+    pub const ALL: [Self; 4] = [Self::Red, Self::Green, Self::Blue, Self::White];
 }
 
 impl FanRule {

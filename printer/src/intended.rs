@@ -52,6 +52,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::StepsPerMm(tool, _) if self.is_for_no_tool(*tool) => remarks.add(Remark::OtherTool),
             Command::ToolOffset { .. } if !self.profile.has_tools() => remarks.add(Remark::OtherTool),
             Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
+            Command::SetLight { .. } if !self.has_light() => remarks.add(Remark::NoLight),
             Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),
             Command::CheckNozzle(_) if self.profile.nozzle_diameter_mm.is_none() => remarks.add(Remark::MachineUnknown),
             Command::CheckModel(_) if self.profile.model_names.is_empty() => remarks.add(Remark::MachineUnknown),

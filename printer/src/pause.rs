@@ -362,7 +362,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Makes a move that is not the print's, to its end. A person's next commands begin there.
-    async fn go(&mut self, target_10nm: [i64; 3]) -> Result<(), CommandError> {
+    pub(crate) async fn go(&mut self, target_10nm: [i64; 3]) -> Result<(), CommandError> {
         let feed_mm_per_s = PARK_FEED_MM_PER_S;
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
         self.motion.add(request).await?;

@@ -123,6 +123,8 @@ pub trait Motion {
     /// The extruder of this tool makes the steps to come, and its nozzle is so far from the first's
     /// ([`crate::machine::Machine::step_extruder`]).
     fn step_extruder(&mut self, _tool: u8, _offset_10nm: [i32; 2]) {}
+    /// A signal that says that the supply fails, or none: the code that keeps a print then is compiled only where there is one.
+    type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
     /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned

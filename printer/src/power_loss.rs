@@ -3,15 +3,18 @@
 //! While it prints, its place is kept on the card (`keep`): what a print needs to go on (`place`), from the beginning of a line
 //! that the motors have reached. After a reset `resume` takes it there.
 
+mod at_failure;
 mod keep;
 mod place;
 mod resume;
+mod signal;
 
 use ferrostep_gcode::{CardCommand, InterruptedPrint, Reply};
 use ferrostep_hal_shim::FanOutput;
 
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
+pub use signal::{SUPPLY_FAILS, SupplySignal, SupplyWatch};
 
 /// The prompt's buttons go on with the interrupted print, or give it up.
 pub(crate) static RESUME: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Resume);
@@ -28,11 +31,13 @@ pub(crate) struct PowerLoss {
     is_resuming: bool,
     /// The card keeps the place of the present print.
     is_keeping: bool,
+    /// The place that waits for the motors is to be written when they have passed it, and not only if the supply fails.
+    is_due: bool,
     /// A place waits for the motors, or that of a pause for the next look at the hosts, before it is written.
     is_pending: bool,
     /// Where the newest place says that the motors of Z stand, units of 10 nm; `None`: no place is known for this machine as it stands.
     stands_10nm: Option<i64>,
-    /// When the newest place was noted, ms; `None`: none in this print.
+    /// When the newest place that is due was noted, ms; `None`: none in this print.
     noted_ms: Option<u64>,
     /// Z of the line that began there, units of 10 nm.
     layer_10nm: i64,
@@ -49,6 +54,7 @@ impl PowerLoss {
             is_offered: false,
             is_resuming: false,
             is_keeping: false,
+            is_due: false,
             is_pending: false,
             stands_10nm: None,
             noted_ms: None,
@@ -88,7 +94,12 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn keep_prints(&mut self, on: Option<bool>) {
         let Some(on) = on else {
             let state = if self.power_loss.is_on { "ON" } else { "OFF" };
-            return self.replies.say(format_args!("echo:Power-loss recovery {state}"));
+            let supply = match self.signals.is_supply_failing() {
+                _ if !self.watches_supply() => "",
+                true => "; the supply fails by its signal",
+                false => "; the supply is right by its signal",
+            };
+            return self.replies.say(format_args!("echo:Power-loss recovery {state}{supply}"));
         };
         self.power_loss.is_on = on;
         // A file on the desk has no power to lose.

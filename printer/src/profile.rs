@@ -12,6 +12,7 @@ use ferrostep_virtual_board::{
 
 use crate::fans::FanTable;
 use crate::heat::{HeaterModel, PidGains};
+use crate::power_loss::SupplySignal;
 use crate::skew::Skew;
 use crate::tools::{ToolHeater, Tools};
 use crate::z_motors::{Kept, ZAlignment, ZMotors};
@@ -454,6 +455,8 @@ pub struct Profile {
     pub fans: FanTable,
     /// The filament sensor, if there is one.
     pub filament_sensor: Option<FilamentSensor>,
+    /// The signal that says that the supply fails, if there is one.
+    pub supply_signal: Option<SupplySignal>,
     /// The power supply, if it can be switched.
     pub power_supply: Option<PowerSupply>,
     /// Firmware retraction at start-up.

@@ -29,6 +29,8 @@ pub trait SharedMachine {
     type ZMotors: Part;
     /// Whether there may be several tools.
     type Tools: Part;
+    /// Whether a signal says when the supply fails.
+    type SupplySignal: Part;
 
     /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
@@ -236,6 +238,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     type ZMotors = S::ZMotors;
+    type SupplySignal = S::SupplySignal;
 
     fn step_z_motors(&mut self, motors: u8) {
         self.machine.with(|machine| machine.step_z_motors(motors));

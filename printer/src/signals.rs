@@ -21,6 +21,10 @@ pub struct Signals {
     heater_timeout_s: AtomicU16,
     host_spoke: AtomicBool,
     is_writing: AtomicBool,
+    /// What the supply's signal says.
+    supply_failing: AtomicBool,
+    /// The supply has failed, and no one has acted on it.
+    supply_failed: AtomicBool,
     filament_missing: AtomicBool,
     /// See [`Self::filament_detection_10nm`].
     filament_detection_10nm: AtomicU32,
@@ -54,6 +58,8 @@ impl Signals {
             heater_timeout_s: AtomicU16::new(DEFAULT_HEATER_TIMEOUT_S),
             host_spoke: AtomicBool::new(false),
             is_writing: AtomicBool::new(false),
+            supply_failing: AtomicBool::new(false),
+            supply_failed: AtomicBool::new(false),
             filament_missing: AtomicBool::new(false),
             filament_detection_10nm: AtomicU32::new(0),
             filament_counts_anew: AtomicBool::new(false),
@@ -149,6 +155,34 @@ impl Signals {
 
     pub(crate) fn set_writing(&self, is_writing: bool) {
         self.is_writing.store(is_writing, Ordering::Release);
+    }
+
+    /// Whether the supply fails, by its signal.
+    pub fn is_supply_failing(&self) -> bool {
+        self.supply_failing.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_supply_failing(&self, is_failing: bool) {
+        self.supply_failing.store(is_failing, Ordering::Relaxed);
+    }
+
+    /// The supply has failed. A wait for heat ends: it would never come.
+    pub(crate) fn note_supply_failure(&self) {
+        self.supply_failed.store(true, Ordering::Release);
+        self.end_wait();
+    }
+
+    pub(crate) fn has_supply_failed(&self) -> bool {
+        self.supply_failed.load(Ordering::Acquire)
+    }
+
+    /// Takes whether the supply has failed, so that one acts on it.
+    pub fn take_supply_failure(&self) -> bool {
+        let has_failed = self.supply_failed.swap(false, Ordering::AcqRel);
+        if has_failed {
+            self.take_end_wait();
+        }
+        has_failed
     }
 
     /// Whether the filament sensor sees none, or none that moves; `false` without a sensor.

@@ -56,6 +56,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Fan { power: 1.., .. }
             | Command::NamedFan { power: 1.., .. }
             | Command::SetOutput { power: 1.., .. } => self.supplied(),
+            Command::SetLight { colors } if colors != [0; 4] && self.has_light() => self.supplied(),
             Command::Bed(bed) if self.has_bed() && bed.probes() => self.supplied(),
             _ => Ok(()),
         }

@@ -2,6 +2,7 @@
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_hal_shim::FanOutput;
+use ferrostep_printer::LightColor::{Blue, Green, Red, White};
 use ferrostep_printer::{FanRule, FanSettings, FanTable};
 
 use crate::names::check_name;
@@ -137,9 +138,16 @@ fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSetting
     (output, settings)
 }
 
-/// No two outputs have a number, and M106 still has its fan.
+/// No two outputs have a number or a colour, and M106 still has its fan.
 fn check_outputs(keys: &Section<'_>, table: &FanTable) {
     let number = |fan: &FanSettings| if let FanRule::Output { number, .. } = fan.rule { number } else { None };
+    let color = |fan: &FanSettings| if let FanRule::Output { color, .. } = fan.rule { color } else { None };
+    for (at, fan) in table.iter().enumerate() {
+        let Some((fan, wanted)) = fan.as_ref().and_then(|fan| Some((fan, color(fan)?))) else { continue };
+        if let Some(other) = table.iter().take(at).flatten().find(|other| color(other) == Some(wanted)) {
+            keys.refuse(&format!("outputs.{}.color", fan.name), format!("another color: that one is {}'s", other.name));
+        }
+    }
     for (at, fan) in table.iter().enumerate() {
         let Some((fan, wanted)) = fan.as_ref().and_then(|fan| Some((fan, number(fan)?))) else { continue };
         if let Some(other) = table.iter().take(at).flatten().find(|other| number(other) == Some(wanted)) {
@@ -167,6 +175,13 @@ fn other_output(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, F
     let number = keys.whole("number", NUMBER).optional("by its name only", "P of M42").map(|number| number as u8);
     let is_pwm =
         keys.flag("pwm").or(false, "whether it may be anything between off and full; without, M42 S1 and more is full");
+    let color = keys.word("color", [("red", Red), ("green", Green), ("blue", Blue), ("white", White)]).optional(
+        "none",
+        "which colour of a light it is: [M150](fans.md#a-light-of-several-colours) R, U, B or W; with pwm = true",
+    );
+    if color.is_some() && !is_pwm {
+        keys.refuse("color", "pwm = true with it");
+    }
     let power = |key, about| {
         let power = keys.number(key, POWER).or(0.0, about);
         if !is_pwm && power != 0.0 && power != 1.0 {
@@ -176,6 +191,6 @@ fn other_output(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, F
     };
     let at_start = power("at_start", "at the start");
     let at_halt = power("at_halt", "while the machine is [halted](safety.md#what-happens-then), and after a panic");
-    let rule = FanRule::Output { number, is_pwm, at_start, at_halt };
+    let rule = FanRule::Output { number, is_pwm, at_start, at_halt, color };
     (output, FanSettings { name, rule, kick_start_ms: 0, least_power: 0, least_rpm: 0 })
 }

@@ -23,6 +23,7 @@ mod names;
 mod pause;
 pub mod response;
 mod skew;
+mod supply;
 mod tools;
 mod z_motors;
 

@@ -2,16 +2,14 @@
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
-use ferrostep_printer::{
-    DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, HomeSensor, PowerSupply, Profile,
-};
+use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, HomeSensor, Profile};
 
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
 use crate::filament_sensor::filament_sensor;
 use crate::{
-    bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, tools, z_motors,
+    bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, supply, tools, z_motors,
 };
 
 /// Ticks of the nominal time base in a microsecond.
@@ -154,29 +152,14 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         pause: pause::pause(&apart, &travel),
         fans,
         filament_sensor: filament_sensor(&apart),
-        power_supply: power_supply(&apart),
+        power_supply: supply::power_supply(&apart),
+        supply_signal: supply::supply_signal(&apart),
         retraction: extrusion::retraction(&apart),
         driver: timing,
         extrusion: extrusion::extrusion(&apart),
         drivers: drivers.map(|driver| driver.map(|driver| driver.settings)),
     };
     (profile, [name, model_names, macros::macros(&apart)], budget_of_error)
-}
-
-/// The power supply, if the board can switch it.
-fn power_supply(keys: &Section<'_>) -> Option<PowerSupply> {
-    let table = keys.optional_section(
-        "power_supply",
-        "it cannot be switched",
-        "[M80 and M81](gcode.md#a-supply-that-is-switched) switch it, and a [halt](safety.md#a-supply-that-is-switched-off) switches it off; \
-         its pin is the board's `power_supply`",
-    )?;
-    Some(PowerSupply {
-        on_is_low: table
-            .flag("on_is_low")
-            .required("whether the pin is low while the supply is on, as ATX supplies want it"),
-        on_at_start: table.flag("on_at_start").or(true, "whether it is on when the firmware starts"),
-    })
 }
 
 /// What slicers call the machine.

@@ -94,7 +94,10 @@ fn further_tool(table: &Section<'_>, name: &'static str, first: &First<'_>) -> F
         .unwrap_or(first.steps_per_mm);
     if steps_per_mm > first.most_steps_per_mm {
         let most = first.most_steps_per_mm.floor();
-        table.refuse("steps_per_mm", format!("at most {most} steps/mm at max_feed_mm_per_s.e: lower that, or take fewer microsteps"));
+        table.refuse(
+            "steps_per_mm",
+            format!("at most {most} steps/mm at max_feed_mm_per_s.e: lower that, or take fewer microsteps"),
+        );
     }
     let driver = drivers::driver(&table, name, steps_per_mm, first.both_edges);
     FurtherTool {

@@ -55,6 +55,7 @@ pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
     }
     if options.save_baseline {
         run.step("baseline and page", || baseline::write(&figures).and_then(|figures| page::write(&figures)))?;
+        eprintln!("    the papers' figures show these counts: `cargo xtask refresh --desk` draws them anew");
     }
     if options.check {
         compare(run, &figures)?;

@@ -130,6 +130,23 @@ fn a_filament_sensor_needs_an_input() {
 }
 
 #[test]
+fn the_supplys_signal_needs_the_boards_input() {
+    let check = |board: &str, profile: &str| {
+        let text = ferrostep_profiles::builtin_text(profile).unwrap();
+        let text = format!("{text}\n[power_loss]\nfailing_is_low = false\n");
+        let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+        let board = load(board).unwrap();
+        let constant = ferrostep_boards::constants::sensors(&board, &profile);
+        fit::check(&board, &profile, "test.toml").map(|()| constant).map_err(|error| error.to_string())
+    };
+    let constant = check("btt-octopus-1.1", "corexy").unwrap();
+    let pin = "POWER_LOSS: Option<SensorPin> = Some(SensorPin { port: 2, number: 0, triggers_low: false });";
+    assert!(constant.contains(pin), "{constant}");
+    let error = check("prusa-buddy", "prusa-mini").unwrap_err();
+    assert!(error.contains("power_loss") && error.contains("has no input `power_loss`"), "{error}");
+}
+
+#[test]
 fn fans_need_outputs_and_tachometers_that_the_board_has() {
     let check = |board: &str, fans: &str| {
         let text = format!("{}\n{fans}", ferrostep_profiles::builtin_text("corexy").unwrap());
@@ -181,7 +198,7 @@ fn an_axis_homes_by_what_the_board_has() {
     let profile = ferrostep_profiles::load("prusa-mini").unwrap();
     let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
     assert!(error.contains(": homing.z.sensor = \"probe\": expected a sensor of the board"), "{error}");
-    assert!(error.ends_with("whose inputs are filament"), "{error}");
+    assert!(error.ends_with("whose inputs are filament, button"), "{error}");
 }
 
 #[test]
@@ -333,4 +350,39 @@ fn further_motors_have_drivers_that_can_be_set() {
     assert!(error.contains("motors.z2 of the board btt-octopus-1.1 is driven by a a4988"), "{error}");
     let error = with("uart = \"PC7\"", "uart = \"PC7\"\nsense_resistor_ohm = 0.9");
     assert!(error.contains("drivers.z.current_ma = 800"), "{error}");
+}
+
+/// A profile with a second tool.
+fn two_tools(t1: &str) -> ferrostep_printer::Profile {
+    let driver = "driver = { current_ma = 700, hold_current_percent = 60, microsteps = 16, interpolate = true, stealth_chop = false, \
+                  spread_cycle_above_mm_per_s = 0, stall_threshold = 0 }";
+    let text = ferrostep_profiles::builtin_text("corexy").unwrap();
+    let text = format!("{text}\n[tools.t1]\noffset_mm = {{ x = 20, y = 0, z = 0 }}\n{driver}\n{t1}\n");
+    ferrostep_profiles::parse(&text, "test.toml").unwrap()
+}
+
+#[test]
+fn a_second_tools_motor_heater_and_thermistor_are_the_boards() {
+    let octopus = || load("btt-octopus-1.1").unwrap();
+    let two = two_tools("motor = \"e1\"\ninverted = true\nheater = \"nozzle1\"\nthermistor = \"nozzle2\"");
+    fit::check(&octopus(), &two, "test.toml").unwrap();
+    let board = octopus().for_machine(&two);
+    let names: Vec<&str> = board.moving_motors().map(|motor| motor.name).collect();
+    assert_eq!(names, ["x", "y", "z", "e", "e1"]);
+    assert!(board.further_e.iter().all(|(_, is_inverted)| *is_inverted));
+    // Its driver has a place of its own, after those that further motors of Z would have.
+    let wiring = fit::wiring(&octopus(), &two);
+    assert_eq!((wiring.len(), wiring[7].unwrap().line), (8, 7));
+    assert_eq!(wiring[4..7], [None; 3]);
+    for (board, profile, says) in [
+        ("prusa-buddy", &two, "expected no table [tools]: the board prusa-buddy has no motors to spare"),
+        (
+            "btt-octopus-1.1",
+            &two_tools("motor = \"e1\"\nheater = \"nozzle1\"\n[tools.t1.nozzle]\npull_up_ohm = 1000"),
+            "tools.t1.nozzle.pull_up_ohm",
+        ),
+    ] {
+        let error = fit::check(&load(board).unwrap(), profile, "test.toml").unwrap_err().to_string();
+        assert!(error.contains(says), "{error}");
+    }
 }

@@ -125,6 +125,7 @@ impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
     type Tools = ferrostep_printer::Present;
+    type SupplySignal = ferrostep_printer::Present;
 
     fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<O>) -> T) -> T {
         act(&mut self.desk.machine.borrow_mut())

@@ -64,6 +64,7 @@ impl Passed {
                     | Command::Fan { number: 1.., .. }
                     | Command::NamedFan { .. }
                     | Command::SetOutput { .. }
+                    | Command::SetLight { .. }
                     | Command::AutoReportTemperatures { .. }
                     | Command::KeepAlive(Some(_))
                     | Command::IdleTimeout { .. }

@@ -5,6 +5,7 @@ mod mesh;
 mod reasons;
 mod sensor;
 mod skew;
+mod supply;
 mod tools;
 mod z_motors;
 
@@ -77,6 +78,7 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
     reading.fans();
     reading.filament_sensor();
     reading.power_supply();
+    reading.supply_signal();
     reading.heaters();
     for axis in ["x", "y", "z", "e"] {
         reading.driver(axis);
@@ -525,18 +527,6 @@ impl<'a> Reading<'a> {
         for name in ["FILAMENT_RUNOUT_SENSOR", "FIL_RUNOUT_STATE"] {
             self.keep(name, path, missing_is_low, "its pin is the board's");
         }
-    }
-
-    /// The supply that a board switches. It is on at the start unless a definition says otherwise, and low is on: Marlin's own values.
-    fn power_supply(&mut self) {
-        if self.get("PSU_CONTROL").is_none() {
-            return;
-        }
-        let on_is_low = self.get("PSU_ACTIVE_STATE").is_none_or(|definition| definition.value != "HIGH");
-        for name in ["PSU_CONTROL", "PSU_ACTIVE_STATE"] {
-            self.keep(name, "power_supply.on_is_low", on_is_low, "its pin is the board's");
-        }
-        self.keep("PSU_DEFAULT_OFF", "power_supply.on_at_start", false, "");
     }
 
     /// Rows for all definitions that have none yet.

@@ -10,7 +10,7 @@ use ferrostep_virtual_board::HeaterFailure;
 /// The kinds of faults, for help and errors.
 pub const KINDS: &str = "nozzle-HOW, bed-HOW, chamber-HOW or nozzle1-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
                          drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out, \
-                         filament-back, filament-jam, filament-free, hotend-fan-stuck or hotend-fan-turns";
+                         filament-back, filament-jam, filament-free, power-loss, power-back, hotend-fan-stuck or hotend-fan-turns";
 
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +38,8 @@ pub enum FaultKind {
     FilamentBack,
     /// The filament does not follow the extruder any more (`true`), or does again.
     FilamentStuck(bool),
+    /// The supply's signal says that it fails (`true`), or that it is right again. Power stays, as with a module.
+    SupplySignal(bool),
     /// A fan stands still whatever its power (`true`), or turns again.
     Fan(FanOutput, bool),
 }
@@ -53,6 +55,12 @@ impl FaultKind {
     #[must_use]
     pub const fn is_of_filament(self) -> bool {
         matches!(self, Self::FilamentOut | Self::FilamentBack)
+    }
+
+    /// Whether it needs a signal of the supply.
+    #[must_use]
+    pub const fn is_of_supply(self) -> bool {
+        matches!(self, Self::SupplySignal(_))
     }
 
     /// Whether it needs a sensor that sees filament move.
@@ -88,6 +96,8 @@ impl FromStr for FaultKind {
             "filament-back" => return Ok(Self::FilamentBack),
             "filament-jam" => return Ok(Self::FilamentStuck(true)),
             "filament-free" => return Ok(Self::FilamentStuck(false)),
+            "power-loss" => return Ok(Self::SupplySignal(true)),
+            "power-back" => return Ok(Self::SupplySignal(false)),
             "hotend-fan-stuck" => return Ok(Self::Fan(FanOutput::HotEnd, true)),
             "hotend-fan-turns" => return Ok(Self::Fan(FanOutput::HotEnd, false)),
             _ => {}
@@ -131,6 +141,8 @@ mod tests {
         assert_eq!(fault("filament-out@90"), Ok(out));
         let jam = Fault { kind: FaultKind::FilamentStuck(true), at: Duration::from_secs(30) };
         assert_eq!(fault("filament-jam@30"), Ok(jam));
+        let power = Fault { kind: FaultKind::SupplySignal(true), at: Duration::from_secs(20) };
+        assert_eq!(fault("power-loss@20"), Ok(power));
         for text in [
             "card",
             "card-pull:1%",

@@ -70,6 +70,16 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 }
             })
         }
+        150 => {
+            let mut words = code.words(remarks)?;
+            let brightness = words.nearest_byte(b'P')?.unwrap_or(u8::MAX);
+            let mut colors = [0; 4];
+            for (color, letter) in colors.iter_mut().zip(*b"RUBW") {
+                let undimmed = words.nearest_byte(letter)?.unwrap_or(0);
+                *color = (u16::from(undimmed) * u16::from(brightness) / 255) as u8;
+            }
+            Ok(Command::SetLight { colors })
+        }
         48 | 420 | 421 | 555 => super::bed::m_code(code, remarks),
         17 => Ok(Command::EnableMotors(code.words(remarks)?.axis_flags())),
         18 | 84 => {

@@ -160,7 +160,7 @@ impl<'a> NamedWords<'a> {
 const EXTRUDERS: [&str; 2] = ["extruder", "extruder1"];
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 23] = [
+const EXECUTED: [(&str, &str); 24] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder, extruder1, heater_bed or chamber, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder, extruder1, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
@@ -188,6 +188,7 @@ const EXECUTED: [(&str, &str); 23] = [
     ("ACTIVATE_EXTRUDER", "EXTRUDER=extruder or extruder1"),
     ("Z_TILT_ADJUST", ALIGN_WORDS),
     ("QUAD_GANTRY_LEVEL", ALIGN_WORDS),
+    ("SET_LED", "LED with a name, and RED, GREEN, BLUE or WHITE with a number from 0 to 1"),
 ];
 
 const ALIGN_WORDS: &str = "RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither";
@@ -242,7 +243,8 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
             let tool = words.extruder("EXTRUDER").ok_or(words.expected())?;
             Command::SelectTool { tool: Some(tool.into()), stays: true }
         }
-        21.. => align(&words)?,
+        21 | 22 => align(&words)?,
+        23.. => light(&words)?,
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })
@@ -275,6 +277,19 @@ fn fan<'a>(words: &NamedWords<'a>, name: &str, value: &str, remarks: &mut Remark
         }
     };
     Ok(Command::NamedFan { name, power })
+}
+
+/// SET_LED: Klipper's, of a machine with one light. A colour that is not named is off.
+#[inline(never)]
+fn light<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
+    let mut colors = [0; 4];
+    for (color, name) in colors.iter_mut().zip(["RED", "GREEN", "BLUE", "WHITE"]) {
+        *color = match words.number(name)?.unwrap_or(Decimal::ZERO).nanos() {
+            share @ 0..=ONE => ((share * 255 + ONE / 2) / ONE) as u8,
+            _ => return Err(words.expected()),
+        };
+    }
+    Ok(Command::SetLight { colors })
 }
 
 /// The part of the bed of BED_MESH_CALIBRATE.

@@ -38,6 +38,8 @@ fn limits_heat_layers_and_pauses_are_executed() {
     reads("SET_FAN_SPEED FAN=exhaust SPEED=0.5", fan("exhaust", 128));
     reads("SET_FAN_SPEED SPEED=1 FAN=Part", fan("Part", 255));
     reads("SET_PIN PIN=light VALUE=0", fan("light", 0));
+    reads("SET_LED LED=case RED=1 GREEN=0.5", Command::SetLight { colors: [255, 128, 0, 0] });
+    reads("set_led led=case white=.1", Command::SetLight { colors: [0, 0, 0, 26] });
     reads_with("SET_PIN PIN=light VALUE=200", fan("light", 255), "V is too large and becomes the largest value");
     for (name, width_us) in
         [("pin_down", 650), ("touch_mode", 1_165), ("pin_up", 1_475), ("self_test", 1_780), ("RESET", 2_190)]
@@ -66,6 +68,7 @@ fn what_is_missing_or_malformed_is_refused() {
         ),
         ("SET_FAN_SPEED SPEED=1", "FAN with a name, and SPEED with a number from 0 to 1"),
         ("SET_FAN_SPEED FAN=a SPEED=-0.1", "FAN with a name, and SPEED with a number from 0 to 1"),
+        ("SET_LED LED=case RED=2", "LED with a name, and RED, GREEN, BLUE or WHITE with a number from 0 to 1"),
         ("SET_PIN PIN=light", "PIN with a name, and VALUE with a number from 0 to 1"),
         ("BLTOUCH_DEBUG", "COMMAND=pin_down, pin_up, touch_mode, self_test or reset"),
         ("BLTOUCH_DEBUG COMMAND=pin", "COMMAND=pin_down, pin_up, touch_mode, self_test or reset"),

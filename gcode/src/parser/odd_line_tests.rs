@@ -27,7 +27,7 @@ fn commands_without_effect_say_why() {
     reads("M862.3 Q", Command::CheckModel(""));
     reads_with("M569 P0 S1", Command::Accepted, "P: drivers are named by X, Y, Z and E here; no effect");
     reads("G5", Command::Unknown("G5"));
-    for text in ["M150 R255", "M428", "G27 P2"] {
+    for text in ["M240", "M428", "G27 P2"] {
         let mut remarks = Remarks::default();
         assert_eq!(parse_with_remarks(text, &mut remarks), Ok(Command::Unknown(text)), "{text}");
         assert!(remarks.is_unknown(), "{text}: {remarks}");

@@ -143,6 +143,13 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::SetOutput { number, power } => {
             (42, given([('P', number.map(|number| whole(number.into()))), ('S', Some(whole(power.into())))]))
         }
+        Command::SetLight { colors: [red, green, blue, white] } => (
+            150,
+            given(
+                [('R', red), ('U', green), ('B', blue), ('W', white)]
+                    .map(|(letter, power)| (letter, Some(whole(power.into())))),
+            ),
+        ),
         Command::SetLineNumber(number) => (110, given([('N', number.map(whole))])),
         Command::KeepAlive(seconds) => (113, given([('S', seconds.map(|value| whole(value.into())))])),
         Command::MaxAcceleration(limits) => (201, axes(limits)),
@@ -537,6 +544,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(number, power)| Command::Fan { number, power }),
         (of(any::<u8>()), any::<u8>()).prop_map(|(number, power)| Command::SetOutput { number, power }),
+        any::<[u8; 4]>().prop_map(|colors| Command::SetLight { colors }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),
         proptest::sample::select(&TEXTS[..]).prop_map(Command::Display),
         (any::<bool>(), any::<bool>(), proptest::sample::select(&TEXTS[..]))

@@ -58,6 +58,8 @@ impl Plant {
             eeprom: None,
             bltouch: None,
             filament_encoder: None,
+            supply_fails: false,
+            is_button_pressed: false,
             filament_j_per_k_mm: 0.0,
             filament: super::Filament::default(),
             motor_rail: Rail::new(supply::Config::motors_24_v()),
@@ -143,6 +145,12 @@ impl Plant {
                 }
                 None => self.inputs.push((input.pin, Source::Probe)),
             }
+        }
+        if let Some(input) = board.input("button") {
+            self.inputs.push((input.pin, Source::Button));
+        }
+        if let Some(input) = board.input("power_loss") {
+            self.inputs.push((input.pin, Source::SupplyFails));
         }
         if let Some(input) = board.input("filament") {
             // Filament is loaded: its switch connects the pin to the supply.

@@ -42,7 +42,7 @@ pub struct Board {
     pub fans: Vec<Fan>,
     /// Thermistors by name.
     pub thermistors: Vec<Thermistor>,
-    /// Inputs by name: end stops "x", "y", "z", "probe", "filament".
+    /// Inputs by name: end stops "x", "y", "z", "probe", "filament", "power_loss", "button".
     pub inputs: Vec<Input>,
     /// The host's serial line.
     pub serial: Serial,
@@ -180,7 +180,7 @@ pub struct Thermistor {
 /// A digital input.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Input {
-    /// "x", "y", "z", "probe", "filament".
+    /// "x", "y", "z", "probe", "filament", "power_loss", "button".
     pub name: String,
     /// The pin.
     pub pin: Pin,

@@ -1,5 +1,5 @@
-//! An Octopus with all that a profile may add, in one image: a supply and a light that are switched, a probe with a pin, a chamber, and a sensor that sees
-//! filament move. It fits the flash, or it is not built.
+//! An Octopus with all that a profile may add, in one image: a supply and a light that are switched, a module that says that the supply fails, a probe with
+//! a pin, a chamber, and a sensor that sees filament move. It fits the flash, or it is not built.
 
 use std::sync::OnceLock;
 
@@ -10,10 +10,14 @@ use crate::images::{Variant, changed};
 /// What the sensor's maker says, mm.
 pub const DETECTION_MM: f64 = 3.0;
 
-/// A supply that is on while its input is low, as ATX supplies are, and a light.
+/// A supply that is on while its input is low, as ATX supplies are, a module at PWR-DET, and a light.
 const SUPPLY_AND_LIGHT: &str = r#"
 [power_supply]
 on_is_low = true
+
+[power_loss]
+failing_is_low = false
+rise_mm = 5
 
 [outputs.light]
 output = "fan2"

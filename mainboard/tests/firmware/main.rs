@@ -14,6 +14,7 @@ mod board_pins;
 #[path = "../../../tests/tests/firmware/boards.rs"]
 mod boards;
 mod boot_loader;
+mod button;
 mod chamber;
 mod choices;
 mod eeprom;

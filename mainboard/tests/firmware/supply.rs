@@ -14,6 +14,17 @@ const SUPPLY: &str = "E11";
 /// Long enough for the supply to fall, and for the image's last message, ms.
 const A_WHILE_MS: u64 = 300;
 
+/// The signal lasts for `debounce_s`, 6 ms, and is looked at every 2 ms.
+const FAILURE_MS: u64 = 10;
+
+/// What the module at PWR-DET says.
+fn set_signal(bench: &mut Bench, fails: bool) {
+    bench.with(move |machine, _| {
+        machine.plant.supply_fails = fails;
+        machine.plant.refresh_inputs();
+    });
+}
+
 /// Whether the pin switches the supply on, which it must drive; and whether motors and heaters have their voltage.
 fn supply(bench: &mut Bench) -> (bool, bool) {
     let state = bench.state();
@@ -56,6 +67,47 @@ fn m80_and_m81_switch_the_supply_and_the_drivers_are_set_up_again() {
             assert!(driver.energized(), "no current");
         }
     });
+}
+
+/// The host prints, so that there is no place to keep: motors and heaters go off, before the module is empty.
+#[test]
+fn a_module_that_says_that_the_supply_fails_halts_the_machine() {
+    let mut bench = boot();
+    assert_eq!(
+        bench.host.ask("M413", "echo:Power-loss").unwrap(),
+        "echo:Power-loss recovery ON; the supply is right by its signal"
+    );
+    for line in ["M104 S200", "G91", "G1 X100 F3000"] {
+        bench.host.send(line).unwrap();
+    }
+    bench.pass(200);
+    assert!(bench.any_heater_on() && !bench.pins().events().is_empty());
+    // A spike of 3 ms is none.
+    set_signal(&mut bench, true);
+    bench.pass(3);
+    set_signal(&mut bench, false);
+    bench.pass(50);
+    let before = bench.pins().events().len();
+    bench.pass(10);
+    assert!(bench.pins().events().len() > before, "a spike has stopped the motors");
+    set_signal(&mut bench, true);
+    bench.pass(FAILURE_MS);
+    let stopped = bench.pins().events().len();
+    assert!(!bench.any_heater_on(), "heaters first");
+    bench.host.wait_for("what it says", |line| line == "echo:power loss: the supply fails").unwrap();
+    bench.host.wait_for("the end", |line| line.contains("kill() called!")).unwrap();
+    bench.pass(A_WHILE_MS);
+    let pins = bench.pins();
+    assert_eq!(pins.events().len(), stopped, "the motors went on");
+    assert!(pins.motors_disabled() && !bench.any_heater_on());
+    // It was a dip.
+    set_signal(&mut bench, false);
+    bench.pass(50);
+    bench.host.send_raw(b"M999\nM413\n").unwrap();
+    bench
+        .host
+        .wait_for("its state", |line| line == "echo:Power-loss recovery ON; the supply is right by its signal")
+        .unwrap();
 }
 
 #[test]

@@ -87,6 +87,7 @@ impl<P: Ports> Printer<'_, P> {
             }
         };
         hosts.tell_all();
+        self.keep_at_failure().await;
         let rested = self.command_with_signs_of_life(&Command::Finish).await;
         let is_complete = end == End::Complete && rested.is_ok();
         self.stop_print_clock(is_complete);
@@ -125,6 +126,9 @@ impl<P: Ports> Printer<'_, P> {
             }
             hosts.tell_all();
             self.keep_while_paused();
+            if self.has_supply_failed() {
+                return Err(End::Stopped);
+            }
             self.follow_answer().await;
             if self.card.aborted {
                 return Err(End::Aborted);

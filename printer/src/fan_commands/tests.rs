@@ -74,7 +74,7 @@ fn outputs_have_numbers_of_their_own() {
 
     let mut world = world;
     world.change(|profile| {
-        let rule = FanRule::Output { number: Some(7), is_pwm: true, at_start: 0, at_halt: 0 };
+        let rule = FanRule::Output { number: Some(7), is_pwm: true, at_start: 0, at_halt: 0, color: None };
         profile.fans[3] = Some(FanSettings { name: "light", rule, ..FanSettings::PART });
     });
     let mut printer = world.printer();
@@ -82,6 +82,9 @@ fn outputs_have_numbers_of_their_own() {
         execute(&world, &mut printer, line, |_| {});
         world.said()
     };
+    assert!(
+        say("M150 R255")[0].contains("the profile has no light of several colours (color of its outputs); no effect")
+    );
     for line in ["M42 P7 S255", "M42 P7 S0", "SET_PIN PIN=Light VALUE=0.5", "SET_PIN PIN=exhaust VALUE=0.5"] {
         assert_eq!(say(line), ["ok"], "{line}");
     }

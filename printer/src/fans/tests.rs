@@ -183,12 +183,12 @@ fn without_a_bound_or_a_tachometer_nothing_is_judged() {
 fn an_output_is_no_fan() {
     let light = FanSettings {
         name: "light",
-        rule: FanRule::Output { number: Some(1), is_pwm: true, at_start: 40, at_halt: 255 },
+        rule: FanRule::Output { number: Some(1), is_pwm: true, at_start: 40, at_halt: 255, color: None },
         ..FanSettings::PART
     };
     let relay = FanSettings {
         name: "relay",
-        rule: FanRule::Output { number: None, is_pwm: false, at_start: 0, at_halt: 0 },
+        rule: FanRule::Output { number: None, is_pwm: false, at_start: 0, at_halt: 0, color: None },
         ..light
     };
     let mut world = World::new(&[(FanOutput::Fan2, light), (FanOutput::Fan3, relay)]);

@@ -171,6 +171,10 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
     /// After a stop: the queue forgets the entries that were not played, and the ledger takes their steps back. Returns
     /// whether anything but a sensor has asked for the stop.
     pub fn drop_all(&mut self) -> bool {
+        if !self.watched.is_passed(self.queue.played()) {
+            // Its moves are dropped now, and the queue would count them as played.
+            self.watched = WatchedLine::None;
+        }
         let DroppedSteps { signed, issued, ticks, requested } = self.queue.drop_all();
         self.ledger.take_back(signed, issued);
         if ticks > 0 {

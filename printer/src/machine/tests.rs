@@ -92,6 +92,7 @@ pub(crate) fn profile() -> Profile {
         fans: FanSettings::USUAL,
         filament_sensor: None,
         power_supply: None,
+        supply_signal: None,
         pause: crate::profile::PauseSettings {
             place_10nm: [1_000_000, 19_000_000],
             rise_10nm: 2_000_000,

@@ -5,6 +5,7 @@
 //! the print: where motion goes below it, the lower height is written as the line is read.
 
 use ferrostep_card::Request;
+use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_settings::hash_of;
 
@@ -34,6 +35,11 @@ impl<P: Ports> Printer<'_, P> {
         let keeps = self.power_loss.is_on && !self.card.prints_prepared();
         (self.power_loss.is_pending, self.power_loss.noted_ms) = (false, None);
         self.power_loss.is_keeping = false;
+        if self.watches_supply() && keeps && self.signals.is_supply_failing() {
+            self.replies.send(Reply::Text(
+                "echo:power loss: by its signal the supply fails already, so it is not watched: see power_loss in the profile",
+            ));
+        }
         if !keeps && !forgets {
             return;
         }
@@ -63,7 +69,9 @@ impl<P: Ports> Printer<'_, P> {
                 return;
             }
             self.power_loss.is_pending = false;
-            self.write_place();
+            if self.power_loss.is_due {
+                self.write_place();
+            }
         }
         let modal = &self.interpreter.modal;
         if !lays || modal.homed != [true; 3] || modal.extrusion.settings().adaptive {
@@ -72,7 +80,9 @@ impl<P: Ports> Printer<'_, P> {
         let now_ms = self.clock.now_ms();
         let is_layer = modal.machine_10nm[2] != self.power_loss.layer_10nm;
         let least_ms = if is_layer { LAYER_MS } else { LINE_MS };
-        if self.power_loss.noted_ms.is_some_and(|noted_ms| now_ms.saturating_sub(noted_ms) < least_ms) {
+        let is_due = self.power_loss.noted_ms.is_none_or(|noted_ms| now_ms.saturating_sub(noted_ms) >= least_ms);
+        // Where the supply says that it fails, the newest place is at hand then.
+        if !is_due && !self.watches_supply() {
             return;
         }
         let place_10nm = self.motion.position_10nm();
@@ -89,9 +99,11 @@ impl<P: Ports> Printer<'_, P> {
         if !self.note_place(z_10nm, offset, line.saturating_sub(1), paused) {
             return;
         }
-        self.power_loss.layer_10nm = self.interpreter.modal.machine_10nm[2];
-        self.power_loss.noted_ms = Some(now_ms);
-        self.power_loss.is_pending = true;
+        if is_due {
+            self.power_loss.layer_10nm = self.interpreter.modal.machine_10nm[2];
+            self.power_loss.noted_ms = Some(now_ms);
+        }
+        (self.power_loss.is_pending, self.power_loss.is_due) = (true, is_due);
         self.motion.watch_line(line);
     }
 
@@ -105,7 +117,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// The print is paused: its place is where it goes back to, its height where the motors stand.
     #[inline(never)]
-    fn keep_pause(&mut self) {
+    pub(super) fn keep_pause(&mut self) {
         let Some(paused) = self.paused.filter(|_| self.power_loss.is_keeping) else { return };
         if paused.modal.homed != [true; 3] {
             return;
@@ -165,11 +177,15 @@ impl<P: Ports> Printer<'_, P> {
         };
         let mut is_noted = false;
         let mut failure = None;
+        let has_another = self.watches_supply() && self.power_loss.noted_ms.is_some();
         if let Some(port) = self.card.port() {
             port.with(&mut |mailbox| {
                 failure = mailbox.take_keep_failure();
                 is_noted = failure.is_none() && !mailbox.is_keeping();
                 if is_noted {
+                    if has_another {
+                        mailbox.set_aside();
+                    }
                     place.write(mailbox.kept_mut());
                 }
             });

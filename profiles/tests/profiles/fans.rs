@@ -1,7 +1,7 @@
 //! The fans of a profile.
 
 use ferrostep_hal_shim::FanOutput;
-use ferrostep_printer::{FanRule, FanSettings, PowerSupply};
+use ferrostep_printer::{FanRule, FanSettings, PowerSupply, SupplySignal};
 use ferrostep_profiles::{builtin_text, parse};
 
 fn with(fans: &str) -> Result<[Option<FanSettings>; 6], String> {
@@ -71,9 +71,9 @@ fn lights_and_relays_hang_at_outputs_for_fans() {
          [outputs.relay]\noutput = \"fan2\"\nat_start = 1",
     )
     .unwrap();
-    let rule = FanRule::Output { number: Some(0), is_pwm: true, at_start: 128, at_halt: 51 };
+    let rule = FanRule::Output { number: Some(0), is_pwm: true, at_start: 128, at_halt: 51, color: None };
     assert_eq!(outputs[4], Some(FanSettings { name: "light", rule, ..FanSettings::PART }));
-    let rule = FanRule::Output { number: None, is_pwm: false, at_start: 255, at_halt: 0 };
+    let rule = FanRule::Output { number: None, is_pwm: false, at_start: 255, at_halt: 0, color: None };
     assert_eq!(outputs[2], Some(FanSettings { name: "relay", rule, ..FanSettings::PART }));
     assert_eq!(outputs[..2], FanSettings::USUAL[..2]);
     for (tables, says) in [
@@ -92,6 +92,12 @@ fn lights_and_relays_hang_at_outputs_for_fans() {
             "[outputs.a]\noutput = \"fan2\"\n[outputs.b]\noutput = \"fan2\"",
             "expected another output: fan2 is that of a",
         ),
+        ("[outputs.a]\noutput = \"fan2\"\ncolor = \"red\"", "outputs.a.color = \"red\": expected pwm = true with it"),
+        (
+            "[outputs.a]\noutput = \"fan2\"\npwm = true\ncolor = \"red\"\n\
+             [outputs.b]\noutput = \"fan3\"\npwm = true\ncolor = \"red\"",
+            "outputs.b.color = \"red\": expected another color: that one is a's",
+        ),
         ("[outputs.part]\noutput = \"fan2\"\n[fans.part]\nleast_power = 0.1", "a name that no fan has"),
         ("[outputs.\"a b\"]\noutput = \"fan2\"", "a name of letters, digits and _"),
         (
@@ -106,6 +112,26 @@ fn lights_and_relays_hang_at_outputs_for_fans() {
     ] {
         let refusal = with(tables).unwrap_err();
         assert!(refusal.contains(says), "{tables}: {refusal}");
+    }
+}
+
+#[test]
+fn the_supplys_signal_has_a_level() {
+    let signal = |keys: &str| {
+        let text = format!("{}\n[power_loss]\n{keys}\n", builtin_text("cartesian").unwrap());
+        parse(&text, "test.toml").map(|profile| profile.supply_signal).map_err(|error| error.to_string())
+    };
+    let usual = SupplySignal { failing_is_low: false, debounce_ms: 6, rise_10nm: 0 };
+    assert_eq!(signal("failing_is_low = false"), Ok(Some(usual)));
+    let slow = SupplySignal { failing_is_low: true, debounce_ms: 50, rise_10nm: 500_000 };
+    assert_eq!(signal("failing_is_low = true\ndebounce_s = 0.05\nrise_mm = 5"), Ok(Some(slow)));
+    for (keys, key) in [
+        ("", "failing_is_low"),
+        ("failing_is_low = true\ndebounce_s = 1", "debounce_s"),
+        ("failing_is_low = true\nrise_mm = -1", "rise_mm"),
+    ] {
+        let refusal = signal(keys).unwrap_err();
+        assert!(refusal.contains(&format!("power_loss.{key}")), "{refusal}");
     }
 }
 

@@ -11,6 +11,8 @@ use ferrostep_profiles::{builtin_text, parse};
 
 use crate::setup::{Event, Setup, StepLog, image, nothing, profile};
 
+mod signal;
+
 /// Steps of a move that may come after the note of its end.
 const JOINED_STEPS: usize = 8;
 

@@ -140,6 +140,16 @@ impl Setup {
         self.converse(&mut printer, lines, beside)
     }
 
+    /// The supply's signal says that it fails; the power stays, as with a module.
+    pub fn fail_supply(&self) {
+        self.session.set_supply_failing(true);
+    }
+
+    /// The supply's signal says that it is right again.
+    pub fn mend_supply(&self) {
+        self.session.set_supply_failing(false);
+    }
+
     /// Where the motors stand, by their steps.
     pub fn motor_steps(&self) -> [i64; 4] {
         self.session.desk().motor_steps()

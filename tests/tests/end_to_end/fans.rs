@@ -99,6 +99,37 @@ fn lights_and_relays_are_as_the_profile_says_until_a_command() {
     assert_eq!(say("M84"), (255, 7));
 }
 
+/// A strip of which one colour hangs elsewhere than the others.
+#[test]
+fn a_light_has_colours() {
+    let colors = [("fan2", "red"), ("fan5", "green"), ("fan3", "blue")].map(|(output, color)| {
+        format!("\n[outputs.{color}]\noutput = \"{output}\"\npwm = true\ncolor = \"{color}\"\n")
+    });
+    let text = [builtin_text("cartesian").unwrap().to_owned(), colors.concat()].concat();
+    let profile = parse(&text, "light.toml").unwrap();
+    let machine = machine(&profile);
+    let mut conversation = Conversation::new(&machine);
+    let mut say = |line: &str| {
+        let replies = conversation.say(line);
+        assert_eq!(replies.last().map(String::as_str), Some("ok"), "{line}: {replies:?}");
+        conversation.say("G4 P100");
+        let powers = powers(&machine);
+        [2, 5, 3].map(|output: usize| powers[output])
+    };
+    assert_eq!(say("G28"), [0; 3]);
+    assert_eq!(say("M150 R255 U128 B1 W9"), [255, 128, 1]);
+    // Motion comes first.
+    assert_eq!(say("G1 X100 F3000"), [255, 128, 1]);
+    say("SET_LED LED=strip BLUE=1");
+    assert_eq!(say("M400"), [0, 0, 255]);
+    assert_eq!(say("SET_PIN PIN=green VALUE=0.2"), [0, 51, 255]);
+    assert_eq!(say("M150"), [0; 3]);
+    // A prepared job has it, too.
+    let job = "M302 P1\nG28\nM83\nM150 R9 U8 B7\nG1 X60 Y60 E1 F3000\n";
+    let prepared = prepared(&profile, job.as_bytes(), Encoding::Compact).unwrap();
+    assert_eq!(rehearse_from(&profile, 0, &mut &prepared[..]).fan_powers, [0, 0, 9, 7, 0, 8]);
+}
+
 #[test]
 fn a_halt_has_its_own_light() {
     let profile = parse(&format!("{}{OUTPUTS}", builtin_text("cartesian").unwrap()), "outputs.toml").unwrap();

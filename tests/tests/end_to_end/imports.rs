@@ -351,6 +351,24 @@ fn marlins_first_version_is_read() {
 }
 
 #[test]
+fn a_module_that_says_that_the_supply_fails_is_kept() {
+    let module = "#define POWER_LOSS_RECOVERY\n#define POWER_LOSS_PIN 44\n#define POWER_LOSS_STATE LOW\n#define POWER_LOSS_ZRAISE 2\n";
+    says(&marlin(module), "power_loss.failing_is_low = true");
+    says(
+        &marlin(&format!("{module}#define BACKUP_POWER_SUPPLY\n")),
+        "power_loss = { failing_is_low = true, rise_mm = 2 }",
+    );
+    says(&marlin("#define POWER_LOSS_RECOVERY\n#define POWER_LOSS_STATE HIGH\n"), "power_loss.failing_is_low = false");
+    for without in [
+        "#define POWER_LOSS_RECOVERY\n",
+        "#define POWER_LOSS_RECOVERY\n#define POWER_LOSS_PIN -1\n",
+        "#define POWER_LOSS_STATE LOW\n",
+    ] {
+        assert!(!profile(&marlin(without)).contains_key("power_loss"), "{without}");
+    }
+}
+
+#[test]
 fn a_switched_supply_is_kept_and_other_outputs_are_named() {
     let imported = marlin(
         "#define PSU_CONTROL\n#define PSU_ACTIVE_STATE HIGH\n#define PSU_DEFAULT_OFF\n#define PSU_POWERUP_DELAY 250\n",

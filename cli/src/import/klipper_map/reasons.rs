@@ -41,7 +41,9 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         "fan" | "heater_fan" | "controller_fan" | "fan_generic" => {
             "fans hang at the board's outputs, and turn by command, with the hot end or with the motors"
         }
-        "display" | "display_template" | "neopixel" | "led" | "menu" => "no display and no lights",
+        "display" | "display_template" | "menu" => "no display",
+        "led" => "write a table outputs.NAME with the board's output and a color for each of its pins",
+        "neopixel" | "dotstar" => "lights whose LEDs have chips are not driven",
         "filament_switch_sensor" => "a profile's sensor pauses a print when it says that filament is missing",
         "filament_motion_sensor" if key == "extruder" => "one extruder",
         "filament_motion_sensor" => "a profile's sensor pauses a print when filament is pushed and does not move",

@@ -218,6 +218,7 @@ impl Motion for RigMotion<'_> {
     type Servo = crate::Present;
     type ZMotors = crate::Present;
     type Tools = crate::Present;
+    type SupplySignal = crate::Present;
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {
         self.0.told_us.borrow_mut().push(pulses.width_us);

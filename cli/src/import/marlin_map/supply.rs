@@ -1,0 +1,33 @@
+//! Marlin's settings of the power supply: what switches it, and what says that it fails.
+
+use super::Reading;
+
+impl Reading<'_> {
+    /// The supply that a board switches. It is on at the start unless a definition says otherwise, and low is on: Marlin's own values.
+    pub(super) fn power_supply(&mut self) {
+        if self.get("PSU_CONTROL").is_none() {
+            return;
+        }
+        let on_is_low = self.get("PSU_ACTIVE_STATE").is_none_or(|definition| definition.value != "HIGH");
+        for name in ["PSU_CONTROL", "PSU_ACTIVE_STATE"] {
+            self.keep(name, "power_supply.on_is_low", on_is_low, "its pin is the board's");
+        }
+        self.keep("PSU_DEFAULT_OFF", "power_supply.on_at_start", false, "");
+    }
+
+    /// The signal of a module that says that the supply fails. Marlin's boards have a pin for one whether there is a module or not, so only who has
+    /// written something about it has one.
+    pub(super) fn supply_signal(&mut self) {
+        let has_pin = self.get("POWER_LOSS_PIN").is_some_and(|definition| definition.value != "-1");
+        if self.get("POWER_LOSS_RECOVERY").is_none() || !has_pin && self.get("POWER_LOSS_STATE").is_none() {
+            return;
+        }
+        let failing_is_low = self.get("POWER_LOSS_STATE").is_some_and(|definition| definition.value == "LOW");
+        for name in ["POWER_LOSS_PIN", "POWER_LOSS_STATE"] {
+            self.keep(name, "power_loss.failing_is_low", failing_is_low, "its pin is the board's");
+        }
+        if self.get("BACKUP_POWER_SUPPLY").is_some() {
+            self.keep_number("POWER_LOSS_ZRAISE", "power_loss.rise_mm", |rise| rise);
+        }
+    }
+}
