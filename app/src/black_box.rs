@@ -59,6 +59,9 @@ impl Records {
         if heating.chamber_is_heated().is_some() {
             self.record(&Record::Chamber(sample(Heater::Chamber)));
         }
+        if heating.has_nozzles() {
+            self.record(&Record::Nozzle1(sample(Heater::Nozzle1)));
+        }
     }
 
     /// A driver has reported something.

@@ -6,13 +6,14 @@ use core::cell::RefCell;
 use core::fmt;
 use core::sync::atomic::Ordering;
 
+use ferrostep_printer::Kept;
 #[cfg(drivers)]
 use ferrostep_printer::MotorDrivers;
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
 use ferrostep_stm32f4_board::driver_line::{DriverLine, FERROSTEP_DRIVERS};
-use ferrostep_tmc2209::{DriverBank, LineTiming, MOTORS};
+use ferrostep_tmc2209::{DriverBank, DriverSettings, LineTiming, MOTORS, SECOND_EXTRUDER};
 #[cfg(drivers)]
-use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, LineBusy, SettingsError, SingleWireUart};
+use ferrostep_tmc2209::{DriverReport, DriverState, LineBusy, SettingsError, SingleWireUart};
 #[cfg(drivers)]
 use rtic::Mutex;
 
@@ -26,13 +27,20 @@ const PATIENT_BAUD: u32 = 200;
 /// The drivers of all motors.
 pub type BoardDriverBank = DriverBank<DRIVERS>;
 
+/// The profile's settings of a motor's driver. Further motors lift Z, but for that of the second extruder.
+fn settings_of(motor: usize) -> Option<DriverSettings> {
+    match PROFILE.tools {
+        Some(Kept(tools)) if motor == SECOND_EXTRUDER => tools.get(1).and_then(|tool| tool.driver),
+        _ => PROFILE.drivers.get(if motor < MOTORS { motor } else { 2 }).copied().flatten(),
+    }
+}
+
 /// The profile's drivers, not set up yet. Their clock is the motion clock's.
 pub fn bank(clock: &Clock, now_ticks: u32) -> BoardDriverBank {
     let present = FERROSTEP_DRIVERS.load(Ordering::Relaxed);
     let mut drivers = [None; DRIVERS];
     for (motor, driver) in drivers.iter_mut().enumerate().filter(|(motor, _)| present >> motor & 1 == 1) {
-        // Further motors lift Z.
-        let settings = PROFILE.drivers.get(if motor < MOTORS { motor } else { 2 }).copied().flatten();
+        let settings = settings_of(motor);
         *driver = settings.zip(DRIVER_WIRING.get(motor).copied().flatten());
     }
     let baud = if clock.source == ClockSource::Internal { PATIENT_BAUD } else { BoardDriverLine::BAUD };

@@ -35,6 +35,12 @@ pub const CHAMBER_IS_HEATED: Option<bool> = match PROFILE.chamber {
     None => None,
 };
 
+/// A further tool has a nozzle of its own.
+pub const HAS_NOZZLES: bool = PROFILE.tool_heater().is_some();
+
+/// Nozzles of further tools, or none, in an image.
+type NozzlesPart = PartIf<HAS_NOZZLES>;
+
 /// The machine has outputs that are no fans.
 pub const HAS_OUTPUTS: bool = {
     let (mut at, mut has) = (0, false);
@@ -121,7 +127,7 @@ pub struct Heat(Option<Controlled<<Board<VIRTUAL_SENSORS> as Kind>::Parts>>);
 
 /// Control and what it controls.
 struct Controlled<P> {
-    control: HeatControl<ModelsPart>,
+    control: HeatControl<ModelsPart, NozzlesPart>,
     parts: P,
 }
 
@@ -170,6 +176,18 @@ impl Heat {
     /// Temperature, target and power of a heater.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
         self.0.as_ref().map_or_else(HeaterStatus::default, |heat| heat.control.status(heater))
+    }
+
+    /// The heater of the selected tool's nozzle.
+    pub fn nozzle(&self) -> Heater {
+        self.0.as_ref().map_or(Heater::Nozzle, |heat| heat.control.nozzle())
+    }
+
+    /// The selected tool's nozzle has this heater from now on.
+    pub fn select_nozzle(&mut self, heater: Heater) {
+        if let Some(heat) = &mut self.0 {
+            heat.control.select_nozzle(heater);
+        }
     }
 
     /// The gains of a heater.

@@ -25,7 +25,7 @@ use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;
 
 use crate::clock::Mono;
-use crate::heat::{CHAMBER_IS_HEATED, HAS_OUTPUTS, Heat, ModelsPart, SupplyPart};
+use crate::heat::{CHAMBER_IS_HEATED, HAS_NOZZLES, HAS_OUTPUTS, Heat, ModelsPart, SupplyPart};
 use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
 use crate::part::PartIf;
 use crate::profile::{PROFILE, StepSignals};
@@ -147,6 +147,7 @@ impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock
     type Methods = Methods;
     type Servo = PartIf<{ ferrostep_profile_constant::PROFILE.bltouch.is_some() }>;
     type ZMotors = PartIf<{ ferrostep_profile_constant::PROFILE.aligns_z() }>;
+    type Tools = PartIf<{ ferrostep_profile_constant::PROFILE.has_tools() }>;
     type SupplySignal = PartIf<{ ferrostep_profile_constant::PROFILE.supply_signal.is_some() }>;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {
@@ -212,6 +213,20 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
 
     fn chamber_is_heated(&self) -> Option<bool> {
         CHAMBER_IS_HEATED
+    }
+
+    fn nozzle(&self) -> Heater {
+        if HAS_NOZZLES { self.0.borrow_mut().lock(|heat| heat.nozzle()) } else { Heater::Nozzle }
+    }
+
+    fn select_nozzle(&mut self, heater: Heater) {
+        if HAS_NOZZLES {
+            self.0.get_mut().lock(|heat| heat.select_nozzle(heater));
+        }
+    }
+
+    fn has_nozzles(&self) -> bool {
+        HAS_NOZZLES
     }
 
     fn set_supply(&mut self, on: bool) {

@@ -30,6 +30,7 @@ const HALT: u8 = 4;
 const RESET: u8 = 5;
 const LAST_WORDS: u8 = 6;
 const CHAMBER: u8 = 7;
+const NOZZLE1: u8 = 8;
 
 /// A heater at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,6 +77,8 @@ pub enum Record<'a> {
     Temperatures([HeaterSample; 2]),
     /// The chamber, of a machine that knows its temperature.
     Chamber(HeaterSample),
+    /// The nozzle of a second tool, of a machine that has one.
+    Nozzle1(HeaterSample),
     /// A motor's driver has reported something.
     Driver(&'a [u8]),
     /// The machine was halted, for this reason.
@@ -129,6 +132,10 @@ impl Record<'_> {
             Self::Chamber(heater) => {
                 head[6..11].copy_from_slice(&heater.to_bytes());
                 (CHAMBER, 5, 0, &[][..])
+            }
+            Self::Nozzle1(heater) => {
+                head[6..11].copy_from_slice(&heater.to_bytes());
+                (NOZZLE1, 5, 0, &[][..])
             }
             Self::Driver(text) => (DRIVER, 0, MAX_TEXT_BYTES, text),
             Self::Halt(text) => (HALT, 0, MAX_TEXT_BYTES, text),
@@ -184,6 +191,7 @@ fn decode(record: &[u8]) -> Option<Stamped<'_>> {
             Record::Temperatures([nozzle, bed].map(HeaterSample::from_bytes))
         }
         CHAMBER => Record::Chamber(HeaterSample::from_bytes(contents.try_into().ok()?)),
+        NOZZLE1 => Record::Nozzle1(HeaterSample::from_bytes(contents.try_into().ok()?)),
         DRIVER => Record::Driver(contents),
         HALT => Record::Halt(contents),
         RESET => Record::Reset(contents),

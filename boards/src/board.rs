@@ -1,7 +1,7 @@
 //! A board as its file describes it, every value checked.
 
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
-use ferrostep_printer::{FanRule, PowerSupply, Profile, ZMotor};
+use ferrostep_printer::{FanRule, FurtherTool, PowerSupply, Profile, ZMotor};
 
 use crate::chip::Chip;
 use crate::clock::Clock;
@@ -111,6 +111,11 @@ pub struct Board {
     /// Further motors that lift the machine's Z, and whether each runs the other way round than the axis's own
     /// ([`Self::for_machine`]).
     pub further_z: Vec<(Motor, bool)>,
+    /// The motors of the extruders of further tools, and whether each runs the other way round than E's own
+    /// ([`Self::for_machine`]).
+    pub further_e: Vec<(Motor, bool)>,
+    /// Which connectors a further tool's nozzle uses: for its thermistor, and for its heater.
+    pub used_nozzle: Option<(SpareConnector, SpareConnector)>,
     /// What a user of the board should know: one sentence each.
     pub notes: Vec<String>,
 }
@@ -257,9 +262,20 @@ pub struct Thermistor {
 }
 
 impl Board {
-    /// The motors that move: X (A), Y (B), Z, E, and the further ones of Z.
+    /// The motors that move: X (A), Y (B), Z, E, the further ones of Z, and those of further extruders.
     pub fn moving_motors(&self) -> impl Iterator<Item = &Motor> {
-        self.motors.iter().chain(self.further_z.iter().map(|(motor, _)| motor))
+        self.motors.iter().chain(self.further_z.iter().chain(&self.further_e).map(|(motor, _)| motor))
+    }
+
+    /// The motors of a profile's further extruders that the board has, and whether each runs the other way round than E's own.
+    pub(crate) fn further_extruders(&self, profile: &Profile) -> Vec<(&Motor, bool)> {
+        let e_is_inverted = profile.driver.inverted >> 3 & 1 == 1;
+        let further = profile.tools.into_iter().flat_map(|tools| tools.0.further).flatten();
+        let motor = |tool: FurtherTool| {
+            let motor = self.spare_motors.iter().find(|motor| motor.name == tool.socket)?;
+            Some((motor, tool.is_inverted != e_is_inverted))
+        };
+        further.filter_map(motor).collect()
     }
 
     /// The further motors of a profile's Z that the board has.
@@ -296,7 +312,10 @@ impl Board {
         let used_supply = used.map(|(pin, settings)| SupplyOutput { pin, settings });
         let further = self.further_motors(profile).into_iter();
         let further_z = further.map(|(motor, is_inverted)| (motor.clone(), is_inverted)).collect();
-        Self { used_supply, used_chamber, used_servo, safe_outputs, further_z, ..self }
+        let further = self.further_extruders(profile).into_iter();
+        let further_e = further.map(|(motor, is_inverted)| (motor.clone(), is_inverted)).collect();
+        let used_nozzle = profile.tool_heater().map(|tool| (tool.thermistor, tool.heater));
+        Self { used_supply, used_chamber, used_nozzle, used_servo, safe_outputs, further_z, further_e, ..self }
     }
 
     /// Ports that carry step and direction signals of the motors that move, in the order of the alphabet.

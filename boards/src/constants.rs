@@ -54,6 +54,9 @@ pub fn rust(board: &Board) -> String {
     let further: Vec<String> =
         board.further_z.iter().map(|(motor, is_inverted)| format!("({}, {is_inverted})", motor_pins(motor))).collect();
     let further = further.join(", ");
+    let extruders: Vec<String> =
+        board.further_e.iter().map(|(motor, is_inverted)| format!("({}, {is_inverted})", motor_pins(motor))).collect();
+    let extruders = extruders.join(", ");
     let enable: Vec<(u8, u8)> = board.moving_motors().map(|motor| (motor.enable.port, motor.enable.number)).collect();
     let settings_bytes = board.settings_bytes();
     let settings_offset = board.flash_kib * 1024 - settings_bytes;
@@ -90,6 +93,8 @@ pub fn rust(board: &Board) -> String {
          /// Step and direction pins of X, Y, Z and E.\npub const MOTORS: [MotorPins; 4] = [{motors}];\n\
          /// Those of further motors of Z, and whether each runs the other way round than the axis's own.\n\
          pub const FURTHER_Z: [(MotorPins, bool); {}] = [{further}];\n\
+         /// Those of the extruders of further tools, and whether each runs the other way round.\n\
+         pub const FURTHER_E: [(MotorPins, bool); {}] = [{extruders}];\n\
          /// Port and number of the enable pins of all of them; low = on.\npub const ENABLE: [(u8, u8); {}] = {enable:?};\n\
          /// Flash that settings are kept in (M500): bytes from its start, and bytes; 0: none.\n\
          pub const SETTINGS: [u32; 2] = [{settings_offset:#x}, {settings_bytes:#x}];\n\
@@ -101,6 +106,7 @@ pub fn rust(board: &Board) -> String {
         clock.apb2_hz(),
         ports.len(),
         board.further_z.len(),
+        board.further_e.len(),
         enable.len(),
         thermal(board),
         stores("FIRST", &first),
@@ -124,6 +130,9 @@ fn thermal(board: &Board) -> String {
     let chamber_sensor = board.used_chamber.and_then(|(thermistor, _)| sensor(thermistor.name()));
     let chamber = board.used_chamber.and_then(|(_, used)| heater(used?.name()));
     let chamber = chamber.map_or("None".to_owned(), |(output, _)| format!("Some({output})"));
+    let nozzle1_sensor = board.used_nozzle.and_then(|(thermistor, _)| sensor(thermistor.name()));
+    let nozzle1 = board.used_nozzle.and_then(|(_, used)| heater(used.name()));
+    let nozzle1 = nozzle1.map_or("None".to_owned(), |(output, _)| format!("Some({output})"));
     let fans = FanOutput::ALL.map(|of| {
         let fan = board.fans.iter().find(|fan| fan.name == of.name());
         fan.map_or("None".to_owned(), |fan| {
@@ -148,8 +157,8 @@ fn thermal(board: &Board) -> String {
             format!(
                 "{{ use ferrostep_stm32f4::{{ConverterNumber, FanPins, OutputPin, TimerChannel}}; \
                  Some(ThermalPins {{ converter: ConverterNumber::{number}, channels: &{channels:?}, \
-                 sensors: [Some({nozzle_sensor}), Some({bed_sensor}), {chamber_sensor:?}], \
-                 heaters: [Some({nozzle}), Some({bed}), {chamber}], fans: [{fans}], supply: {supply} }}) }}"
+                 sensors: [Some({nozzle_sensor}), Some({bed_sensor}), {chamber_sensor:?}, {nozzle1_sensor:?}], \
+                 heaters: [Some({nozzle}), Some({bed}), {chamber}, {nozzle1}], fans: [{fans}], supply: {supply} }}) }}"
             )
         }
         _ => "None".to_owned(),
@@ -221,12 +230,12 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
 /// The drivers that the profile sets, and the lines to them, as items.
 pub fn drivers(board: &Board, profile: &Profile) -> String {
     let wiring = fit::wiring(board, profile);
-    let further = board.further_motors(profile).into_iter().map(|(motor, _)| motor);
-    let pins: Vec<(u8, u8)> = board
-        .motors
-        .iter()
-        .chain(further)
-        .map(|motor| match (motor.uart, board.driver_uart) {
+    let driven = fit::driven(board, profile);
+    // In a place without a motor the pin of another one: lines are pulled up.
+    let first = driven.first().copied().flatten();
+    let pins: Vec<(u8, u8)> = driven
+        .into_iter()
+        .map(|driven| match (driven.or(first).and_then(|(motor, _)| motor.uart), board.driver_uart) {
             (Some(DriverUart::Pin(pin)), _) | (_, Some(pin)) => (pin.port, pin.number),
             _ => (0, 0),
         })

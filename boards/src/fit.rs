@@ -4,10 +4,11 @@ use ferrostep_checked_toml::FileError;
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
 use ferrostep_printer::{
     ChamberSettings, FanRule, FanSettings, FilamentSensor, FilamentSensorKind, HeaterSettings, HomeSensor, Profile,
+    ToolHeater,
 };
 use ferrostep_profiles::refuse;
 use ferrostep_thermistor::ThermistorType;
-use ferrostep_tmc2209::{CurrentScale, DriverSettings, DriverWiring};
+use ferrostep_tmc2209::{CurrentScale, DriverSettings, DriverWiring, SECOND_EXTRUDER};
 
 use crate::board::{Board, Driver, DriverUart, Motor, Thermistor};
 use crate::pin::Pin;
@@ -87,17 +88,25 @@ fn can_be_set(motor: &Motor) -> bool {
     matches!(motor.driver, Driver::Tmc2209 | Driver::Socket) && motor.uart.is_some()
 }
 
-/// The motors that move, each with the settings of its driver: of the further motors of Z those of Z.
-fn driven<'a>(board: &'a Board, profile: &Profile) -> Vec<(&'a Motor, Option<DriverSettings>)> {
+/// The motors that move, each with the settings of its driver: of the further motors of Z those of Z. The motor of a second extruder has a
+/// fixed place, before which there may be none.
+pub(crate) fn driven<'a>(board: &'a Board, profile: &Profile) -> Vec<Option<(&'a Motor, Option<DriverSettings>)>> {
     let [.., of_z, _] = profile.drivers;
     let further = board.further_motors(profile).into_iter().map(|(motor, _)| (motor, of_z));
-    board.motors.iter().zip(profile.drivers).chain(further).collect()
+    let mut driven: Vec<_> = board.motors.iter().zip(profile.drivers).chain(further).map(Some).collect();
+    let of_tool = profile.tools.and_then(|tools| tools.0.get(1)?.driver);
+    for (motor, _) in board.further_extruders(profile) {
+        driven.resize(SECOND_EXTRUDER, None);
+        driven.push(Some((motor, of_tool)));
+    }
+    driven
 }
 
 /// How the drivers that a profile sets are connected, X, Y, Z, E and the further ones of Z; `None` for one that it does not set, or that
 /// the board cannot.
 pub fn wiring(board: &Board, profile: &Profile) -> Vec<Option<DriverWiring>> {
-    let wired = |(index, (motor, settings)): (usize, (&Motor, Option<DriverSettings>))| {
+    let wired = |(index, driven): (usize, Option<(&Motor, Option<DriverSettings>)>)| {
+        let (motor, settings) = driven?;
         settings?;
         let (line, address) = match motor.uart.filter(|_| can_be_set(motor))? {
             DriverUart::Address(address) => (0, address),
@@ -130,14 +139,32 @@ fn check_z_motors(board: &Board, profile: &Profile, profile_name: &str) -> Resul
             board.name,
             letters.join(", ")
         );
-        return Err(refuse(profile_name, "z_motors.motors", "a table", &expected));
+        let key = if profile.z_motors.is_some() { "z_motors.motors" } else { "tools.t1.motor" };
+        return Err(refuse(profile_name, key, "a table", &expected));
     }
     Ok(())
 }
 
-/// The name of a motor's table of settings.
-fn settings_of(board: &Board, motor: &Motor) -> &'static str {
-    if board.motors.contains(motor) { motor.name } else { "z" }
+/// The motors of further extruders are the board's.
+fn check_extruders(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
+    for tool in profile.tools.into_iter().flat_map(|tools| tools.0.further).flatten() {
+        if !board.spare_motors.iter().any(|spare| spare.name == tool.socket) {
+            let there: Vec<&str> = board.spare_motors.iter().map(|motor| motor.name).collect();
+            let expected = match there.is_empty() {
+                true => format!("no table [tools]: the board {} has no motors to spare", board.name),
+                false => format!("a motor of the board {}: {}", board.name, there.join(", ")),
+            };
+            return Err(refuse(profile_name, "tools.t1.motor", tool.socket, &expected));
+        }
+    }
+    Ok(())
+}
+
+/// The table of a motor's settings.
+fn settings_of(board: &Board, profile: &Profile, motor: &Motor) -> String {
+    let is_extruder = board.further_extruders(profile).iter().any(|(extruder, _)| *extruder == motor);
+    let of_z = if is_extruder { "tools.t1.driver" } else { "drivers.z" };
+    if board.motors.contains(motor) { format!("drivers.{}", motor.name) } else { of_z.to_owned() }
 }
 
 /// Compares a profile with the board.
@@ -146,17 +173,18 @@ fn settings_of(board: &Board, motor: &Motor) -> &'static str {
 /// The board lacks something that the profile needs; the error names the profile's key and line.
 pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     check_z_motors(board, profile, profile_name)?;
-    for (motor, settings) in driven(board, profile) {
+    check_extruders(board, profile, profile_name)?;
+    for (motor, settings) in driven(board, profile).into_iter().flatten() {
         let driver = format!("{:?}", motor.driver).to_lowercase();
         // A driver steps at both edges only if its bit `dedge` is set over its serial line.
         let is_told = settings.is_some() && can_be_set(motor);
         if profile.driver.both_edges && motor.driver != Driver::None && !is_told {
             let expected = format!(
                 "false: motors.{} of the board {} is driven by a {driver}, which steps at rising edges unless it is a \
-                 tmc2209 with a line and a table [drivers.{}]",
+                 tmc2209 with a line and a table [{}]",
                 motor.name,
                 board.name,
-                settings_of(board, motor)
+                settings_of(board, profile, motor)
             );
             return Err(refuse(profile_name, "driver.both_edges", "true", &expected));
         }
@@ -172,7 +200,7 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             && can_be_set(motor)
             && let Err(error) = CurrentScale::from_ma(settings.current_ma, milliohm(ohm))
         {
-            let key = format!("drivers.{}.current_ma", settings_of(board, motor));
+            let key = format!("{}.current_ma", settings_of(board, profile, motor));
             let (least, most) = (error.least_ma, error.most_ma);
             let expected = format!("{least} to {most} mA at the {ohm} ohm of the board {}", board.name);
             return Err(refuse(profile_name, &key, &settings.current_ma.to_string(), &expected));
@@ -187,6 +215,7 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
         }
     }
     check_chamber(board, profile, profile_name)?;
+    check_nozzle(board, profile, profile_name)?;
     check_fans(board, profile, profile_name)?;
     if profile.power_supply.is_some() && board.power_supply.is_none() {
         let expected = format!("no such table: the board {} has no output `power_supply`", board.name);
@@ -278,6 +307,24 @@ fn check_chamber(board: &Board, profile: &Profile, profile_name: &str) -> Result
         return refuse("heater", heater.name(), "output for a heater", names);
     }
     check_thermistor(board, "chamber", input, settings, profile_name)
+}
+
+/// The thermistor and the heater of a further tool are the board's.
+fn check_nozzle(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
+    let Some(ToolHeater { thermistor, heater, settings }) = profile.tool_heater() else { return Ok(()) };
+    let refuse = |key: &str, value: &str, what: &str, names: Vec<&str>| {
+        let expected = format!("{what} of the board {}: {}", board.name, names.join(", "));
+        Err(refuse(profile_name, &format!("tools.t1.{key}"), value, &expected))
+    };
+    let Some(input) = board.thermistors.iter().find(|input| input.name == thermistor.name()) else {
+        let names = board.thermistors.iter().map(|input| input.name).collect();
+        return refuse("thermistor", thermistor.name(), "an input for a thermistor", names);
+    };
+    if !board.heaters.iter().any(|output| output.name == heater.name()) {
+        let names = board.heaters.iter().map(|output| output.name).collect();
+        return refuse("heater", heater.name(), "an output for a heater", names);
+    }
+    check_thermistor(board, "tools.t1.nozzle", input, settings, profile_name)
 }
 
 /// A heater and its thermistor are the board's.

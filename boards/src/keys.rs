@@ -149,6 +149,8 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         servo,
         used_servo: None,
         further_z: Vec::new(),
+        further_e: Vec::new(),
+        used_nozzle: None,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);

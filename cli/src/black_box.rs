@@ -230,6 +230,7 @@ fn record_line(stamped: &Stamped<'_>) -> RecordLine {
             ("temperatures", None, format!("nozzle {}, bed {}", heater(nozzle), heater(bed)))
         }
         Record::Chamber(chamber) => ("chamber", None, heater(chamber)),
+        Record::Nozzle1(nozzle) => ("nozzle1", None, heater(nozzle)),
         Record::Driver(words) => ("driver", None, text(words)),
         Record::Halt(words) => ("halt", None, text(words)),
         Record::Reset(words) => ("reset", None, text(words)),

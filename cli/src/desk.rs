@@ -14,6 +14,7 @@ mod queue_machine;
 mod rehearsal;
 mod session_motion;
 mod step_queue;
+mod tools;
 mod z_motors;
 
 pub use accelerometer::{DeskAccelerometer, Tap};

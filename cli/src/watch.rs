@@ -60,6 +60,7 @@ impl<'a> Watch<'a> {
                     Heater::Nozzle => ("nozzle", "M104"),
                     Heater::Bed => ("bed", "M140"),
                     Heater::Chamber => ("chamber", "M141"),
+                    Heater::Nozzle1 => ("nozzle of T1", "M104 T1"),
                 };
                 let message = format!("the {name} is still on at the end, at {celsius} C: end the job with {code} S0");
                 self.remarks.note(RemarkKind::HeaterOn, None, message);

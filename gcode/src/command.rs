@@ -71,10 +71,10 @@ pub enum Command<'a> {
     AbsoluteExtrusion,
     /// M83.
     RelativeExtrusion,
-    /// M104 S; without S only reports nothing and changes nothing.
-    SetNozzle(Option<Decimal>),
-    /// M109.
-    WaitNozzle(WaitTarget),
+    /// M104 T and S: of which tool, `None` for the selected one; without S only reports nothing and changes nothing.
+    SetNozzle(Option<u8>, Option<Decimal>),
+    /// M109, T as in M104.
+    WaitNozzle(Option<u8>, WaitTarget),
     /// M140 S.
     SetBed(Option<Decimal>),
     /// M190.
@@ -131,6 +131,8 @@ pub enum Command<'a> {
     LoadFilament {
         /// M701.
         loads: bool,
+        /// T: of which tool.
+        tool: Option<u8>,
         /// L of M701, U of M702.
         length: Option<Decimal>,
         /// Z: by how much the nozzle rises meanwhile.
@@ -154,6 +156,8 @@ pub enum Command<'a> {
     Pause(AxisWords),
     /// M600: the same, to change the filament.
     ChangeFilament {
+        /// T: of which tool.
+        tool: Option<u8>,
         /// Where the nozzle waits.
         park: AxisWords,
         /// U: how much filament is drawn out; its sign says nothing.
@@ -192,8 +196,8 @@ pub enum Command<'a> {
     ReportEndStops,
     /// M201 X Y Z E: largest accelerations.
     MaxAcceleration(AxisWords),
-    /// M92 X Y Z E: steps for each mm; without words a query.
-    StepsPerMm(AxisWords),
+    /// M92 T and X Y Z E: steps for each mm; without words a query.
+    StepsPerMm(Option<u8>, AxisWords),
     /// M203 X Y Z E: largest feed rates, mm/s.
     MaxFeed(AxisWords),
     /// M204.
@@ -238,16 +242,18 @@ pub enum Command<'a> {
     SoftLimits(Option<bool>),
     /// M220: feed rate in percent.
     FeedPercent(FeedWords),
-    /// M221 S: flow in percent; without S a query.
-    FlowPercent(Option<Decimal>),
-    /// M301: gains of the nozzle's heater.
-    NozzleGains(GainWords),
+    /// M221 T and S: flow in percent; without S a query.
+    FlowPercent(Option<u8>, Option<Decimal>),
+    /// M301: gains of the heater of a nozzle, E.
+    NozzleGains(Option<u8>, GainWords),
     /// M304: gains of the bed's heater.
     BedGains(GainWords),
     /// M303: finds the gains of a heater.
     Autotune {
         /// E-1 or H0: the bed's.
         of_bed: bool,
+        /// E: of which tool.
+        tool: Option<u8>,
         /// S, degrees Celsius.
         target: Option<Decimal>,
         /// C.
@@ -323,7 +329,7 @@ pub enum Command<'a> {
     /// TUNING_TOWER: a value that changes with the height of the print; without words a query.
     Tower(Option<TowerWords<'a>>),
     /// M900, M572, SET_PRESSURE_ADVANCE: how far the extruder runs ahead of the flow.
-    PressureAdvance(AdvanceWords),
+    PressureAdvance(Option<u8>, AdvanceWords),
     /// M955: the accelerometer's settings; without words a query.
     Accelerometer {
         /// S, samples a second.
@@ -377,8 +383,20 @@ pub enum Command<'a> {
     CheckModel(&'a str),
     /// M999.
     Restart,
-    /// T: the tool.
-    SelectTool(u32),
+    /// T: the tool, alone a query.
+    SelectTool {
+        /// Its number.
+        tool: Option<u32>,
+        /// S1: the nozzle stays where it is.
+        stays: bool,
+    },
+    /// M218: from the first tool's nozzle to that of tool T; without T or words a query.
+    ToolOffset {
+        /// T.
+        tool: Option<u8>,
+        /// X, Y and Z.
+        offset: AxisWords,
+    },
     /// A command that is accepted and changes nothing on this machine (M486, M862.2 ...).
     Accepted,
     /// Anything else: answered `echo:Unknown command: "..."`.

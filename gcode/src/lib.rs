@@ -48,8 +48,8 @@ pub use protocol::{LineNumbers, Verdict};
 pub use real::Real;
 pub use remarks::{Remark, Remarks};
 pub use reply::{
-    AdvanceState, ChamberTemperature, EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason,
-    ShaperState, Temperatures, TimingFigures,
+    AdvanceState, ChamberTemperature, EndStopState, FirmwareInfo, MotionFigures, NozzleTemperature, Position, Reply,
+    ResendReason, ShaperState, Temperatures, TimingFigures,
 };
 pub use skew_command::{Diagonals, SkewCommand};
 pub use supply_command::SupplyCommand;

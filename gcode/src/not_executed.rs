@@ -160,7 +160,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'M', 163, 165), "M163 to M165", "mix filaments", NO_TWIN),
     unknown(m(192), "M192", "wait for the probe's temperature", "there is no such thermometer: nothing is waited for"),
     unknown(m(209), "M209", "retract by itself", "write G10 and G11"),
-    unknown((b'M', 217, 218), "M217 and M218", "tool change", NO_TWIN),
+    unknown((b'M', 217, 217), "M217", "filament at a tool change", "tools.retract_mm and tools.prime_mm of the profile"),
     unknown(m(240), "M240", "trigger a camera", NO_OUTPUT),
     unknown(m(250), "M250", "contrast of the display", NO_DISPLAY),
     unknown((b'M', 281, 282), "M281 and M282", "servo: its angles, or let it go", "M280 tells the probe's, which is the only one"),

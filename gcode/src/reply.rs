@@ -2,7 +2,7 @@
 //!
 //! `Display` of a [`Reply`] is one or more complete lines, without the final newline.
 
-/// Temperatures of a report (M105, M155, and the waits M109 and M190).
+/// Temperatures of a report (M105, M155, and the waits M109 and M190). The nozzle is that of the selected tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Temperatures {
     /// Nozzle now, degrees Celsius.
@@ -19,6 +19,19 @@ pub struct Temperatures {
     pub bed_power: u8,
     /// The chamber, if the machine knows its temperature.
     pub chamber: Option<ChamberTemperature>,
+    /// Each nozzle by the number of its tool, if there are several.
+    pub nozzles: Option<[NozzleTemperature; 2]>,
+}
+
+/// A nozzle's part of [`Temperatures`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NozzleTemperature {
+    /// Now, degrees Celsius.
+    pub celsius: f32,
+    /// Target; 0 = off.
+    pub target: f32,
+    /// Power, 0 to 127.
+    pub power: u8,
 }
 
 /// A chamber's part of [`Temperatures`].
@@ -138,6 +151,8 @@ pub struct FirmwareInfo<'a> {
     pub machine: &'a str,
     /// `Cartesian` or `COREXY`.
     pub kinematics: &'a str,
+    /// How many extruders there are.
+    pub extruders: u8,
     /// Lower ends of the travel of X, Y and Z, units of 10 nm (for the `area:` line).
     pub lower_end_10nm: [i64; 3],
     /// Upper ends.

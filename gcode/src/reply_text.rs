@@ -214,7 +214,8 @@ fn write_hundredths(formatter: &mut Formatter<'_>, hundredths: i64) -> fmt::Resu
 }
 
 fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures) -> fmt::Result {
-    let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber } = *temperatures;
+    let Temperatures { nozzle, nozzle_target, bed, bed_target, nozzle_power, bed_power, chamber, nozzles } =
+        *temperatures;
     let [chamber_now, chamber_target] = chamber.map_or([0.0; 2], |chamber| [chamber.celsius, chamber.target]);
     let fields = [
         (" T:", nozzle),
@@ -229,11 +230,19 @@ fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures
         // A value that is not finite is written as such, so that hosts find no temperature instead of a wrong one.
         write!(formatter, "{}", Real::fixed(value, 2))?;
     }
-    write!(formatter, " @:{nozzle_power} B@:{bed_power}")?;
-    match chamber.and_then(|chamber| chamber.power) {
-        Some(power) => write!(formatter, " C@:{power}"),
-        None => Ok(()),
+    // Marlin's order.
+    for (tool, nozzle) in nozzles.iter().flatten().enumerate() {
+        let (now, target) = (Real::fixed(nozzle.celsius, 2), Real::fixed(nozzle.target, 2));
+        write!(formatter, " T{tool}:{now} /{target}")?;
     }
+    write!(formatter, " @:{nozzle_power} B@:{bed_power}")?;
+    if let Some(power) = chamber.and_then(|chamber| chamber.power) {
+        write!(formatter, " C@:{power}")?;
+    }
+    for (tool, nozzle) in nozzles.iter().flatten().enumerate() {
+        write!(formatter, " @{tool}:{}", nozzle.power)?;
+    }
+    Ok(())
 }
 
 fn write_position(formatter: &mut Formatter<'_>, position: &Position) -> fmt::Result {
@@ -280,6 +289,7 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
         identifier,
         machine,
         kinematics,
+        extruders,
         lower_end_10nm,
         size_10nm,
         emergency_parser,
@@ -296,7 +306,10 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
     if !source_code_url.is_empty() {
         write!(formatter, " SOURCE_CODE_URL:{source_code_url}")?;
     }
-    write!(formatter, " PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} KINEMATICS:{kinematics} EXTRUDER_COUNT:1")?;
+    write!(
+        formatter,
+        " PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} KINEMATICS:{kinematics} EXTRUDER_COUNT:{extruders}"
+    )?;
     if let Some([first, second, third]) = identifier {
         // A UUID's form, as hosts expect it: "Fsp" and a version of this form, then the 96 bits of the board.
         let (high, low) = (second >> 16, second & 0xffff);

@@ -21,26 +21,29 @@ pub enum Heater {
     Bed,
     /// The chamber: its thermometer, and the heater that some have.
     Chamber,
+    /// The hot end of a second tool.
+    Nozzle1,
 }
 
 impl Heater {
     /// Number of heaters that a machine may have.
-    pub const COUNT: usize = 3;
+    pub const COUNT: usize = 4;
 
     /// All heaters, in the order of their index. Every machine has the first two.
-    pub const ALL: [Self; Self::COUNT] = [Self::Nozzle, Self::Bed, Self::Chamber];
+    pub const ALL: [Self; Self::COUNT] = [Self::Nozzle, Self::Bed, Self::Chamber, Self::Nozzle1];
 
     /// Its place in [`Self::ALL`].
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// Its name in texts: `nozzle`, `bed`, `chamber`.
+    /// Its name in texts: `nozzle`, `bed`, `chamber`, `nozzle1`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nozzle => "nozzle",
             Self::Bed => "bed",
             Self::Chamber => "chamber",
+            Self::Nozzle1 => "nozzle1",
         }
     }
 }
@@ -271,6 +274,9 @@ pub trait MotorEnable {
     /// Of the motors that lift Z together those in the mask make the steps to come, the others stand still; bit 0 is the axis's own. At
     /// standstill only; after [`StepQueue::drop_all`] it is all of them again. Without effect where Z has one motor.
     fn step_z_motors(&mut self, _motors: u8) {}
+    /// The extruder of this tool makes the steps to come, the others stand still, with the current that they have. At standstill only;
+    /// it stays so after [`StepQueue::drop_all`]. Without effect where there is one extruder.
+    fn step_extruder(&mut self, _tool: u8) {}
 }
 
 /// All parts of a board that make motion.

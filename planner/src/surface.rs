@@ -51,6 +51,9 @@ pub trait Bed: Debug {
     /// correction there.
     fn stand(&mut self, motor_steps: [i64; 3], directions: u8) -> i64;
 
+    /// How far the nozzle is from where the motors' place says, X and Y in units of 10 nm: it counts from the next [`Self::switch`] on.
+    fn set_nozzle_offset(&mut self, _offset_10nm: [i32; 2]) {}
+
     /// Takes entries; `false`: they may pass as they are.
     fn take(&mut self, entries: &[StepEntry]) -> bool;
 

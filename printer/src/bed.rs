@@ -98,7 +98,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Lets Z follow the mesh, or stops it, at standstill: the motors stay, and the position's Z is that above the mesh or without it.
     #[inline(never)]
-    fn switch_bed(&mut self, on: bool) -> Result<(), MeshError> {
+    pub(crate) fn switch_bed(&mut self, on: bool) -> Result<(), MeshError> {
         // Within 5 m.
         let fade_10nm = self.interpreter.modal.mesh_fade_10nm as i32;
         self.motion.mesh(|mesh| mesh.set_fade_10nm(fade_10nm));
@@ -343,7 +343,11 @@ impl<P: Ports> Printer<'_, P> {
         let mut asked_10nm = [x_10nm, y_10nm, 0];
         for ((axis, place), word) in asked_10nm.iter_mut().enumerate().zip([x, y]) {
             *place = match word {
-                Some(word) => modal.length_10nm(word).ok_or(CommandError::TooFar)? - modal.offset_10nm[axis],
+                // The bed's coordinates are those of T0.
+                Some(word) => {
+                    let length_10nm = modal.length_10nm(word).ok_or(CommandError::TooFar)?;
+                    length_10nm - modal.offset_10nm[axis] + self.tool_offset_10nm()[axis]
+                }
                 None => *place + modal.probe_offset_10nm[axis],
             };
         }

@@ -40,7 +40,8 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::SoftLimits(None)
         | Command::Tower(None)
         | Command::PrintClock(PrintClockCommand::Report)
-        | Command::FlowPercent(None)
+        | Command::FlowPercent(_, None)
+        | Command::SelectTool { tool: None, .. }
         | Command::MotionChoice { interpolation: None, acceleration: None }
         | Command::Card(
             CardCommand::List { .. }
@@ -59,14 +60,20 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         Command::Skew(skew) if skew.is_query() => WhileHalted::Works,
         Command::FilamentSensor(words) if words.is_query() => WhileHalted::Works,
         Command::FeedPercent(words) if *words == FeedWords::default() => WhileHalted::Works,
-        Command::HomeOffset(words) | Command::StepsPerMm(words) if *words == AxisWords::default() => WhileHalted::Works,
+        Command::HomeOffset(words) | Command::StepsPerMm(_, words) | Command::ToolOffset { offset: words, .. }
+            if *words == AxisWords::default() =>
+        {
+            WhileHalted::Works
+        }
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
-        Command::PressureAdvance(words) if *words == AdvanceWords::default() => WhileHalted::Works,
-        Command::NozzleGains(words) | Command::BedGains(words) if *words == GainWords::default() => WhileHalted::Works,
+        Command::PressureAdvance(_, words) if *words == AdvanceWords::default() => WhileHalted::Works,
+        Command::NozzleGains(_, words) | Command::BedGains(words) if *words == GainWords::default() => {
+            WhileHalted::Works
+        }
         Command::DisableMotors(_) | Command::HeatersOff | Command::Supply(SupplyCommand::Off { .. }) => {
             WhileHalted::IsOff
         }
-        Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) | Command::SetChamber(Some(celsius))
+        Command::SetNozzle(_, Some(celsius)) | Command::SetBed(Some(celsius)) | Command::SetChamber(Some(celsius))
             if celsius.nanos() <= 0 =>
         {
             WhileHalted::IsOff

@@ -70,7 +70,7 @@ enum Waiting<'a> {
         axes: &'a [ShaperWords<'a>; 2],
         usual: &'static str,
     },
-    PressureAdvance(&'a AdvanceWords),
+    PressureAdvance(Option<u8>, &'a AdvanceWords),
     ShiftZ {
         words: &'a AxisWords,
         keeps_offset: bool,
@@ -79,6 +79,10 @@ enum Waiting<'a> {
     Card(&'a CardCommand<'a>),
     Supply(SupplyCommand),
     ProbePin(PinCommand),
+    Tool {
+        number: u32,
+        stays: bool,
+    },
     /// Until motion has ended.
     Finish(Then<'a>),
 }
@@ -89,7 +93,9 @@ enum Then<'a> {
     /// M500 to M502.
     Settings(SettingsCommand),
     /// M92.
-    StepsPerMm(&'a AxisWords),
+    StepsPerMm(Option<u8>, &'a AxisWords),
+    /// M218.
+    ToolOffset(Option<u8>, &'a AxisWords),
     /// M77, M78 S78.
     PrintClock(PrintClockCommand),
     /// M852.
@@ -165,7 +171,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.choose_motion(interpolation, acceleration).await?;
             }
             Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
-            Waiting::PressureAdvance(words) => self.advance(words).await?,
+            Waiting::PressureAdvance(tool, words) => self.advance(tool, words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
             Waiting::Bed(command) => {
                 if P::Motion::HAS_BED {
@@ -186,13 +192,20 @@ impl<P: Ports> Printer<'_, P> {
                     <P::Motion as Motion>::Servo::only(move || printer.probe_pin(command)).await?;
                 }
             }
+            Waiting::Tool { number, stays } => {
+                if <P::Motion as Motion>::Tools::PRESENT {
+                    let printer = &mut *self;
+                    <P::Motion as Motion>::Tools::only(move || printer.change_tool(number, stays)).await?;
+                }
+            }
             // One wait for all, which takes less room than several.
             Waiting::Finish(then) => {
                 self.motion.finish().await?;
                 match then {
                     Then::Nothing => {}
                     Then::Settings(command) => self.change_settings(command),
-                    Then::StepsPerMm(words) => self.set_steps_per_mm(words)?,
+                    Then::StepsPerMm(tool, words) => self.set_steps_per_mm(tool, words)?,
+                    Then::ToolOffset(tool, words) => self.tool_offset(tool, words)?,
                     Then::PrintClock(command) => {
                         self.print_clock(command);
                         self.keep_statistics();
@@ -224,13 +237,23 @@ impl<P: Ports> Printer<'_, P> {
             Command::HeaterTimeout(None) => self.replies.send(Reply::HeaterTimeout(self.signals.heater_timeout_s())),
             Command::AbsoluteExtrusion => self.interpreter.modal.relative_extruder = false,
             Command::RelativeExtrusion => self.interpreter.modal.relative_extruder = true,
-            Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
+            Command::SetNozzle(tool, _) | Command::WaitNozzle(tool, _) | Command::NozzleGains(tool, _)
+                if self.is_for_no_tool(tool) => {}
+            Command::FlowPercent(tool, _) | Command::PressureAdvance(tool, _) if self.is_for_no_tool(tool) => {}
+            Command::StepsPerMm(tool, _) if self.is_for_no_tool(tool) => {}
+            Command::SetNozzle(tool, Some(celsius)) => {
+                let nozzle = self.nozzle_of(tool)?;
+                self.set_temperature(nozzle, celsius.to_f64())?;
+            }
             Command::SetBed(Some(celsius)) => self.set_temperature(Heater::Bed, celsius.to_f64())?,
             Command::SetChamber(Some(celsius)) => self.set_chamber(celsius)?,
-            Command::NozzleGains(ref words) => self.heater_gains(Heater::Nozzle, words)?,
+            Command::NozzleGains(tool, ref words) => {
+                let nozzle = self.nozzle_of(tool)?;
+                self.heater_gains(nozzle, words)?;
+            }
             Command::BedGains(ref words) => self.heater_gains(Heater::Bed, words)?,
             Command::HeatersOff => {
-                self.set_temperature(Heater::Nozzle, 0.0)?;
+                self.nozzles_off()?;
                 self.set_temperature(Heater::Bed, 0.0)?;
                 self.set_chamber(Decimal::ZERO)?;
             }
@@ -277,8 +300,16 @@ impl<P: Ports> Printer<'_, P> {
             Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
-            Command::StepsPerMm(ref words) if *words == AxisWords::default() => return waiting(Waiting::ReportSteps),
-            Command::StepsPerMm(ref words) => return waiting(Waiting::Finish(Then::StepsPerMm(words))),
+            Command::StepsPerMm(_, ref words) if *words == AxisWords::default() => {
+                return waiting(Waiting::ReportSteps);
+            }
+            Command::StepsPerMm(tool, ref words) => return waiting(Waiting::Finish(Then::StepsPerMm(tool, words))),
+            Command::ToolOffset { tool, ref offset }
+                if <P::Motion as Motion>::Tools::PRESENT && self.profile.has_tools() =>
+            {
+                return waiting(Waiting::Finish(Then::ToolOffset(tool, offset)));
+            }
+            Command::ToolOffset { .. } => {}
             Command::MaxFeed(ref words) => self.set_max_feed(words)?,
             Command::Acceleration { print, retract, travel, both } => {
                 self.set_acceleration(print, retract, travel, both)?;
@@ -306,7 +337,7 @@ impl<P: Ports> Printer<'_, P> {
                 return waiting(Waiting::Finish(Then::PrintClock(command)));
             }
             Command::PrintClock(command) => self.print_clock(command),
-            Command::FlowPercent(value) => self.flow_percent(value)?,
+            Command::FlowPercent(tool, value) => self.flow_percent(tool, value)?,
             // ANCHOR: m302
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
             // ANCHOR_END: m302
@@ -315,8 +346,14 @@ impl<P: Ports> Printer<'_, P> {
             Command::Restart => return waiting(Waiting::Stop(Stop::Restart)),
             Command::CheckNozzle(diameter) => self.check_nozzle(diameter)?,
             Command::CheckModel(model) => self.check_model(model)?,
-            Command::SelectTool(0) => {}
-            Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
+            Command::SelectTool { tool: Some(number), stays }
+                if <P::Motion as Motion>::Tools::PRESENT && self.profile.has_tools() =>
+            {
+                return waiting(Waiting::Tool { number, stays });
+            }
+            Command::SelectTool { tool: None, .. } => self.report_tool(),
+            Command::SelectTool { tool: Some(0), .. } => {}
+            Command::SelectTool { tool: Some(tool), .. } => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.unknown(self.line, text),
             Command::Linear { rapid, ref axes, feed } => return waiting(Waiting::Linear { rapid, axes, feed }),
             Command::Arc { clockwise, ref axes, ref form, feed } => {
@@ -327,13 +364,16 @@ impl<P: Ports> Printer<'_, P> {
             Command::Recover => return waiting(Waiting::Retraction { retract: false }),
             Command::Home(axes) => return waiting(Waiting::Home(axes)),
             Command::DisableMotors(axes) => return waiting(Waiting::DisableMotors { mask: mask(axes) }),
-            Command::WaitNozzle(target) => return waiting(Waiting::Heat(Heater::Nozzle, target)),
+            Command::WaitNozzle(tool, target) => return waiting(Waiting::Heat(self.nozzle_of(tool)?, target)),
             Command::WaitBed(target) => return waiting(Waiting::Heat(Heater::Bed, target)),
             Command::WaitChamber(target) if self.has_chamber() => {
                 return waiting(Waiting::Heat(Heater::Chamber, target));
             }
-            Command::Autotune { of_bed, target, cycles, uses } => {
-                let heater = if of_bed { Heater::Bed } else { Heater::Nozzle };
+            Command::Autotune { of_bed, tool, target, cycles, uses } => {
+                if self.is_for_no_tool(tool) {
+                    return Err(CommandError::InvalidTool(tool.unwrap_or_default().into()));
+                }
+                let heater = if of_bed { Heater::Bed } else { self.nozzle_of(tool)? };
                 return waiting(Waiting::Autotune { heater, target, cycles, uses });
             }
             Command::HeaterModel { text, .. } if !<P::Heating as Heating>::Models::PRESENT => {
@@ -345,6 +385,13 @@ impl<P: Ports> Printer<'_, P> {
                 }
             }
             Command::Fan { number: 0, power } if !self.equipment.fan && power > 0 => self.needs(false, "fan")?,
+            Command::Fan { number: 0, power }
+                if <P::Motion as Motion>::Tools::PRESENT && self.part_fan() != FanOutput::Part =>
+            {
+                let output = self.part_fan();
+                self.power_loss.set_fan(output, power);
+                return waiting(Waiting::Fan { output, power });
+            }
             Command::Fan { number, power } => {
                 if let Some(output) = self.numbered_fan(number) {
                     self.power_loss.set_fan(output, power);
@@ -370,18 +417,20 @@ impl<P: Ports> Printer<'_, P> {
                 return pause(PauseReason::Stop, PauseWords { longest_ms, ..PauseWords::default() });
             }
             Command::Pause(park) => return pause(PauseReason::Pause, PauseWords { park, ..PauseWords::default() }),
-            Command::ChangeFilament { park, unload, load } => {
+            Command::ChangeFilament { tool, park, unload, load } => {
+                self.needs_selected(tool)?;
                 return pause(PauseReason::FilamentChange, PauseWords { park, unload, load, longest_ms: None });
             }
             Command::FilamentLengths { unload, load } => self.filament_lengths(unload, load)?,
-            Command::LoadFilament { loads, length, rise } => {
+            Command::LoadFilament { loads, tool, length, rise } => {
+                self.needs_selected(tool)?;
                 return waiting(Waiting::LoadFilament { loads, length, rise });
             }
             Command::MotionChoice { interpolation, acceleration } => {
                 return waiting(Waiting::MotionChoice { interpolation, acceleration });
             }
             Command::InputShaper { ref axes, usual } => return waiting(Waiting::InputShaper { axes, usual }),
-            Command::PressureAdvance(ref words) => return waiting(Waiting::PressureAdvance(words)),
+            Command::PressureAdvance(tool, ref words) => return waiting(Waiting::PressureAdvance(tool, words)),
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
             Command::Settings(command) if self.refuse_settings(command) => {}
             Command::Settings(command) if Self::needs_standstill(command) => {
@@ -401,7 +450,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::DriverCurrent(_)
             | Command::StallThreshold(_)
             | Command::Bed(_)
-            | Command::SetNozzle(None)
+            | Command::SetNozzle(_, None)
             | Command::SetBed(None)
             | Command::SetChamber(None)
             | Command::WaitChamber(_)

@@ -2,7 +2,9 @@
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, DriverWords};
-use ferrostep_tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, motor_name};
+use ferrostep_tmc2209::{
+    DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, SECOND_EXTRUDER, motor_name,
+};
 
 use crate::error::CommandError;
 use crate::ports::{MotorDrivers, Ports, Replies};
@@ -66,6 +68,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Retract
             | Command::Recover
             | Command::Home(_)
+            | Command::SelectTool { tool: Some(1..), .. }
             | Command::EnableMotors(_) => return Ok(true),
             Command::Bed(bed) => return Ok(self.has_bed() && bed.probes()),
             Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS),
@@ -88,7 +91,8 @@ impl<P: Ports> Printer<'_, P> {
         } else {
             for motor in 0..MOST_MOTORS {
                 // What Z has, all its motors have.
-                let is_named = values.get(motor).or(values.get(2)).is_some_and(Option::is_some);
+                let of = if motor == SECOND_EXTRUDER { 3 } else { 2 };
+                let is_named = values.get(motor).or(values.get(of)).is_some_and(Option::is_some);
                 if is_named && let Some(report) = drivers.report(motor) {
                     setting.say(motor_name(motor), &report, self.replies);
                 }

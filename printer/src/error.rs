@@ -209,6 +209,8 @@ pub enum CommandError {
     OtherModel(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
+    /// Of a machine with several tools: why one cannot be selected, or what is for another.
+    Tool(&'static str),
     /// M112 or a heater fault has halted the machine, during this command or before; only M999 ends that.
     Halted,
     /// M999 does not end this heater fault.

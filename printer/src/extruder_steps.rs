@@ -37,7 +37,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M92, at standstill. What cannot be set is named, and stays.
     #[inline(never)]
-    pub(crate) fn set_steps_per_mm(&mut self, words: &AxisWords) -> Result<(), CommandError> {
+    pub(crate) fn set_steps_per_mm(&mut self, tool: Option<u8>, words: &AxisWords) -> Result<(), CommandError> {
         let of_profile = self.profile.steps_per_mm;
         for ((word, of_profile), name) in [words.x, words.y, words.z].into_iter().zip(of_profile).zip(AXIS_NAMES) {
             if word.is_some_and(|word| StepsPerMm::nearest(word.to_f64()) != of_profile) {
@@ -46,10 +46,15 @@ impl<P: Ports> Printer<'_, P> {
             }
         }
         let Some(asked) = words.e.map(|word| word.to_f64()) else { return Ok(()) };
-        if self.are_extruder_steps(asked) {
+        let of_tool = self.steps_of_profile(tool);
+        if self.are_steps_near(of_tool, asked) {
+            if let Some(resting) = self.resting_tool(tool)? {
+                resting.steps_per_mm = StepsPerMm::nearest(asked);
+                return Ok(());
+            }
             return self.set_extruder_steps(StepsPerMm::nearest(asked));
         }
-        let [now, of_profile] = [self.motion.extruder_steps_per_mm(), of_profile[3]].map(shown);
+        let [now, of_profile] = [self.motion.extruder_steps_per_mm(), of_tool].map(shown);
         self.replies.say(format_args!(
             "echo:M92: E stays at {now}: expected what is within a quarter of the profile's {of_profile}, and at E's largest feed (M203) no \
              faster than its motor may step"
@@ -57,9 +62,13 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Whether the extruder may have these steps.
-    pub(crate) fn are_extruder_steps(&self, steps_per_mm: f64) -> bool {
-        let of_profile = self.profile.steps_per_mm[3].to_f64();
+    /// Whether the extruder of a tool may have these steps.
+    pub(crate) fn are_extruder_steps(&self, tool: u8, steps_per_mm: f64) -> bool {
+        self.are_steps_near(self.steps_of_profile(Some(tool)), steps_per_mm)
+    }
+
+    fn are_steps_near(&self, of_profile: StepsPerMm, steps_per_mm: f64) -> bool {
+        let of_profile = of_profile.to_f64();
         let is_near = (steps_per_mm - of_profile).abs() <= FARTHEST * of_profile;
         let [.., max_feed_mm_per_s] = self.motion.limits().max_feed_mm_per_s;
         // What the profile itself allows is not judged.
@@ -69,12 +78,13 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Whether M92 with these words gives the extruder other steps.
-    pub fn changes_extruder_steps(&self, words: &AxisWords) -> bool {
+    pub fn changes_extruder_steps(&self, tool: Option<u8>, words: &AxisWords) -> bool {
         let asked = words.e.map(|steps_per_mm| steps_per_mm.to_f64());
-        asked.is_some_and(|steps_per_mm| {
-            self.are_extruder_steps(steps_per_mm)
-                && StepsPerMm::nearest(steps_per_mm) != self.motion.extruder_steps_per_mm()
-        })
+        tool.unwrap_or(0) == 0
+            && asked.is_some_and(|steps_per_mm| {
+                self.are_extruder_steps(self.selected_tool(), steps_per_mm)
+                    && StepsPerMm::nearest(steps_per_mm) != self.motion.extruder_steps_per_mm()
+            })
     }
 
     /// At standstill. A prepared job is planned with the profile's.
@@ -87,6 +97,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Refuses a prepared job where the extruder has other steps than those it is planned with.
     pub(crate) fn needs_profiles_steps(&self) -> Result<(), CommandError> {
+        self.needs_first_tool()?;
         if self.motion.extruder_steps_per_mm() == self.profile.steps_per_mm[3] {
             Ok(())
         } else {

@@ -1,7 +1,7 @@
 //! M106, M107, M42, M150, M123, SET_FAN_SPEED, and the pause when a fan does not turn.
 
 use ferrostep_gcode::{AxisWords, Command};
-use ferrostep_hal_shim::{FanOutput, Heater};
+use ferrostep_hal_shim::FanOutput;
 
 use crate::error::CommandError;
 use crate::fans::{self, FanRule, FanSettings, FanTable, LightColor};
@@ -113,7 +113,7 @@ impl<P: Ports> Printer<'_, P> {
     /// message.
     #[inline(never)]
     pub(crate) fn has_stalled_fan(&self) -> bool {
-        self.heating.status(Heater::Nozzle).target_celsius > 0.0 && self.signals.take_stalled_fan()
+        self.is_a_nozzle_on() && self.signals.take_stalled_fan()
     }
 
     /// Whether the hot end's own fan is one that does not turn: the nozzle must not stay hot unattended.

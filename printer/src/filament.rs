@@ -3,7 +3,6 @@
 mod encoder;
 
 use ferrostep_gcode::{AxisWords, Command, FilamentSensorWords, Real};
-use ferrostep_hal_shim::Heater;
 
 use crate::command_kind::moves;
 use crate::error::CommandError;
@@ -52,8 +51,12 @@ impl FilamentWatch {
 }
 
 /// What a print does when its filament has run out: M600 without words.
-pub(crate) static CHANGE_FILAMENT: Command<'static> =
-    Command::ChangeFilament { park: AxisWords { x: None, y: None, z: None, e: None }, unload: None, load: None };
+pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {
+    tool: None,
+    park: AxisWords { x: None, y: None, z: None, e: None },
+    unload: None,
+    load: None,
+};
 
 /// Whether a command lays a line, as only prints do. A person who pushes new filament in moves E alone.
 pub(crate) fn lays(command: &Command<'_>) -> bool {
@@ -66,7 +69,7 @@ pub(crate) fn lays(command: &Command<'_>) -> bool {
 
 /// Whether a print may begin with such a command, or begin anew: filament may have been moved by hand.
 fn begins(command: &Command<'_>) -> bool {
-    matches!(command, Command::Home(_) | Command::SetNozzle(_) | Command::WaitNozzle(_))
+    matches!(command, Command::Home(_) | Command::SetNozzle(..) | Command::WaitNozzle(..))
 }
 
 impl<P: Ports> Printer<'_, P> {
@@ -149,7 +152,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn has_run_out(&self) -> bool {
         let is_out = self.pauses_at_runout && self.is_filament_missing();
         // A print's nozzle is hot; lines without heat are a rehearsal.
-        let is_out = is_out && self.heating.status(Heater::Nozzle).target_celsius > 0.0;
+        let is_out = is_out && self.heating.status(self.nozzle()).target_celsius > 0.0;
         if is_out {
             let is_switch = self.has_filament_switch() && self.signals.is_filament_out();
             let what = if self.has_encoder() && !is_switch {

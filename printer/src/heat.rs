@@ -71,6 +71,7 @@ impl fmt::Display for HeatFault {
             Heater::Nozzle => "E0",
             Heater::Bed => "bed",
             Heater::Chamber => "chamber",
+            Heater::Nozzle1 => "E1",
         };
         write!(out, "Error:{}, system stopped! Heater_ID: {name}", self.trip)?;
         match self.trip {
@@ -87,7 +88,7 @@ impl fmt::Display for HeatFault {
 }
 
 /// What works out a heater's power.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Loop {
     /// It holds its target.
     Pid(Pid),
@@ -96,7 +97,7 @@ enum Loop {
 }
 
 /// One heater.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Channel {
     settings: HeaterSettings,
     thermometer: Thermometer,
@@ -154,11 +155,24 @@ impl Channel {
     }
 }
 
-/// Control of all heaters and fans. `M`: whether heaters may be controlled by a model.
+/// Nozzles of further tools.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct FurtherNozzle {
+    /// `None` where the tools share one.
+    channel: Option<Channel>,
+    /// It is that of the selected tool.
+    is_selected: bool,
+}
+
+/// Heaters of every machine, but for those of further tools: the first ones in the order of their index.
+const USUAL: usize = Heater::Nozzle1.index();
+
+/// Control of all heaters and fans. `M`: whether heaters may be controlled by a model; `T`: whether there may be several nozzles.
 #[derive(Clone, Copy, Debug)]
-pub struct HeatControl<M: Part = Present> {
+pub struct HeatControl<M: Part = Present, T: Part = Present> {
     /// `None` for a heater that the machine does not have.
-    channels: [Option<Channel>; Heater::COUNT],
+    channels: [Option<Channel>; USUAL],
+    further: T::Of<FurtherNozzle>,
     /// In force for the heaters that it has models of.
     models: M::Of<Models>,
     fault: Option<HeatFault>,
@@ -172,7 +186,7 @@ pub struct HeatControl<M: Part = Present> {
     is_halted: bool,
 }
 
-impl<M: Part> HeatControl<M> {
+impl<M: Part, T: Part> HeatControl<M, T> {
     /// All heaters off. Takes as many readings as the median needs, so that temperatures are known from the start. The hot
     /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
     pub fn new(
@@ -181,14 +195,17 @@ impl<M: Part> HeatControl<M> {
         board: &mut (impl ThermalBoard + Fans),
     ) -> Self {
         board.set_fan_power(FanOutput::HotEnd, u8::MAX);
-        let channels = Heater::ALL.map(|heater| {
+        let mut channel = |heater: Heater| {
             heaters[heater.index()].map(|settings| {
                 board.set_power(heater, 0.0);
                 Channel::new(settings, core::array::from_fn(|_| board.reading(heater)))
             })
-        });
+        };
+        let channels = [Heater::Nozzle, Heater::Bed, Heater::Chamber].map(&mut channel);
+        let further = if T::PRESENT { channel(Heater::Nozzle1) } else { None };
         Self {
             channels,
+            further: T::of(FurtherNozzle { channel: further, is_selected: false }),
             models: M::of(Models::NONE),
             fault: None,
             fan_table,
@@ -206,24 +223,21 @@ impl<M: Part> HeatControl<M> {
     /// switched is off, until [`Self::set_supply`]. Reported once.
     pub fn update(&mut self, board: &mut (impl ThermalBoard + Fans)) -> Result<(), HeatFault> {
         let mut found = None;
-        for (heater, channel) in channels(&mut self.channels) {
+        for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
             let outcome = channel.sample(board.reading(heater));
             found = found.or(outcome.err().map(|trip| HeatFault { heater, trip }));
         }
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
         let mut demand = self.fan_demand;
-        if self
-            .channels
-            .iter()
-            .flatten()
-            .any(|channel| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+        if channels::<T>(&mut self.channels, &mut self.further)
+            .any(|(_, channel)| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
             || self.models().is_some_and(Models::wants_fan)
         {
             demand.powers[FanOutput::Part.index()] = u8::MAX;
         }
         let heated = Heated {
-            nozzle_celsius: self.channel(Heater::Nozzle).and_then(|nozzle| nozzle.thermometer.celsius().ok()),
+            nozzle_celsius: self.hottest_nozzle(),
             bed_is_on: self.channel(Heater::Bed).is_some_and(|bed| bed.target > 0.0),
             // A transistor that has failed closed cannot be switched off; without a supply that can, only moving air can cool its heater.
             has_fault: self.fault.is_some(),
@@ -234,10 +248,12 @@ impl<M: Part> HeatControl<M> {
         match self.fault {
             Some(_) => self.halt(),
             None => {
-                for (heater, channel) in channels(&mut self.channels) {
+                let melts = !self.has_nozzles() || self.nozzle() == Heater::Nozzle;
+                for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
                     let (celsius, power) = (channel.celsius, channel.power);
-                    let modelled = M::get_mut(&mut self.models)
-                        .and_then(|models| models.power(heater, celsius?, &mut channel.target, power, fan_power));
+                    let modelled = M::get_mut(&mut self.models).and_then(|models| {
+                        models.power(heater, celsius?, &mut channel.target, power, (fan_power, melts))
+                    });
                     match modelled {
                         Some(power) => channel.power = power,
                         None => channel.control(fan_power),
@@ -245,7 +261,7 @@ impl<M: Part> HeatControl<M> {
                 }
             }
         }
-        for (heater, channel) in channels(&mut self.channels) {
+        for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
             board.set_power(heater, channel.power);
         }
         if let Some(on) = self.supply {
@@ -384,7 +400,7 @@ impl<M: Part> HeatControl<M> {
 
     /// Switches all heaters off; the next [`Self::update`] sets the board's outputs.
     pub fn all_off(&mut self) {
-        self.channels.iter_mut().flatten().for_each(Channel::off);
+        channels::<T>(&mut self.channels, &mut self.further).for_each(|(_, channel)| channel.off());
         self.end_step();
     }
 
@@ -429,7 +445,7 @@ impl<M: Part> HeatControl<M> {
         }
         self.fault = None;
         self.is_halted = false;
-        for (heater, channel) in channels(&mut self.channels) {
+        for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
             channel.safety = Safety::new();
             if let Err(trip) = channel.safety.check(&channel.settings, channel.thermometer.celsius(), 0.0, 0.0, false) {
                 self.fault = self.fault.or(Some(HeatFault { heater, trip }));
@@ -450,18 +466,59 @@ impl<M: Part> HeatControl<M> {
         self.channel(Heater::Chamber).map(|chamber| chamber.settings.is_heated)
     }
 
+    /// Whether a further tool has a nozzle of its own.
+    pub fn has_nozzles(&self) -> bool {
+        T::PRESENT && self.channel(Heater::Nozzle1).is_some()
+    }
+
+    /// The heater of the selected tool's nozzle.
+    pub fn nozzle(&self) -> Heater {
+        match T::get(&self.further) {
+            Some(FurtherNozzle { is_selected: true, .. }) => Heater::Nozzle1,
+            _ => Heater::Nozzle,
+        }
+    }
+
+    /// The selected tool's nozzle has this heater from now on.
+    pub fn select_nozzle(&mut self, heater: Heater) {
+        if let Some(further) = T::get_mut(&mut self.further) {
+            further.is_selected = heater == Heater::Nozzle1;
+        }
+    }
+
+    /// The temperature of the hottest nozzle, degrees Celsius; `None` where one of them is not known: its fan turns then.
+    fn hottest_nozzle(&self) -> Option<f32> {
+        let celsius = |nozzle: &Channel| nozzle.thermometer.celsius().ok();
+        let first = self.channel(Heater::Nozzle).and_then(celsius);
+        match self.channel(Heater::Nozzle1).filter(|_| T::PRESENT) {
+            None => first,
+            Some(second) => first.zip(celsius(second)).map(|(first, second)| first.max(second)),
+        }
+    }
+
     fn channel(&self, heater: Heater) -> Option<&Channel> {
-        self.channels[heater.index()].as_ref()
+        match self.channels.get(heater.index()) {
+            Some(channel) => channel.as_ref(),
+            None => T::get(&self.further)?.channel.as_ref(),
+        }
     }
 
     fn channel_mut(&mut self, heater: Heater) -> Option<&mut Channel> {
-        self.channels[heater.index()].as_mut()
+        match self.channels.get_mut(heater.index()) {
+            Some(channel) => channel.as_mut(),
+            None => T::get_mut(&mut self.further)?.channel.as_mut(),
+        }
     }
 }
 
 /// The heaters that the machine has.
-fn channels(channels: &mut [Option<Channel>; Heater::COUNT]) -> impl Iterator<Item = (Heater, &mut Channel)> {
-    Heater::ALL.into_iter().zip(channels).filter_map(|(heater, channel)| Some((heater, channel.as_mut()?)))
+fn channels<'a, T: Part>(
+    channels: &'a mut [Option<Channel>; USUAL],
+    further: &'a mut T::Of<FurtherNozzle>,
+) -> impl Iterator<Item = (Heater, &'a mut Channel)> {
+    let further = T::get_mut(further).map(|further| &mut further.channel);
+    let all = Heater::ALL.into_iter().zip(channels.iter_mut().chain(further));
+    all.filter_map(|(heater, channel)| Some((heater, channel.as_mut()?)))
 }
 
 #[cfg(test)]

@@ -85,7 +85,9 @@ impl<P: Ports> Printer<'_, P> {
         let [p, c, r, a, f, h] = shown(model);
         match heater {
             Heater::Nozzle => self.replies.say(format_args!("echo:M306 E0 P{p} C{c} R{r} A{a} F{f} H{h}")),
-            Heater::Bed | Heater::Chamber => self.replies.say(format_args!("echo:M306 E-1 P{p} C{c} R{r} A{a}")),
+            Heater::Bed | Heater::Chamber | Heater::Nozzle1 => {
+                self.replies.say(format_args!("echo:M306 E-1 P{p} C{c} R{r} A{a}"))
+            }
         }
     }
 

@@ -41,6 +41,16 @@ impl<P: Ports> Printer<'_, P> {
             {
                 remarks.add(Remark::NoChamber);
             }
+            Command::SetNozzle(tool, _) | Command::WaitNozzle(tool, _) | Command::NozzleGains(tool, _)
+                if self.is_for_no_tool(*tool) =>
+            {
+                remarks.add(Remark::OtherTool);
+            }
+            Command::FlowPercent(tool, _) | Command::PressureAdvance(tool, _) if self.is_for_no_tool(*tool) => {
+                remarks.add(Remark::OtherTool);
+            }
+            Command::StepsPerMm(tool, _) if self.is_for_no_tool(*tool) => remarks.add(Remark::OtherTool),
+            Command::ToolOffset { .. } if !self.profile.has_tools() => remarks.add(Remark::OtherTool),
             Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
             Command::SetLight { .. } if !self.has_light() => remarks.add(Remark::NoLight),
             Command::NamedFan { name, .. } if self.named_fan(name).is_none() => remarks.add(Remark::OtherFan),

@@ -272,7 +272,7 @@ impl<'a> MoveInterpreter<'a> {
     }
 
     /// Soft limits: draws a target, above which Z is lifted, into the travel of the homed axes, and marks the axes that this changed.
-    fn clamp_into(&self, target_10nm: &mut [i64; 3], lift_10nm: i64, clamped: &mut [bool; 3]) {
+    pub fn clamp_into(&self, target_10nm: &mut [i64; 3], lift_10nm: i64, clamped: &mut [bool; 3]) {
         if !self.modal.soft_limits {
             return;
         }

@@ -152,6 +152,14 @@ impl Modal {
         self.relative_extruder = relative;
     }
 
+    /// The G-code's coordinates become larger by this.
+    pub fn add_offset(&mut self, more_10nm: [i64; 3]) {
+        for (offset_10nm, more) in self.offset_10nm.iter_mut().zip(more_10nm) {
+            // Both are within a few metres.
+            *offset_10nm = offset_10nm.wrapping_add(more);
+        }
+    }
+
     /// M206: another offset of home takes the place of the one before.
     pub fn set_home_offset(&mut self, home_offset_10nm: [i64; 3]) {
         let parts = self.home_offset_10nm.into_iter().zip(home_offset_10nm);

@@ -1,7 +1,6 @@
 //! G0 to G4, G10, G11 and G92: the interpreter's moves go to the motors.
 
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real};
-use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{Move, filament_100pm};
 
 use crate::axis_names::AXIS_NAMES;
@@ -66,7 +65,7 @@ impl<P: Ports> Printer<'_, P> {
         if !modal.cold_extrusion_allowed {
             self.needs(self.equipment.heaters, "thermometers")?;
         }
-        let celsius = self.heating.status(Heater::Nozzle).celsius;
+        let celsius = self.heating.status(self.nozzle()).celsius;
         let minimum_celsius = modal.min_extrusion_celsius;
         if modal.cold_extrusion_allowed || celsius >= minimum_celsius {
             return Ok(());
@@ -74,7 +73,7 @@ impl<P: Ports> Printer<'_, P> {
         Err(CommandError::ColdExtrusion { celsius, minimum_celsius })
     }
 
-    fn say_clamped(&self, clamped: [bool; 3]) {
+    pub(crate) fn say_clamped(&self, clamped: [bool; 3]) {
         let mut text = Text::new();
         let line = self.line;
         let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));

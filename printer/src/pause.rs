@@ -71,6 +71,9 @@ impl<P: Ports> Printer<'_, P> {
         }
         if self.is_hot_end_fan_stalled() {
             self.heating.set_target(Heater::Nozzle, 0.0);
+            if self.heating.has_nozzles() {
+                self.heating.set_target(Heater::Nozzle1, 0.0);
+            }
         }
         if reason == PauseReason::FilamentChange {
             self.move_filament(-unload_100pm, self.profile.pause.filament_10nm_per_s).await?;
@@ -331,7 +334,11 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Moves filament without changing E.
-    async fn move_filament(&mut self, filament_100pm: i64, rate_10nm_per_s: i64) -> Result<(), CommandError> {
+    pub(crate) async fn move_filament(
+        &mut self,
+        filament_100pm: i64,
+        rate_10nm_per_s: i64,
+    ) -> Result<(), CommandError> {
         if filament_100pm == 0 {
             return Ok(());
         }

@@ -4,7 +4,9 @@ use core::fmt;
 use core::future::Future;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{ChamberTemperature, MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
+use ferrostep_gcode::{
+    ChamberTemperature, MotionFigures, NozzleTemperature, Remarks, Reply, ShortText, Temperatures, TimingFigures,
+};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater, ServoPulses};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
@@ -119,6 +121,11 @@ pub trait Motion {
     type ZMotors: Part;
     /// Of these motors those in the mask make the steps to come ([`crate::machine::Machine::step_z_motors`]).
     fn step_z_motors(&mut self, _motors: u8) {}
+    /// Several tools, of which one is selected, or not: the code for that is compiled only then.
+    type Tools: Part;
+    /// The extruder of this tool makes the steps to come, and its nozzle is so far from the first's
+    /// ([`crate::machine::Machine::step_extruder`]).
+    fn step_extruder(&mut self, _tool: u8, _offset_10nm: [i32; 2]) {}
     /// A signal that says that the supply fails, or none: the code that keeps a print then is compiled only where there is one.
     type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.
@@ -188,6 +195,16 @@ pub trait Heating {
     /// Whether the chamber has a heater beside its thermometer; `None` without either.
     fn chamber_is_heated(&self) -> Option<bool> {
         None
+    }
+    /// The heater of the selected tool's nozzle.
+    fn nozzle(&self) -> Heater {
+        Heater::Nozzle
+    }
+    /// The selected tool's nozzle has this heater from now on.
+    fn select_nozzle(&mut self, _heater: Heater) {}
+    /// Whether a further tool has a nozzle of its own.
+    fn has_nozzles(&self) -> bool {
+        false
     }
     /// Temperature, target and power of a heater.
     fn status(&self, heater: Heater) -> HeaterStatus;
@@ -329,14 +346,21 @@ pub trait Replies {
 
 /// All temperatures as reports show them.
 pub fn temperatures(heating: &impl Heating) -> Temperatures {
-    let nozzle = heating.status(Heater::Nozzle);
+    let nozzle = heating.status(heating.nozzle());
     let bed = heating.status(Heater::Bed);
     let power = |share: f32| (share * 127.0) as u8;
     let chamber = heating.chamber_is_heated().map(|is_heated| {
         let HeaterStatus { celsius, target_celsius, power: share } = heating.status(Heater::Chamber);
         ChamberTemperature { celsius, target: target_celsius, power: is_heated.then(|| power(share)) }
     });
+    let nozzles = heating.has_nozzles().then(|| {
+        [Heater::Nozzle, Heater::Nozzle1].map(|heater| {
+            let HeaterStatus { celsius, target_celsius, power: share } = heating.status(heater);
+            NozzleTemperature { celsius, target: target_celsius, power: power(share) }
+        })
+    });
     Temperatures {
+        nozzles,
         chamber,
         nozzle: nozzle.celsius,
         nozzle_target: nozzle.target_celsius,

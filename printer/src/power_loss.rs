@@ -74,6 +74,13 @@ impl PowerLoss {
         self.is_pending = true;
     }
 
+    /// What a fan has been told is for another one now.
+    pub fn move_fan(&mut self, from: FanOutput, to: FanOutput) -> u8 {
+        let power = self.fans.get_mut(from.index()).map(core::mem::take).unwrap_or_default();
+        self.set_fan(to, power);
+        power
+    }
+
     /// A command has set a fan.
     pub fn set_fan(&mut self, output: FanOutput, power: u8) {
         if let Some(fan) = self.fans.get_mut(output.index()) {

@@ -26,12 +26,13 @@ fn changed(present: PressureAdvance, words: &AdvanceWords) -> PressureAdvance {
 impl<P: Ports> Printer<'_, P> {
     /// Where there is an advance already it changes at its place among the moves; else, and for another time to average it over, the
     /// machine stands still before.
-    pub(crate) async fn advance(&mut self, words: &AdvanceWords) -> Result<(), CommandError> {
+    pub(crate) async fn advance(&mut self, tool: Option<u8>, words: &AdvanceWords) -> Result<(), CommandError> {
+        if self.advance_of_resting(tool, words)? {
+            return Ok(());
+        }
         let mut choice = self.motion.motion_choice();
         if *words == AdvanceWords::default() {
-            let PressureAdvance { seconds, above, smooth_time_s } = choice.pressure_advance;
-            let above = above.map(|above| (above.seconds, above.filament_mm_per_s));
-            self.replies.send(Reply::PressureAdvance(AdvanceState { seconds, above, smooth_time_s }));
+            self.report_advance(&choice.pressure_advance);
             return Ok(());
         }
         let advance = changed(choice.pressure_advance, words);
@@ -52,6 +53,26 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.send(Reply::AdvanceLimits { acceleration_mm_per_s2 });
         }
         Ok(())
+    }
+
+    fn report_advance(&self, advance: &PressureAdvance) {
+        let PressureAdvance { seconds, above, smooth_time_s } = *advance;
+        let above = above.map(|above| (above.seconds, above.filament_mm_per_s));
+        self.replies.send(Reply::PressureAdvance(AdvanceState { seconds, above, smooth_time_s }));
+    }
+
+    /// The same of a tool that is not selected; `false`: of the selected one.
+    #[inline(never)]
+    fn advance_of_resting(&mut self, tool: Option<u8>, words: &AdvanceWords) -> Result<bool, CommandError> {
+        let Some(resting) = self.resting_tool(tool)? else { return Ok(false) };
+        let advance = changed(resting.advance, words);
+        if *words == AdvanceWords::default() {
+            self.report_advance(&advance);
+        } else {
+            advance.check().map_err(|error| CommandError::Advance(AdvanceRefusal::new(error, &advance)))?;
+            resting.advance = advance;
+        }
+        Ok(true)
     }
 
     /// A prepared job begins with the advance under which its speeds were planned.

@@ -217,7 +217,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Before and after a target is set: looks at the heaters.
     pub(crate) fn see_heat(&mut self) {
-        let are_on = [Heater::Nozzle, Heater::Bed].map(|heater| self.heating.status(heater).target_celsius > 0.0);
+        let are_on = [self.is_a_nozzle_on(), self.heating.status(Heater::Bed).target_celsius > 0.0];
         self.print_clock.see_heat(self.clock.now_ms(), are_on);
     }
 

@@ -14,6 +14,7 @@ use crate::command_kind::{WhileHalted, while_halted};
 use crate::error::{CommandError, Failure};
 use crate::interpreter::MoveInterpreter;
 use crate::modal::Tally;
+use crate::part::Part;
 use crate::paused::Paused;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
 use crate::power_loss::PowerLoss;
@@ -21,6 +22,7 @@ use crate::print_clock::PrintClock;
 use crate::profile::Profile;
 use crate::signals::Signals;
 use crate::stored::KeepsSettings;
+use crate::tool_change::ToolBox;
 use crate::tower::Tower;
 use crate::waits::Waits;
 
@@ -114,6 +116,8 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) black_box: Option<&'a dyn BlackBox>,
     /// M555: which part of the bed is measured next.
     pub(crate) bed_area: Option<BedArea>,
+    /// The selected tool, of several.
+    pub(crate) tools: <<P::Motion as Motion>::Tools as Part>::Of<ToolBox>,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -163,6 +167,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             power_loss: PowerLoss::new(),
             black_box: None,
             bed_area: None,
+            tools: M::Tools::of(ToolBox::new(profile)),
         }
     }
 }

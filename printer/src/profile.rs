@@ -14,6 +14,7 @@ use crate::fans::FanTable;
 use crate::heat::{HeaterModel, PidGains};
 use crate::power_loss::SupplySignal;
 use crate::skew::Skew;
+use crate::tools::{ToolHeater, Tools};
 use crate::z_motors::{Kept, ZAlignment, ZMotors};
 
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
@@ -432,6 +433,8 @@ pub struct Profile {
     pub bed_screws: Option<BedScrews>,
     /// The motors of Z, if there are several.
     pub z_motors: Option<Kept<ZMotors>>,
+    /// The tools beside the first, if there are several.
+    pub tools: Option<Kept<Tools>>,
     // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
@@ -493,11 +496,25 @@ impl Profile {
         self.z_alignment().is_some()
     }
 
+    /// Whether there are several tools.
+    pub const fn has_tools(&self) -> bool {
+        self.tools.is_some()
+    }
+
+    /// The heater of the second tool, if it has one of its own.
+    pub const fn tool_heater(&self) -> Option<&ToolHeater> {
+        match &self.tools {
+            Some(Kept(tools)) => tools.own_heater(),
+            None => None,
+        }
+    }
+
     /// This machine's heaters on the virtual board, cold.
     pub fn virtual_heaters(&self) -> VirtualHeaters {
         let heated = |settings: &HeaterSettings| (settings.mass, settings.thermistor);
         let chamber = self.chamber.as_ref().map(|chamber| heated(&chamber.settings));
-        VirtualHeaters::new(heated(&self.nozzle), heated(&self.bed), chamber)
+        let nozzle1 = self.tool_heater().map(|tool| heated(&tool.settings));
+        VirtualHeaters::new(heated(&self.nozzle), heated(&self.bed), chamber, nozzle1)
     }
 
     /// The settings of all heaters, by their index.
@@ -505,13 +522,17 @@ impl Profile {
         Heater::ALL.map(|heater| self.heater(heater).copied())
     }
 
-    /// The settings of a heater, or of a chamber's thermometer; `None` for a chamber that the machine does not have.
+    /// The settings of a heater, or of a chamber's thermometer; `None` for one that the machine does not have.
     pub const fn heater(&self, heater: Heater) -> Option<&HeaterSettings> {
         match heater {
             Heater::Nozzle => Some(&self.nozzle),
             Heater::Bed => Some(&self.bed),
             Heater::Chamber => match &self.chamber {
                 Some(chamber) => Some(&chamber.settings),
+                None => None,
+            },
+            Heater::Nozzle1 => match self.tool_heater() {
+                Some(tool) => Some(&tool.settings),
                 None => None,
             },
         }

@@ -24,6 +24,7 @@ impl<P: Ports> Printer<'_, P> {
             identifier: self.identifier,
             machine: self.profile.name,
             kinematics: self.profile.kinematics.reported_name(),
+            extruders: self.count_tools(),
             lower_end_10nm: self.profile.lower_end_10nm,
             size_10nm: self.profile.size_10nm,
             emergency_parser: self.emergency_parser,

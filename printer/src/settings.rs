@@ -181,7 +181,17 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// M221.
-    pub(crate) fn flow_percent(&mut self, value: Option<Decimal>) -> Result<(), CommandError> {
+    pub(crate) fn flow_percent(&mut self, tool: Option<u8>, value: Option<Decimal>) -> Result<(), CommandError> {
+        if let Some(resting) = self.resting_tool(tool)? {
+            match value {
+                Some(value) => resting.flow_percent = percent(value)?,
+                None => {
+                    let flow = resting.flow_percent;
+                    self.replies.send(Reply::FlowPercent(flow));
+                }
+            }
+            return Ok(());
+        }
         match value {
             Some(value) => self.interpreter.modal.flow_percent = percent(value)?,
             None => self.replies.send(Reply::FlowPercent(self.interpreter.modal.flow_percent)),

@@ -27,6 +27,8 @@ pub trait SharedMachine {
     type Servo: Part;
     /// Whether Z may have several motors that are aligned.
     type ZMotors: Part;
+    /// Whether there may be several tools.
+    type Tools: Part;
     /// Whether a signal says when the supply fails.
     type SupplySignal: Part;
 
@@ -241,6 +243,12 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     fn step_z_motors(&mut self, motors: u8) {
         self.machine.with(|machine| machine.step_z_motors(motors));
+    }
+
+    type Tools = S::Tools;
+
+    fn step_extruder(&mut self, tool: u8, offset_10nm: [i32; 2]) {
+        self.machine.with(|machine| machine.step_extruder(tool, offset_10nm));
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

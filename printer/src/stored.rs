@@ -22,13 +22,13 @@ use crate::print_clock::Statistics;
 use crate::printer::Printer;
 
 use groups::{Group, Setting, Shown};
-use values::{Values, advance_numbers};
+use values::{Parts, ToolValues, Values, advance_numbers};
 
-/// Whether heaters may be controlled by a model.
-type Models<P> = <<P as Ports>::Heating as Heating>::Models;
+/// What the machine may have that has settings.
+type PartsOf<P> = (<<P as Ports>::Heating as Heating>::Models, <<P as Ports>::Motion as Motion>::Tools);
 
 /// What a look at the memory has found.
-struct Stored<M: Part> {
+struct Stored<M: Parts> {
     values: Values<M>,
     /// Values in the memory that this machine knows.
     known: usize,
@@ -42,7 +42,7 @@ struct Stored<M: Part> {
     statistics: Statistics,
 }
 
-impl<M: Part> fmt::Display for Stored<M> {
+impl<M: Parts> fmt::Display for Stored<M> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { known, foreign, faults, mesh, .. } = self;
         write!(out, "{known} values, {faults} faults")?;
@@ -57,7 +57,7 @@ impl<M: Part> fmt::Display for Stored<M> {
 const STATISTICS: u16 = id_of("statistics");
 
 /// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
-fn setting_of<M: Part>(entry: Entry) -> Option<(&'static Group<M>, &'static Setting<M>)> {
+fn setting_of<M: Parts>(entry: Entry) -> Option<(&'static Group<M>, &'static Setting<M>)> {
     for group in Group::all() {
         for setting in group.settings {
             if id_of(setting.name) == entry.id {
@@ -195,11 +195,15 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// The settings in force.
-    fn live_values(&self) -> Values<Models<P>> {
-        let MotionChoice { shapers, pressure_advance, .. } = self.motion.motion_choice();
+    fn live_values(&self) -> Values<PartsOf<P>> {
+        let MotionChoice { shapers, mut pressure_advance, .. } = self.motion.motion_choice();
+        let mut extruder_steps_per_mm = self.motion.extruder_steps_per_mm();
+        if let Some(first) = self.values_of_tool(0) {
+            (pressure_advance, extruder_steps_per_mm) = (first.advance, first.steps_per_mm);
+        }
         let modal = &self.interpreter.modal;
         Values {
-            extruder_steps_per_mm: self.motion.extruder_steps_per_mm().to_f64(),
+            extruder_steps_per_mm: extruder_steps_per_mm.to_f64(),
             limits: self.motion.limits(),
             retraction: modal.retraction,
             home_offset_10nm: modal.home_offset_10nm,
@@ -213,11 +217,25 @@ impl<'a, P: Ports> Printer<'a, P> {
                 .equipment
                 .heaters
                 .then(|| [Heater::Nozzle, Heater::Bed].map(|heater| self.heating.gains(heater))),
-            models: <Models<P>>::of([Heater::Nozzle, Heater::Bed].map(|heater| self.heating.model(heater))),
+            models: <P::Heating as Heating>::Models::of(
+                [Heater::Nozzle, Heater::Bed].map(|heater| self.heating.model(heater)),
+            ),
+            tool: <P::Motion as Motion>::Tools::of(self.live_tool()),
         }
     }
 
-    fn profile_values(&self) -> Values<Models<P>> {
+    /// Those of T1.
+    fn live_tool(&self) -> Option<ToolValues> {
+        let of_tool = self.values_of_tool(1)?;
+        Some(ToolValues {
+            extruder_steps_per_mm: of_tool.steps_per_mm.to_f64(),
+            offset_10nm: of_tool.offset_10nm,
+            advance: advance_numbers(&of_tool.advance),
+            gains: (self.equipment.heaters && self.heating.has_nozzles()).then(|| self.heating.gains(Heater::Nozzle1)),
+        })
+    }
+
+    fn profile_values(&self) -> Values<PartsOf<P>> {
         Values::of_profile(self.profile, &self.live_drivers(), self.equipment.heaters)
     }
 
@@ -348,7 +366,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The profile's values with the stored ones in their places. What cannot be used is named.
     #[inline(never)]
-    fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored<Models<P>>> {
+    fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored<PartsOf<P>>> {
         let mut stored = Stored {
             values: self.profile_values(),
             known: 0,
@@ -381,7 +399,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// Puts a stored value in its place, if there is one and it is within its range.
-    fn take_entry(&self, entry: Entry, stored: &mut Stored<Models<P>>) {
+    fn take_entry(&self, entry: Entry, stored: &mut Stored<PartsOf<P>>) {
         let index = usize::from(entry.index);
         if entry.id == STATISTICS {
             // A number that we do not have counts as the nearest that could be.
@@ -420,12 +438,12 @@ impl<'a, P: Ports> Printer<'a, P> {
 
 /// The keys of a profile that M500 stores, with `*` for the axis, and the command of each.
 pub fn stored_keys() -> impl Iterator<Item = (&'static str, &'static str)> {
-    Group::<Present>::all().flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
+    Group::<(Present, Present)>::all().flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
 }
 
 /// Each value of each setting.
 #[cfg(test)]
-fn all_values() -> impl Iterator<Item = (&'static Setting<Present>, usize)> {
+fn all_values() -> impl Iterator<Item = (&'static Setting<(Present, Present)>, usize)> {
     Group::all().flat_map(|group| {
         group.settings.iter().flat_map(|setting| (0..group.values_of(setting)).map(move |index| (setting, index)))
     })

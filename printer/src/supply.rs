@@ -50,6 +50,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Autotune { .. }
             | Command::HeaterModel { .. }
             | Command::LoadFilament { .. }
+            | Command::SelectTool { tool: Some(1..), .. }
             | Command::Pause(_)
             | Command::ChangeFilament { .. }
             | Command::Fan { power: 1.., .. }
@@ -94,7 +95,7 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::SupplyInUse);
         }
         self.disable_motors(ALL_MOTORS).await?;
-        self.set_temperature(Heater::Nozzle, 0.0)?;
+        self.nozzles_off()?;
         self.set_temperature(Heater::Bed, 0.0)?;
         self.set_chamber(Decimal::ZERO)?;
         if when_cool {

@@ -47,10 +47,23 @@ impl<'a, P: Ports> Printer<'a, P> {
         if self.has_chamber() { self.set_temperature(Heater::Chamber, celsius.to_f64()) } else { Ok(()) }
     }
 
+    /// The nozzles of all tools are off.
+    pub(crate) fn nozzles_off(&mut self) -> Result<(), CommandError> {
+        self.set_temperature(Heater::Nozzle, 0.0)?;
+        if self.heating.has_nozzles() { self.set_temperature(Heater::Nozzle1, 0.0) } else { Ok(()) }
+    }
+
+    /// Whether the nozzle of any tool has a target.
+    pub(crate) fn is_a_nozzle_on(&self) -> bool {
+        let is_on = |heater| self.heating.status(heater).target_celsius > 0.0;
+        is_on(Heater::Nozzle) || self.heating.has_nozzles() && is_on(Heater::Nozzle1)
+    }
+
     /// Whether the nozzle of a host's print was switched off as unused: commands have set a target, and it is gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
-        let [nozzle_celsius, ..] = self.targets_celsius;
-        self.has_host() && nozzle_celsius > 0.0 && self.heating.status(Heater::Nozzle).target_celsius <= 0.0
+        let heater = self.nozzle();
+        let nozzle_celsius = self.targets_celsius[heater.index()];
+        self.has_host() && nozzle_celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0
     }
 
     /// A new print begins: it sets its own temperatures.

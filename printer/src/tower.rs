@@ -4,7 +4,8 @@ use core::fmt;
 use core::fmt::Write as _;
 
 use ferrostep_gcode::{
-    Command, Decimal, ParseError, Real, Remarks, ShortText, TowerCourse, TowerWords, parse, parse_with_remarks,
+    AdvanceWords, Command, Decimal, ParseError, Real, Remarks, ShortText, TowerCourse, TowerWords, parse,
+    parse_with_remarks,
 };
 
 use crate::error::{CommandError, Failure};
@@ -82,11 +83,11 @@ pub(crate) struct Tower {
 fn is_live(command: &Command<'_>) -> bool {
     matches!(
         command,
-        Command::SetNozzle(_)
+        Command::SetNozzle(..)
             | Command::SetBed(_)
             | Command::Fan { number: 0, .. }
             | Command::FeedPercent(_)
-            | Command::FlowPercent(_)
+            | Command::FlowPercent(..)
             | Command::MaxAcceleration(_)
             | Command::MaxFeed(_)
             | Command::Acceleration { .. }
@@ -96,8 +97,13 @@ fn is_live(command: &Command<'_>) -> bool {
             | Command::RecoverSettings(_)
             | Command::AdaptiveExtrusion { .. }
             | Command::InputShaper { .. }
-            | Command::PressureAdvance(_)
+            | Command::PressureAdvance(..)
     )
+}
+
+/// Whether a command of a number says no more than which tool it asks about.
+fn names_a_tool(command: &Command<'_>) -> bool {
+    matches!(command, Command::PressureAdvance(Some(_), words) if *words == AdvanceWords::default())
 }
 
 impl Tower {
@@ -125,7 +131,7 @@ impl Tower {
         let mut remarks = Remarks::NONE;
         let [one, two] = [1, 2].map(|number| self.line(Decimal::from_nanos(number * 1_000_000_000)));
         let [one, two] = [&one, &two].map(|line| parse_with_remarks(line, &mut remarks));
-        matches!((one, two), (Ok(one), Ok(two)) if one != two && is_live(&one) && is_live(&two) && remarks.is_empty())
+        matches!((one, two), (Ok(one), Ok(two)) if one != two && is_live(&one) && is_live(&two) && !names_a_tool(&one) && remarks.is_empty())
     }
 
     /// The line that sets a value.

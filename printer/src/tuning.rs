@@ -83,6 +83,7 @@ impl<P: Ports> Printer<'_, P> {
         let [p, i, d, f] = [gains.proportional, gains.integral, gains.derivative, gains.fan].map(marlins);
         match heater {
             Heater::Nozzle => self.replies.say(format_args!("echo:M301 P{p} I{i} D{d} F{f}")),
+            Heater::Nozzle1 => self.replies.say(format_args!("echo:M301 E1 P{p} I{i} D{d} F{f}")),
             Heater::Bed | Heater::Chamber => self.replies.say(format_args!("echo:M304 P{p} I{i} D{d}")),
         }
     }
@@ -159,7 +160,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Refuses an autotune without heaters, and in a print.
     fn may_autotune(&self) -> Result<(), CommandError> {
         self.needs(self.equipment.heaters, "heaters")?;
-        if self.is_paused() || self.heating.status(Heater::Nozzle).target_celsius > 0.0 {
+        if self.is_paused() || self.is_a_nozzle_on() {
             return Err(CommandError::TunesNoPrint);
         }
         Ok(())
@@ -169,7 +170,7 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
         let (mut usual, mut margin, has_fan) = match heater {
-            Heater::Nozzle => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
+            Heater::Nozzle | Heater::Nozzle1 => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
             Heater::Bed | Heater::Chamber => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
         };
         let settings = self.heater_settings(heater)?;
@@ -188,6 +189,7 @@ impl<P: Ports> Printer<'_, P> {
     fn tuned(&mut self, heater: Heater, gains: &PidGains, uses: bool) {
         let (name, marlins_name) = match heater {
             Heater::Nozzle => ("nozzle", ""),
+            Heater::Nozzle1 => ("tools.t1.nozzle", ""),
             Heater::Bed | Heater::Chamber => ("bed", "bed"),
         };
         self.replies.send(Reply::Text("PID Autotune finished!"));
@@ -198,7 +200,7 @@ impl<P: Ports> Printer<'_, P> {
         let [p, i, d, f] =
             [gains.proportional, gains.integral, gains.derivative, gains.fan].map(|gain| Real::short(gain, 6));
         self.replies.say(format_args!("echo:{name}: proportional = {p}, integral = {i}, derivative = {d}"));
-        if heater == Heater::Nozzle {
+        if matches!(heater, Heater::Nozzle | Heater::Nozzle1) {
             self.replies.say(format_args!("echo:{name}: fan_gain = {f}"));
         }
         if uses {

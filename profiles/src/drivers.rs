@@ -94,6 +94,17 @@ pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bo
     })
 }
 
+/// The driver of a further extruder's motor, in a table of its own.
+pub(crate) fn driver(
+    keys: &Section<'_>,
+    motor: &str,
+    steps_per_mm: f64,
+    both_edges: bool,
+) -> Option<ferrostep_tmc2209::DriverSettings> {
+    let table = keys.optional_section("driver", "not set", "the driver of its motor, as in `[drivers.e]`")?;
+    Some(settings(&table, motor, steps_per_mm, both_edges).settings)
+}
+
 /// Settings of one motor's driver. Whether it can make the current is for the board's sense resistors to say.
 fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> Driver {
     let current_ma = table

@@ -48,7 +48,7 @@ const fn gain([low, high]: [f64; 2], unit: &'static str) -> Range {
 }
 
 /// In what the heaters of nozzle, bed and chamber differ.
-struct Kind {
+struct Kind<'a> {
     max_celsius: Range,
     watch_s: Range,
     runaway_s: Range,
@@ -59,6 +59,8 @@ struct Kind {
     mass_in_words: &'static str,
     /// If the profile does not say; `None` where it must.
     control: Option<Control>,
+    /// Another heater, whose values are those that the profile does not say.
+    base: Option<&'a HeaterSettings>,
 }
 
 /// How a heater is held, and when it counts as near its target.
@@ -68,7 +70,18 @@ struct Control {
     residency_s: f64,
 }
 
-const NOZZLE: Kind = Kind {
+/// Stands for what a further tool's nozzle has from the first.
+const OF_FIRST: &str = "as `nozzle`";
+
+const FAN_GAIN: &str = "power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)";
+
+/// A value of single precision as it was written.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+const NOZZLE: Kind<'static> = Kind {
+    base: None,
     max_celsius: NOZZLE_MAX,
     watch_s: WATCH,
     runaway_s: RUNAWAY,
@@ -79,7 +92,8 @@ const NOZZLE: Kind = Kind {
     control: None,
 };
 
-const BED: Kind = Kind {
+const BED: Kind<'static> = Kind {
+    base: None,
     max_celsius: BED_MAX,
     watch_s: BED_WATCH,
     runaway_s: RUNAWAY,
@@ -90,7 +104,8 @@ const BED: Kind = Kind {
     control: None,
 };
 
-const CHAMBER: Kind = Kind {
+const CHAMBER: Kind<'static> = Kind {
+    base: None,
     max_celsius: CHAMBER_MAX,
     watch_s: CHAMBER_WATCH,
     runaway_s: CHAMBER_RUNAWAY,
@@ -124,6 +139,11 @@ pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
     settings.is_heated = heater.is_some();
     settings.is_warmed_by_others = true;
     Some(ChamberSettings { thermistor, heater, settings })
+}
+
+/// The nozzle of a further tool: what it does not say is as T0's.
+pub(crate) fn further_nozzle(table: &Section<'_>, first: &HeaterSettings) -> HeaterSettings {
+    heater_of(table, "tools.t1.nozzle", &Kind { watch: first.watch, mass: first.mass, base: Some(first), ..NOZZLE })
 }
 
 /// Nozzle and bed, each with the model that controls it if one does.
@@ -169,16 +189,24 @@ fn control_model(heater: &Section<'_>, name: &str) -> Option<HeaterModel> {
     })
 }
 
-fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings {
+fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> HeaterSettings {
     let apart = table.apart();
-    let thermistor = thermistor(&apart);
-    let min_celsius = apart
-        .number("min_celsius", HEATER_MIN)
-        .required("and what `sensor` can read; below this all heaters are switched off") as f32;
-    let max_celsius = table
-        .number("max_celsius", kind.max_celsius)
-        .required("and what `sensor` can read; at or above this all heaters are switched off")
-        as f32;
+    let thermistor = thermistor(&apart, kind.base.map(|base| &base.thermistor));
+    // What another heater has, or what must be there.
+    let or_base = |field: Field<'_, f64>, base: Option<f64>, about: &'static str| match base {
+        Some(base) => field.optional(OF_FIRST, about).unwrap_or(base),
+        None => field.required(about),
+    };
+    let min_celsius = or_base(
+        apart.number("min_celsius", HEATER_MIN),
+        kind.base.map(|base| base.min_celsius.into()),
+        "and what `sensor` can read; below this all heaters are switched off",
+    ) as f32;
+    let max_celsius = or_base(
+        table.number("max_celsius", kind.max_celsius),
+        kind.base.map(|base| base.max_celsius.into()),
+        "and what `sensor` can read; at or above this all heaters are switched off",
+    ) as f32;
     for (key, celsius) in [("min_celsius", min_celsius), ("max_celsius", max_celsius)] {
         if !thermistor.can_tell(celsius) {
             let [lowest, highest] = readable_celsius(&thermistor);
@@ -194,18 +222,20 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSett
         .number("max_target_celsius", target.at_most(max_celsius.into(), "at most max_celsius"))
         .optional("`max_celsius`", "higher targets are refused (M104, M140, M141)");
     let watch = watch(&apart, kind);
-    let or = |field: Field<'_, f64>, default: Option<f64>, about: &'static str| match default {
+    let or = |field: Field<'_, f64>, default: Option<f64>, base: Option<f64>, about: &'static str| match default {
         Some(default) => field.or(default, about),
-        None => field.required(about),
+        None => or_base(field, base, about),
     };
     let residency_window_celsius = or(
         apart.number("residency_window_celsius", RESIDENCY_WINDOW),
         kind.control.as_ref().map(|control| control.window_celsius),
+        kind.base.map(|base| shortest(base.residency_window_celsius)),
         "at most `runaway_celsius`: M109 (M190, M191) waits until the temperature has stayed this near the target",
     ) as f32;
     let residency_s = or(
         apart.number("residency_s", RESIDENCY),
         kind.control.as_ref().map(|control| control.residency_s),
+        kind.base.map(|base| f64::from(base.residency_ms) / 1e3),
         "for this long",
     );
     if residency_window_celsius > watch.runaway_celsius {
@@ -229,12 +259,13 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSett
 }
 
 /// The gains of a heater's control loop.
-fn gains(heater: &Section<'_>, kind: &Kind) -> PidGains {
+fn gains(heater: &Section<'_>, kind: &Kind<'_>) -> PidGains {
     let gain = |key, range, about: [&'static str; 2], default: fn(&PidGains) -> f32| {
         let (field, [found, set]) = (heater.number(key, range), about);
-        match &kind.control {
-            None => field.required(found) as f32,
-            Some(control) => field.or(default(&control.gains).into(), set) as f32,
+        match (&kind.control, kind.base) {
+            (Some(control), _) => field.or(default(&control.gains).into(), set) as f32,
+            (None, Some(base)) => field.optional(OF_FIRST, found).map_or(default(&base.gains), |gain| gain as f32),
+            (None, None) => field.required(found) as f32,
         }
     };
     PidGains {
@@ -246,15 +277,17 @@ fn gains(heater: &Section<'_>, kind: &Kind) -> PidGains {
         ),
         integral: gain("integral", INTEGRAL, ["PID gain (M303)", "PID gain"], |gains| gains.integral),
         derivative: gain("derivative", DERIVATIVE, ["PID gain (M303)", "PID gain"], |gains| gains.derivative),
-        fan: heater
-            .number("fan_gain", FAN)
-            .or(0.0, "power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)")
-            as f32,
+        fan: match kind.base {
+            Some(base) => {
+                heater.number("fan_gain", FAN).optional(OF_FIRST, FAN_GAIN).map_or(base.gains.fan, |gain| gain as f32)
+            }
+            None => heater.number("fan_gain", FAN).or(0.0, FAN_GAIN) as f32,
+        },
     }
 }
 
 /// What the virtual board's heater heats.
-fn mass(heater: &Section<'_>, kind: &Kind) -> HeatedMass {
+fn mass(heater: &Section<'_>, kind: &Kind<'_>) -> HeatedMass {
     let about = "what the heater heats, for the [virtual board](virtual-board.md) alone";
     let Some(model) = heater.optional_section("model", kind.mass_in_words, about) else { return kind.mass };
     HeatedMass {
@@ -274,20 +307,25 @@ fn mass(heater: &Section<'_>, kind: &Kind) -> HeatedMass {
 }
 
 /// What measures a heater.
-fn thermistor(heater: &Section<'_>) -> Thermistor {
+fn thermistor(heater: &Section<'_>, base: Option<&Thermistor>) -> Thermistor {
     let named = [
         ("semitec-104gt-2", ThermistorType::Semitec104Gt2),
         // EPCOS B57560G104F.
         ("epcos-100k", ThermistorType::Epcos100k),
         ("pt1000", ThermistorType::Pt1000),
     ];
-    let kind = heater
-        .word_or_section("sensor", named, "{ r25_ohm = 100000, beta_k = 3950 }", by_data_sheet)
-        .required("the sensor ([below](#thermistors))");
-    let pull_up_ohm = heater
-        .number("pull_up_ohm", PULL_UP)
-        .or(Thermistor::USUAL_PULL_UP_OHM.into(), "from the sensor to the reference voltage")
-        as f32;
+    let field = heater.word_or_section("sensor", named, "{ r25_ohm = 100000, beta_k = 3950 }", by_data_sheet);
+    let about = "the sensor ([below](#thermistors))";
+    let kind = match base {
+        Some(base) => field.optional(OF_FIRST, about).unwrap_or(base.kind),
+        None => field.required(about),
+    };
+    let field = heater.number("pull_up_ohm", PULL_UP);
+    let about = "from the sensor to the reference voltage";
+    let pull_up_ohm = match base {
+        Some(base) => field.optional(OF_FIRST, about).map_or(base.pull_up_ohm, |ohm| ohm as f32),
+        None => field.or(Thermistor::USUAL_PULL_UP_OHM.into(), about) as f32,
+    };
     Thermistor { kind, pull_up_ohm }
 }
 
@@ -329,7 +367,7 @@ fn readable_celsius(thermistor: &Thermistor) -> [i16; 2] {
 }
 
 /// When a heater counts as failed.
-fn watch(heater: &Section<'_>, kind: &Kind) -> HeaterWatch {
+fn watch(heater: &Section<'_>, kind: &Kind<'_>) -> HeaterWatch {
     let default = &kind.watch;
     let seconds = |milliseconds: u32| f64::from(milliseconds) / 1e3;
     HeaterWatch {

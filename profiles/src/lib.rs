@@ -24,6 +24,7 @@ mod pause;
 pub mod response;
 mod skew;
 mod supply;
+mod tools;
 mod z_motors;
 
 use error_budget::ErrorBudget;

@@ -9,7 +9,7 @@ use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
 use crate::filament_sensor::{filament_sensor, filament_switch};
 use crate::{
-    bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, supply, z_motors,
+    bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, supply, tools, z_motors,
 };
 
 /// Ticks of the nominal time base in a microsecond.
@@ -92,6 +92,19 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     let [(nozzle, nozzle_model), (bed, bed_model)] = heaters::heaters(keys);
     let reach_mm = mesh::reach_mm(&travel, &safe_homing);
     let z_motors = z_motors::z_motors(&apart, &reach_mm, &safe_homing, mesh.is_some(), !kinematics.shares_motors(2));
+    let (fans, chamber) = (fans::fans(&apart), heaters::chamber(&apart));
+    let [.., e_steps_per_mm] = steps_per_mm;
+    let first = tools::First {
+        steps_per_mm: e_steps_per_mm,
+        most_steps_per_mm: 1e6 / interval_us / limits.max_feed_mm_per_s[3],
+        advance: motion.pressure_advance,
+        nozzle: &nozzle,
+        fans: &fans,
+        z_motors,
+        both_edges: timing.both_edges,
+        chamber: [chamber.map(|chamber| chamber.thermistor), chamber.and_then(|chamber| chamber.heater)],
+    };
+    let tools = tools::tools(&apart, &first);
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
         keys.refuse("min_extrusion_celsius", expected);
@@ -130,14 +143,15 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         mesh,
         bed_screws,
         z_motors,
+        tools,
         min_extrusion_celsius: min_extrusion as f32,
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,
         bed,
         control_models: [nozzle_model, bed_model],
-        chamber: heaters::chamber(&apart),
+        chamber,
         pause: pause::pause(&apart, &travel),
-        fans: fans::fans(&apart),
+        fans,
         filament_sensor: filament,
         filament_switch: filament_switch(&apart, filament),
         power_supply: supply::power_supply(&apart),

@@ -56,7 +56,7 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
         shapers,
         smooth_time_s,
         // Lines accelerate as far as the extruder can follow: the plan depends on it.
-        pressure_advance: pressure_advance(keys),
+        pressure_advance: pressure_advance(keys, "none").unwrap_or(PressureAdvance::NONE),
         filament_on_the_way: keys.apart().flag("filament_on_the_way").or(
             default.filament_on_the_way,
             "filament is drawn back and comes back along the travels between two lines, without a stop ([Filament on the way](filament-on-the-way.md)); prepared jobs stop",
@@ -113,9 +113,10 @@ pub(crate) fn is_shaped(choice: &MotionChoice) -> bool {
 }
 
 /// How far the extruder runs ahead of the flow.
-fn pressure_advance(keys: &Section<'_>) -> PressureAdvance {
+/// How far an extruder runs ahead, if it says; `default` is what stands for it.
+pub(crate) fn pressure_advance(keys: &Section<'_>, default: &'static str) -> Option<PressureAdvance> {
     let about = "how far the extruder [runs ahead of the flow](pressure-advance.md); M900, M572 and SET_PRESSURE_ADVANCE change it";
-    let Some(table) = keys.optional_section("pressure_advance", "none", about) else { return PressureAdvance::NONE };
+    let table = keys.optional_section("pressure_advance", default, about)?;
     let seconds = table.number("seconds", ADVANCE).required("K: filament ahead for each mm/s at which it is pushed");
     let smooth_time_s = table.number("smooth_time_s", SMOOTH_TIME).optional(
         "nearly as long as the filters of X and Y spread the motion, at least 8 ms",
@@ -128,7 +129,7 @@ fn pressure_advance(keys: &Section<'_>) -> PressureAdvance {
                 .required("from this speed of the filament on"),
             seconds: above.number("seconds", ADVANCE).required("K for what is faster"),
         });
-    PressureAdvance { seconds, above, smooth_time_s }
+    Some(PressureAdvance { seconds, above, smooth_time_s })
 }
 
 /// Shapers of X and Y, and the time of the moving average.

@@ -12,7 +12,7 @@ const CORRECTION: Range = range(0.1, 20.0, "mm");
 const DEFAULT_CORRECTION_MM: f64 = 4.0;
 /// The motor of an axis, and the board's other sockets.
 const FIRST: &str = "z";
-const SOCKETS: [&str; 4] = ["z2", "e1", "e2", "e3"];
+pub(crate) const SOCKETS: [&str; 4] = ["z2", "e1", "e2", "e3"];
 /// Longest name of a point, bytes.
 const MAX_NAME: usize = 24;
 /// By how much an error of the probe may be larger at a motor than at the points, all of them in the worst directions.

@@ -119,7 +119,7 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     let text = constants::rust(&board("prusa-buddy"));
     for part in [
         "pub const THERMISTORS: usize = 4;",
-        "converter: ConverterNumber::One, channels: &[10, 4, 3, 6], sensors: [Some(0), Some(1), None]",
+        "converter: ConverterNumber::One, channels: &[10, 4, 3, 6], sensors: [Some(0), Some(1), None, None]",
         // PB1 on TIM3, channel 4, alternate function 2; then PB0.
         "heaters: [Some(OutputPin { port: 1, number: 1, channel: Some(TimerChannel { timer: 1073742848, channel: 4, function: 2, \
          clock_bit: 1, is_fast: false, has_main_switch: false }) }), Some(OutputPin { port: 1, number: 0, ",
@@ -133,8 +133,8 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     let text = constants::rust(&board("btt-octopus-1.1"));
     for part in [
         // In the order of the names: the nozzle's is the first, the bed's the second.
-        "converter: ConverterNumber::Three, channels: &[14, 9, 15, 4, 5], sensors: [Some(0), Some(1), None]",
-        "heaters: [Some(OutputPin { port: 0, number: 2, channel: None }), Some(OutputPin { port: 0, number: 1, channel: None }), None]",
+        "converter: ConverterNumber::Three, channels: &[14, 9, 15, 4, 5], sensors: [Some(0), Some(1), None, None]",
+        "heaters: [Some(OutputPin { port: 0, number: 2, channel: None }), Some(OutputPin { port: 0, number: 1, channel: None }), None, None]",
         "Some(FanPins { power: OutputPin { port: 4, number: 5, channel: None }, tachometer: None }), Some(FanPins {",
     ] {
         assert!(text.contains(part), "{part} in {text}");
@@ -145,13 +145,13 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     for (heater, expected) in [
         (
             None,
-            "heaters: [Some(OutputPin { port: 0, number: 2, channel: None }), Some(OutputPin { port: 0, number: 1, channel: None }), None]",
+            "heaters: [Some(OutputPin { port: 0, number: 2, channel: None }), Some(OutputPin { port: 0, number: 1, channel: None }), None, None]",
         ),
-        (Some(SpareConnector::Nozzle2), "Some(OutputPin { port: 1, number: 10, channel: None })]"),
+        (Some(SpareConnector::Nozzle2), "Some(OutputPin { port: 1, number: 10, channel: None }), None]"),
     ] {
         warm.used_chamber = Some((SpareConnector::Nozzle1, heater));
         let text = constants::rust(&warm);
-        assert!(text.contains("sensors: [Some(0), Some(1), Some(2)]") && text.contains(expected), "{text}");
+        assert!(text.contains("sensors: [Some(0), Some(1), Some(2), None]") && text.contains(expected), "{text}");
     }
 }
 

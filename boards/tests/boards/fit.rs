@@ -373,3 +373,38 @@ fn further_motors_have_drivers_that_can_be_set() {
     let error = with("uart = \"PC7\"", "uart = \"PC7\"\nsense_resistor_ohm = 0.9");
     assert!(error.contains("drivers.z.current_ma = 800"), "{error}");
 }
+
+/// A profile with a second tool.
+fn two_tools(t1: &str) -> ferrostep_printer::Profile {
+    let driver = "driver = { current_ma = 700, hold_current_percent = 60, microsteps = 16, interpolate = true, stealth_chop = false, \
+                  spread_cycle_above_mm_per_s = 0, stall_threshold = 0 }";
+    let text = ferrostep_profiles::builtin_text("corexy").unwrap();
+    let text = format!("{text}\n[tools.t1]\noffset_mm = {{ x = 20, y = 0, z = 0 }}\n{driver}\n{t1}\n");
+    ferrostep_profiles::parse(&text, "test.toml").unwrap()
+}
+
+#[test]
+fn a_second_tools_motor_heater_and_thermistor_are_the_boards() {
+    let octopus = || load("btt-octopus-1.1").unwrap();
+    let two = two_tools("motor = \"e1\"\ninverted = true\nheater = \"nozzle1\"\nthermistor = \"nozzle2\"");
+    fit::check(&octopus(), &two, "test.toml").unwrap();
+    let board = octopus().for_machine(&two);
+    let names: Vec<&str> = board.moving_motors().map(|motor| motor.name).collect();
+    assert_eq!(names, ["x", "y", "z", "e", "e1"]);
+    assert!(board.further_e.iter().all(|(_, is_inverted)| *is_inverted));
+    // Its driver has a place of its own, after those that further motors of Z would have.
+    let wiring = fit::wiring(&octopus(), &two);
+    assert_eq!((wiring.len(), wiring[7].unwrap().line), (8, 7));
+    assert_eq!(wiring[4..7], [None; 3]);
+    for (board, profile, says) in [
+        ("prusa-buddy", &two, "expected no table [tools]: the board prusa-buddy has no motors to spare"),
+        (
+            "btt-octopus-1.1",
+            &two_tools("motor = \"e1\"\nheater = \"nozzle1\"\n[tools.t1.nozzle]\npull_up_ohm = 1000"),
+            "tools.t1.nozzle.pull_up_ohm",
+        ),
+    ] {
+        let error = fit::check(&load(board).unwrap(), profile, "test.toml").unwrap_err().to_string();
+        assert!(error.contains(says), "{error}");
+    }
+}

@@ -132,6 +132,18 @@ impl Heating for DeskHeating<'_> {
         self.0.borrow().control.chamber_is_heated()
     }
 
+    fn nozzle(&self) -> Heater {
+        self.0.borrow().control.nozzle()
+    }
+
+    fn select_nozzle(&mut self, heater: Heater) {
+        self.0.borrow_mut().control.select_nozzle(heater);
+    }
+
+    fn has_nozzles(&self) -> bool {
+        self.0.borrow().control.has_nozzles()
+    }
+
     fn status(&self, heater: Heater) -> HeaterStatus {
         self.0.borrow().control.status(heater)
     }

@@ -160,6 +160,7 @@ impl SharedMachine for LiveMachine<'_> {
     type Methods = Papers;
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
+    type Tools = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
     fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<Tap>) -> T) -> T {

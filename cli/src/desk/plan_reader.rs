@@ -434,6 +434,7 @@ impl Motion for PlannedMotion<'_> {
 
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
+    type Tools = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
     fn step_z_motors(&mut self, motors: u8) {
@@ -441,6 +442,10 @@ impl Motion for PlannedMotion<'_> {
         if let Some(z_motors) = z_motors {
             z_motors.step(motors, virtual_motors);
         }
+    }
+
+    fn step_extruder(&mut self, _tool: u8, offset_10nm: [i32; 2]) {
+        self.reader.plan.borrow_mut().bed.set_nozzle_offset(offset_10nm);
     }
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {

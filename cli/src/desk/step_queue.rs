@@ -8,9 +8,11 @@ use ferrostep_hal_shim::{
     StepQueue,
 };
 use ferrostep_planner::{Move, StepDigests, StepEntry, StepLedger, StepObserver};
+use ferrostep_printer::MAX_TOOLS;
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::drivers::DeskDrivers;
+use super::tools::DeskExtruders;
 use super::z_motors::DeskZMotors;
 use crate::record::Observer;
 
@@ -46,6 +48,7 @@ pub struct VirtualStepQueue<O> {
     link: StepLink,
     motors: VirtualMotors,
     z_motors: Option<DeskZMotors>,
+    extruders: DeskExtruders,
     drivers: Rc<DeskDrivers>,
     /// The axis whose sensor ends the present move.
     watched_axis: Option<usize>,
@@ -71,6 +74,7 @@ impl<O: Observer> VirtualStepQueue<O> {
             link: StepLink::new(),
             motors,
             z_motors,
+            extruders: DeskExtruders::default(),
             drivers,
             watched_axis: None,
             pause_tick: 0,
@@ -87,6 +91,12 @@ impl<O: Observer> VirtualStepQueue<O> {
     /// The motors.
     pub fn motors_mut(&mut self) -> &mut VirtualMotors {
         &mut self.motors
+    }
+
+    /// The steps that the extruder of each tool has made.
+    pub fn extruder_steps(&self) -> [i64; MAX_TOOLS] {
+        let [.., e] = self.motors.ledger.motor_steps();
+        self.extruders.steps(e)
     }
 
     /// Most events in any millisecond, times 1000.
@@ -296,6 +306,11 @@ impl<O> MotorEnable for VirtualStepQueue<O> {
         if let Some(z_motors) = &mut self.z_motors {
             z_motors.step(motors, &mut self.motors);
         }
+    }
+
+    fn step_extruder(&mut self, tool: u8) {
+        let [.., e] = self.motors.ledger.motor_steps();
+        self.extruders.select(tool, e);
     }
 }
 

@@ -48,11 +48,11 @@ impl Passed {
                     // The frame has nozzle and bed only.
                     | Command::SetChamber(_)
                     | Command::WaitChamber(_)
-                    | Command::NozzleGains(_)
+                    | Command::NozzleGains(..)
                     | Command::BedGains(_)
                     | Command::MotionChoice { .. }
                     | Command::InputShaper { .. }
-                    | Command::PressureAdvance(_)
+                    | Command::PressureAdvance(..)
                     | Command::AdaptiveExtrusion { .. }
                     // What B has kept is in no frame; what S has set is set again by the frame.
                     | Command::FeedPercent(_)
@@ -78,20 +78,20 @@ impl Passed {
                 // The frame itself contains what these have set.
                 Ok(
                     Command::SetPosition(_)
-                    | Command::SetNozzle(_)
-                    | Command::WaitNozzle(_)
+                    | Command::SetNozzle(..)
+                    | Command::WaitNozzle(..)
                     | Command::SetBed(_)
                     | Command::WaitBed(_)
                     | Command::Fan { number: 0, .. }
                     | Command::MaxAcceleration(_)
                     | Command::MaxFeed(_)
                     // A job with other steps than the profile's is refused.
-                    | Command::StepsPerMm(_)
+                    | Command::StepsPerMm(..)
                     | Command::Acceleration { .. }
                     | Command::VelocityLimit { .. }
                     | Command::HeatersOff
                     | Command::Junction { .. }
-                    | Command::FlowPercent(_),
+                    | Command::FlowPercent(..),
                 ) => {}
                 // These have no lasting effect: motion, waits, reports, queries, M500 to M502 in a job. No job contains a tower. M851 matters when Z is homed, as it is not here.
                 Ok(
@@ -127,7 +127,9 @@ impl Passed {
                     | Command::EmergencyStop
                     | Command::Restart
                     | Command::EndWait
-                    | Command::SelectTool(_)
+                    // No job selects another tool than the first.
+                    | Command::SelectTool { .. }
+                    | Command::ToolOffset { .. }
                     | Command::SetLineNumber(_)
                     | Command::Card(_)
                     | Command::ReceiveJob { .. }

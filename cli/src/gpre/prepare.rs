@@ -188,7 +188,10 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
             _ if printer.is_skew() => {
                 Some("a prepared job is planned for axes at right angles, and the profile's are skew: print the G-code")
             }
-            Ok(Command::StepsPerMm(words)) if printer.changes_extruder_steps(&words) => Some(
+            Ok(Command::SelectTool { tool: Some(1..), .. }) if printer.has_tools() => Some(
+                "T1 changes the tool and cannot be prepared: a prepared job is for one tool, print the G-code itself",
+            ),
+            Ok(Command::StepsPerMm(tool, words)) if printer.changes_extruder_steps(tool, &words) => Some(
                 "M92 E changes the extruder's steps and cannot be prepared: write them into the profile, and take the line out",
             ),
             Ok(Command::Tower(Some(_))) => {

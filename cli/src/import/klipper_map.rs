@@ -6,6 +6,7 @@ mod fans;
 mod heaters;
 mod reasons;
 mod skew;
+mod tools;
 mod z_motors;
 
 use std::collections::HashSet;
@@ -56,6 +57,7 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
     for (section, axis) in [("stepper_x", "x"), ("stepper_y", "y"), ("stepper_z", "z"), ("extruder", "e")] {
         reading.driver(section, axis);
     }
+    reading.tools();
     reading.inverted();
     reading.shaper();
     reading.chamber();

@@ -6,6 +6,7 @@ mod reasons;
 mod sensor;
 mod skew;
 mod supply;
+mod tools;
 mod z_motors;
 
 use std::collections::{HashMap, HashSet};
@@ -359,6 +360,7 @@ impl<'a> Reading<'a> {
         }
         self.heater_model();
         self.chamber();
+        self.tools();
         for (name, path) in [
             ("EXTRUDE_MINTEMP", "min_extrusion_celsius"),
             ("WATCH_TEMP_PERIOD", "nozzle.watch_s"),

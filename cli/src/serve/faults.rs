@@ -8,7 +8,7 @@ use ferrostep_host_line::damage::{LineFault, share};
 use ferrostep_virtual_board::{EndStopFailure, HeaterFailure};
 
 /// The kinds of faults, for help and errors.
-pub const KINDS: &str = "nozzle-HOW, bed-HOW or chamber-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
+pub const KINDS: &str = "nozzle-HOW, bed-HOW, chamber-HOW or nozzle1-HOW with HOW open, shorted, fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE, \
                          drop-line:RATE or flip-line:RATE with RATE such as 1%; card-pull, card-back, filament-out, \
                          filament-back, filament-jam, filament-free, power-loss, power-back, hotend-fan-stuck or hotend-fan-turns; x-HOW, \
                          y-HOW or z-HOW with HOW never, always or works; pin-stays-in, pin-stays-out or pin-works";
@@ -133,6 +133,7 @@ impl FromStr for FaultKind {
             "nozzle" => Heater::Nozzle,
             "bed" => Heater::Bed,
             "chamber" => Heater::Chamber,
+            "nozzle1" => Heater::Nozzle1,
             _ => return Err(format!("unknown fault, expected {KINDS}")),
         };
         let failure = match how {

@@ -114,7 +114,10 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         },
         86 => Ok(Command::HeaterTimeout(code.words(remarks)?.whole_up_to(b'S', u16::MAX)?)),
         87 => code.without_words(Command::HeaterTimeout(Some(0)), remarks),
-        92 => Ok(Command::StepsPerMm(code.words(remarks)?.axis_limits())),
+        92 => {
+            let mut words = code.words(remarks)?;
+            Ok(Command::StepsPerMm(words.tool(b'T'), words.axis_limits()))
+        }
         104 | 109 | 140 | 141 | 190 | 191 => temperature(code, remarks),
         106 | 107 => fan(code, remarks),
         105 => Ok(Command::ReportTemperatures),
@@ -191,12 +194,15 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         221 => {
             let mut words = code.words(remarks)?;
-            if words.names_other_tool() {
-                return Ok(Command::Accepted);
-            }
+            let tool = words.tool(b'T');
             // An error, unlike a feed of 0: without filament nothing would be printed.
             let percent = words.required_above_zero(b'S')?;
-            Ok(Command::FlowPercent(words.at_most(b'S', percent, MAX_PERCENT)?))
+            Ok(Command::FlowPercent(tool, words.at_most(b'S', percent, MAX_PERCENT)?))
+        }
+        218 => {
+            let mut words = code.places(remarks)?;
+            let (tool, [x, y, z]) = (words.tool(b'T'), b"XYZ".map(|axis| words.value(axis)));
+            Ok(Command::ToolOffset { tool, offset: AxisWords { x, y, z, e: None } })
         }
         301 | 304 => gains(code, remarks),
         303 => autotune(code, remarks),
@@ -285,10 +291,9 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let mut is_nozzle = code.number == 301;
+    let mut tool = None;
     if is_nozzle {
-        if words.names_other(b'E') {
-            return Ok(Command::Accepted);
-        }
+        tool = words.tool(b'E');
         is_nozzle = match words.whole(b'H') {
             None | Some(1) => true,
             Some(0) => false,
@@ -298,36 +303,38 @@ fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     let [proportional, integral, derivative] = b"PID".map(|letter| words.value(letter));
     let fan = if is_nozzle { words.value(b'F') } else { None };
     let gains = GainWords { proportional, integral, derivative, fan };
-    Ok(if is_nozzle { Command::NozzleGains(gains) } else { Command::BedGains(gains) })
+    Ok(if is_nozzle { Command::NozzleGains(tool, gains) } else { Command::BedGains(gains) })
 }
 
 /// M303: E is Marlin's word, -1 is the bed, H RepRapFirmware's, 0 is the bed.
 fn autotune<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
-    let of_bed = match (words.whole(b'E'), words.whole(b'H')) {
-        (Some(0), None) | (None, Some(1) | None) => false,
-        (Some(-1), None) | (None, Some(0)) => true,
+    let (of_bed, tool) = match (words.whole(b'E'), words.whole(b'H')) {
+        (Some(tool @ 0..), None) => (false, Some(u8::try_from(tool).unwrap_or(u8::MAX))),
+        (None, Some(1) | None) => (false, None),
+        (Some(-1), None) | (None, Some(0)) => (true, None),
         _ => return Err(ParseError::WordsExpected { command: "M303", words: "E0 or H1 (nozzle), E-1 or H0 (bed)" }),
     };
     let cycles = words.whole_to(b'C', MAX_CYCLES)?;
     let uses = words.flag(b'U');
-    Ok(Command::Autotune { of_bed, target: words.not_negative(b'S')?, cycles, uses })
+    Ok(Command::Autotune { of_bed, tool, target: words.not_negative(b'S')?, cycles, uses })
 }
 
 fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let is_nozzle = matches!(code.number, 104 | 109);
-    if !is_nozzle {
+    let mut tool = None;
+    if is_nozzle {
+        tool = words.tool(b'T');
+    } else {
         words.needless(b'T');
-    } else if words.names_other_tool() {
-        return Ok(Command::Accepted);
     }
     let target = words.not_negative(b'S')?;
     if target.is_none() && matches!(code.number, 104 | 140 | 141) {
         words.remark(Remark::WithoutS);
     }
     Ok(match code.number {
-        104 => Command::SetNozzle(target),
+        104 => Command::SetNozzle(tool, target),
         140 => Command::SetBed(target),
         141 => Command::SetChamber(target),
         _ => {
@@ -337,7 +344,7 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
                 (None, None) => WaitTarget::Current,
             };
             match code.number {
-                109 => Command::WaitNozzle(wait),
+                109 => Command::WaitNozzle(tool, wait),
                 190 => Command::WaitBed(wait),
                 _ => Command::WaitChamber(wait),
             }
@@ -384,7 +391,7 @@ fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
         return Ok(Command::Pause(park));
     }
     // Marlin's words, with either sign.
-    Ok(Command::ChangeFilament { park, unload: words.value(b'U'), load: words.value(b'L') })
+    Ok(Command::ChangeFilament { tool: words.tool(b'T'), park, unload: words.value(b'U'), load: words.value(b'L') })
 }
 
 /// M603, M701 and M702. `M702 C`, at the end of prints for Prusa's MK3, unloads where there is a multi-material unit, and nothing without
@@ -402,7 +409,7 @@ fn filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Pa
         return Ok(Command::Accepted);
     }
     let length = words.value(if loads { b'L' } else { b'U' });
-    Ok(Command::LoadFilament { loads, length, rise: words.value(b'Z') })
+    Ok(Command::LoadFilament { loads, tool: words.tool(b'T'), length, rise: words.value(b'Z') })
 }
 
 /// M569. With P it is the M569 of another firmware, which sets a driver's direction by its number.

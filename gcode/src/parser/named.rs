@@ -20,6 +20,7 @@ const ONE: i64 = 1_000_000_000;
 /// A heater or thermometer by Klipper's name.
 enum Heater {
     Nozzle,
+    Nozzle1,
     Bed,
     Chamber,
 }
@@ -128,7 +129,12 @@ impl<'a> NamedWords<'a> {
     fn heater(&self, key: &str, remarks: &mut Remarks) -> Result<Option<Heater>, ParseError> {
         // Klipper's chamber is a `heater_generic chamber` or a `temperature_sensor chamber`.
         let name = self.value(key).and_then(|name| name.rsplit(|byte| *byte == b' ').next()).ok_or(self.expected())?;
-        let known = [("extruder", Heater::Nozzle), ("heater_bed", Heater::Bed), ("chamber", Heater::Chamber)];
+        let known = [
+            ("extruder", Heater::Nozzle),
+            ("extruder1", Heater::Nozzle1),
+            ("heater_bed", Heater::Bed),
+            ("chamber", Heater::Chamber),
+        ];
         for (known, heater) in known {
             if is_one_of(known.as_bytes(), name) {
                 return Ok(Some(heater));
@@ -138,16 +144,26 @@ impl<'a> NamedWords<'a> {
         Ok(None)
     }
 
+    /// The tool whose extruder a word names, as Klipper has it: `extruder`, `extruder1`. Any other name is of one that no machine has.
+    fn extruder(&self, key: &str) -> Option<u8> {
+        let name = self.value(key)?;
+        let number = EXTRUDERS.iter().position(|known| is_one_of(known.as_bytes(), name));
+        Some(number.and_then(|number| u8::try_from(number).ok()).unwrap_or(u8::MAX))
+    }
+
     pub(super) const fn expected(&self) -> ParseError {
         ParseError::WordsExpected { command: self.command, words: self.form }
     }
 }
 
+/// Klipper's names of extruders, by their tools.
+const EXTRUDERS: [&str; 2] = ["extruder", "extruder1"];
+
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 23] = [
+const EXECUTED: [(&str, &str); 24] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
-    ("SET_HEATER_TEMPERATURE", "HEATER=extruder, heater_bed or chamber, and TARGET with a number"),
-    ("TEMPERATURE_WAIT", "SENSOR=extruder, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
+    ("SET_HEATER_TEMPERATURE", "HEATER=extruder, extruder1, heater_bed or chamber, and TARGET with a number"),
+    ("TEMPERATURE_WAIT", "SENSOR=extruder, extruder1, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
     ("SET_PRINT_STATS_INFO", "TOTAL_LAYER or CURRENT_LAYER with a number"),
     (
         "SET_INPUT_SHAPER",
@@ -169,6 +185,7 @@ const EXECUTED: [(&str, &str); 23] = [
     ("CALC_MEASURED_SKEW", skew::CALCULATE),
     ("GET_CURRENT_SKEW", ""),
     ("BLTOUCH_DEBUG", pin::DEBUG_WORDS),
+    ("ACTIVATE_EXTRUDER", "EXTRUDER=extruder or extruder1"),
     ("Z_TILT_ADJUST", ALIGN_WORDS),
     ("QUAD_GANTRY_LEVEL", ALIGN_WORDS),
     ("SET_LED", "LED with a name, and RED, GREEN, BLUE or WHITE with a number from 0 to 1"),
@@ -196,7 +213,9 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
             // Without a target it is off, as in Klipper.
             let target = Some(words.number("TARGET")?.unwrap_or(Decimal::ZERO).max(Decimal::ZERO));
             match words.heater("HEATER", remarks)? {
-                Some(Heater::Nozzle) => Command::SetNozzle(target),
+                // Klipper's names are of the extruder, whichever is selected.
+                Some(Heater::Nozzle) => Command::SetNozzle(Some(0), target),
+                Some(Heater::Nozzle1) => Command::SetNozzle(Some(1), target),
                 Some(Heater::Bed) => Command::SetBed(target),
                 Some(Heater::Chamber) => Command::SetChamber(target),
                 None => Command::Accepted,
@@ -205,7 +224,7 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         2 => temperature_wait(&words, remarks)?,
         3 => Command::Layer { current: words.count("CURRENT_LAYER")?, total: words.count("TOTAL_LAYER")? },
         4 => input_shaper(&words)?,
-        5 => pressure_advance(&words, remarks)?,
+        5 => pressure_advance(&words)?,
         6 => Command::HeatersOff,
         7 => Command::Tower(tower::parse(&words)?),
         8 => fan(&words, "FAN", "SPEED", remarks)?,
@@ -219,8 +238,13 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         17 => Command::Skew(skew::calculate(&words)?),
         18 => Command::Skew(SkewCommand::Report),
         19 => pin::debug(&words)?,
-        20 | 21 => align(&words)?,
-        22.. => light(&words)?,
+        20 => {
+            // The nozzle stays, as Klipper's does.
+            let tool = words.extruder("EXTRUDER").ok_or(words.expected())?;
+            Command::SelectTool { tool: Some(tool.into()), stays: true }
+        }
+        21 | 22 => align(&words)?,
+        23.. => light(&words)?,
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })
@@ -302,7 +326,8 @@ fn temperature_wait(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Com
         return Err(words.expected());
     }
     Ok(match heater.zip(minimum) {
-        Some((Heater::Nozzle, _)) => Command::WaitNozzle(WaitTarget::Current),
+        Some((Heater::Nozzle, _)) => Command::WaitNozzle(Some(0), WaitTarget::Current),
+        Some((Heater::Nozzle1, _)) => Command::WaitNozzle(Some(1), WaitTarget::Current),
         Some((Heater::Bed, _)) => Command::WaitBed(WaitTarget::Current),
         // A chamber without a heater has no target.
         Some((Heater::Chamber, minimum)) => Command::WaitChamber(WaitTarget::AtLeast(minimum)),
@@ -325,16 +350,13 @@ fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Comma
 
 /// SET_PRESSURE_ADVANCE. A misspelt word is an error: the line would be taken for a question.
 #[inline(never)]
-fn pressure_advance(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Command<'static>, ParseError> {
+fn pressure_advance(words: &NamedWords<'_>) -> Result<Command<'static>, ParseError> {
     if !words.has_only("EXTRUDER, ADVANCE, SMOOTH_TIME") {
         return Err(words.expected());
     }
-    if words.value("EXTRUDER").is_some_and(|name| !is_one_of(b"extruder", name)) {
-        remarks.add(Remark::OtherTool);
-        return Ok(Command::Accepted);
-    }
+    let tool = words.extruder("EXTRUDER");
     let (slow, smooth_time) = (words.number("ADVANCE")?, words.number("SMOOTH_TIME")?);
-    Ok(Command::PressureAdvance(AdvanceWords { slow, smooth_time, ..AdvanceWords::default() }))
+    Ok(Command::PressureAdvance(tool, AdvanceWords { slow, smooth_time, ..AdvanceWords::default() }))
 }
 
 /// The words of SET_INPUT_SHAPER, and those of an axis that has no filter here.

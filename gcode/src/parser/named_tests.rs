@@ -15,9 +15,9 @@ fn limits_heat_layers_and_pauses_are_executed() {
     reads("set_velocity_limit velocity=150.5  Accel=3000 ACCEL=2000", limit("150.5", "2000"));
     reads_with("SET_VELOCITY_LIMIT ACCEL=3000 ACCEL_TO_DECEL=1500", limit("", "3000"), corners);
     reads_with("SET_VELOCITY_LIMIT SQUARE_CORNER_VELOCITY=5", limit("", ""), corners);
-    reads("SET_HEATER_TEMPERATURE HEATER=extruder TARGET=210", Command::SetNozzle(some("210")));
+    reads("SET_HEATER_TEMPERATURE HEATER=extruder TARGET=210", Command::SetNozzle(Some(0), some("210")));
     reads("SET_HEATER_TEMPERATURE HEATER=heater_bed TARGET=60.5", Command::SetBed(some("60.5")));
-    reads("SET_HEATER_TEMPERATURE HEATER=EXTRUDER", Command::SetNozzle(some("0")));
+    reads("SET_HEATER_TEMPERATURE HEATER=EXTRUDER", Command::SetNozzle(Some(0), some("0")));
     let other = "heaters and thermometers are extruder, heater_bed and chamber; no effect";
     reads_with("SET_HEATER_TEMPERATURE HEATER=dryer TARGET=40", Command::Accepted, other);
     reads_with("TEMPERATURE_WAIT SENSOR=raspberry_pi MINIMUM=40", Command::Accepted, other);
@@ -26,7 +26,7 @@ fn limits_heat_layers_and_pauses_are_executed() {
         let text = format!("TEMPERATURE_WAIT SENSOR={name} MINIMUM=40");
         reads(&text, Command::WaitChamber(WaitTarget::AtLeast(number("40"))));
     }
-    reads("TEMPERATURE_WAIT SENSOR=extruder MINIMUM=200", Command::WaitNozzle(WaitTarget::Current));
+    reads("TEMPERATURE_WAIT SENSOR=extruder MINIMUM=200", Command::WaitNozzle(Some(0), WaitTarget::Current));
     let cooling = "MAXIMUM: cooling is not waited for; no effect";
     let wait = Command::WaitBed(WaitTarget::Current);
     reads_with("TEMPERATURE_WAIT SENSOR=heater_bed MINIMUM=50 MAXIMUM=70", wait, cooling);

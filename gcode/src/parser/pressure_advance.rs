@@ -27,14 +27,12 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks, form: &Form) -> R
     let Form { command, tool, slow, expected } = *form;
     let mut words = Words::new(remarks);
     words.read(code.rest, Strays::Assigned)?;
-    if words.names_other(tool) {
-        return Ok(Command::Accepted);
-    }
+    let number = words.tool(tool);
     let mut set = AdvanceWords { slow: required(&mut words, slow, command, expected)?, ..AdvanceWords::default() };
     if tool == b'T' {
         // K0 L0: neither is wanted.
         words.needless_zero(b'L');
-        return Ok(Command::PressureAdvance(set));
+        return Ok(Command::PressureAdvance(number, set));
     }
     set.fast = required(&mut words, b'L', command, expected)?;
     set.speed = required(&mut words, b'T', command, expected)?;
@@ -42,7 +40,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks, form: &Form) -> R
     if set.fast.is_some() != set.speed.is_some() || (set.fast.is_some() && set.slow.is_none()) {
         return Err(ParseError::WordsExpected { command, words: expected });
     }
-    Ok(Command::PressureAdvance(set))
+    Ok(Command::PressureAdvance(number, set))
 }
 
 /// The number of a word that must have one: without it the line would be taken for a question.
@@ -66,15 +64,14 @@ mod tests {
     fn advance(slow: &str, fast: &str, speed: &str, smooth_time: &str) -> Command<'static> {
         let [slow, fast, speed, smooth_time] =
             [slow, fast, speed, smooth_time].map(|text| if text.is_empty() { None } else { some(text) });
-        Command::PressureAdvance(AdvanceWords { slow, fast, speed, smooth_time })
+        Command::PressureAdvance(None, AdvanceWords { slow, fast, speed, smooth_time })
     }
 
     #[test]
     fn marlins_repraps_prusas_and_klippers_words() {
         reads("M900 K0.05", advance("0.05", "", "", ""));
         reads("M900 K=0", advance("0", "", "", ""));
-        reads("M900 k=.05 T0 ; filament", advance("0.05", "", "", ""));
-        reads("M900 T0 K.05 ; filament", advance("0.05", "", "", ""));
+        reads("M900 k=.05 ; filament", advance("0.05", "", "", ""));
         reads("M900 K0 L0", advance("0", "", "", ""));
         reads_with("M900 K0.05 L0.1", advance("0.05", "", "", ""), "L has no effect");
         reads("M572 D0 S0.04", advance("0.04", "", "", ""));
@@ -82,18 +79,22 @@ mod tests {
         reads("M572 S=0.05 L = .02 T=3", advance("0.05", ".02", "3", ""));
         reads("M572 S0.05 L0.02 T3", advance("0.05", "0.02", "3", ""));
         reads("SET_PRESSURE_ADVANCE ADVANCE=0.05", advance("0.05", "", "", ""));
-        reads("set_pressure_advance extruder=extruder advance=.05 smooth_time=0.03", advance("0.05", "", "", "0.03"));
-        for query in ["M900", "M572", "M572 D0", "SET_PRESSURE_ADVANCE", "SET_PRESSURE_ADVANCE EXTRUDER=extruder"] {
+        reads("set_pressure_advance advance=.05 smooth_time=0.03", advance("0.05", "", "", "0.03"));
+        for query in ["M900", "M572", "SET_PRESSURE_ADVANCE"] {
             reads(query, advance("", "", "", ""));
         }
     }
 
     #[test]
-    fn another_extruders_advance_has_no_effect() {
-        let one = "T: this machine has one extruder, 0; no effect";
-        reads_with("M900 T1 K0.05", Command::Accepted, one);
-        reads_with("M572 D1 S0.05", Command::Accepted, one);
-        reads_with("SET_PRESSURE_ADVANCE EXTRUDER=extruder1 ADVANCE=0.05", Command::Accepted, one);
+    fn a_line_may_name_the_extruder() {
+        let of =
+            |tool| Command::PressureAdvance(Some(tool), AdvanceWords { slow: some("0.05"), ..AdvanceWords::default() });
+        reads("M900 T1 K0.05", of(1));
+        reads("M900 T0 K.05 ; filament", of(0));
+        reads("M572 D1 S0.05", of(1));
+        reads("SET_PRESSURE_ADVANCE EXTRUDER=extruder1 ADVANCE=0.05", of(1));
+        reads("SET_PRESSURE_ADVANCE EXTRUDER=extruder ADVANCE=0.05", of(0));
+        reads("SET_PRESSURE_ADVANCE EXTRUDER=extruder7 ADVANCE=0.05", of(255));
     }
 
     #[test]

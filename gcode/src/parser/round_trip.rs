@@ -104,7 +104,9 @@ fn take_apart(command: Command<'_>) -> (char, u32, Words) {
         Command::AbsolutePositioning => (90, vec![]),
         Command::RelativePositioning => (91, vec![]),
         Command::SetPosition(to) => (92, axes(to)),
-        Command::SelectTool(tool) => return ('T', tool, vec![]),
+        Command::SelectTool { tool: Some(tool), stays } => {
+            return ('T', tool, given([('S', stays.then_some(whole(1)))]));
+        }
         other => {
             let (code, words) = take_apart_m(other);
             return ('M', code, words);
@@ -128,8 +130,8 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::ProbePin(PinCommand::Pulses { width_us }) => (280, given([('S', Some(whole(width_us.into())))])),
         Command::AbsoluteExtrusion => (82, vec![]),
         Command::RelativeExtrusion => (83, vec![]),
-        Command::SetNozzle(target) => (104, given([('S', target)])),
-        Command::WaitNozzle(target) => (109, wait(target)),
+        Command::SetNozzle(tool, target) => (104, given([('T', number_of(tool)), ('S', target)])),
+        Command::WaitNozzle(tool, target) => (109, [given([('T', number_of(tool))]), wait(target)].concat()),
         Command::SetBed(target) => (140, given([('S', target)])),
         Command::WaitBed(target) => (190, wait(target)),
         Command::SetChamber(target) => (141, given([('S', target)])),
@@ -151,7 +153,8 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::SetLineNumber(number) => (110, given([('N', number.map(whole))])),
         Command::KeepAlive(seconds) => (113, given([('S', seconds.map(|value| whole(value.into())))])),
         Command::MaxAcceleration(limits) => (201, axes(limits)),
-        Command::StepsPerMm(steps) => (92, axes(steps)),
+        Command::StepsPerMm(tool, steps) => (92, [given([('T', number_of(tool))]), axes(steps)].concat()),
+        Command::ToolOffset { tool, offset } => (218, [given([('T', number_of(tool))]), axes(offset)].concat()),
         Command::MaxFeed(limits) => (203, axes(limits)),
         Command::Acceleration { print, retract, travel, both } => {
             (204, given([('P', print), ('R', retract), ('T', travel), ('S', both)]))
@@ -185,9 +188,11 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::Pause(park) => (601, axes(park)),
         Command::ReportFans => (123, vec![]),
         Command::FilamentLengths { unload, load } => (603, given([('U', unload), ('L', load)])),
-        Command::LoadFilament { loads: true, length, rise } => (701, given([('L', length), ('Z', rise)])),
-        Command::LoadFilament { loads: false, length, rise } => (702, given([('U', length), ('Z', rise)])),
-        Command::ChangeFilament { park, unload, load } => {
+        Command::LoadFilament { loads, tool, length, rise } => {
+            let (code, letter) = if loads { (701, 'L') } else { (702, 'U') };
+            (code, given([('T', number_of(tool)), (letter, length), ('Z', rise)]))
+        }
+        Command::ChangeFilament { tool: _, park, unload, load } => {
             (600, [axes(park), given([('U', unload), ('L', load)])].concat())
         }
         Command::ResumePrint => (602, vec![]),
@@ -212,13 +217,13 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::PrintClock(PrintClockCommand::Clear) => (78, given([('S', Some(whole(78)))])),
         Command::HomeOffset(words) => (206, axes(words)),
         Command::Skew(SkewCommand::Factors([xy, xz, yz])) => (852, given([('I', xy), ('J', xz), ('K', yz)])),
-        Command::FlowPercent(percent) => (221, given([('S', percent)])),
-        Command::NozzleGains(words) => (301, gains(words)),
+        Command::FlowPercent(tool, percent) => (221, given([('T', number_of(tool)), ('S', percent)])),
+        Command::NozzleGains(tool, words) => (301, [given([('E', number_of(tool))]), gains(words)].concat()),
         Command::BedGains(words) => (304, gains(words)),
-        Command::Autotune { of_bed, target, cycles, uses } => (
+        Command::Autotune { of_bed, tool, target, cycles, uses } => (
             303,
             given([
-                ('E', of_bed.then_some(whole(-1))),
+                ('E', if of_bed { Some(whole(-1)) } else { number_of(tool) }),
                 ('S', target),
                 ('C', cycles.map(|cycles| whole(cycles.into()))),
                 ('U', uses.then_some(whole(1))),
@@ -253,8 +258,8 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             let axes = AxisFlags { x: named(x) && x != y, y: named(y) && x != y, z: false, e: false };
             (593, [flags(axes), given([('F', words.frequency), ('D', words.damping)])].concat())
         }
-        Command::PressureAdvance(AdvanceWords { slow, fast, speed, smooth_time }) => {
-            (572, given([('S', slow), ('L', fast), ('T', speed), ('W', smooth_time)]))
+        Command::PressureAdvance(tool, AdvanceWords { slow, fast, speed, smooth_time }) => {
+            (572, given([('D', number_of(tool)), ('S', slow), ('L', fast), ('T', speed), ('W', smooth_time)]))
         }
         Command::ReportMotion => (797, vec![]),
         Command::BlackBox { clear } => (791, if clear { vec![('R', None)] } else { vec![] }),
@@ -356,14 +361,21 @@ fn any_gains() -> impl Strategy<Value = Command<'static>> {
     (of(any_number()), of(any_number()), of(any_number()), of(any_number()), any::<bool>()).prop_map(
         |(proportional, integral, derivative, fan, of_bed)| {
             let words = GainWords { proportional, integral, derivative, fan };
-            if of_bed { Command::BedGains(GainWords { fan: None, ..words }) } else { Command::NozzleGains(words) }
+            if of_bed { Command::BedGains(GainWords { fan: None, ..words }) } else { Command::NozzleGains(None, words) }
         },
     )
 }
 
 fn any_autotune() -> impl Strategy<Value = Command<'static>> {
-    (any::<bool>(), of(not_negative()), of(0..=20_u8), any::<bool>())
-        .prop_map(|(of_bed, target, cycles, uses)| Command::Autotune { of_bed, target, cycles, uses })
+    (any::<bool>(), of(any_tool()), of(not_negative()), of(0..=20_u8), any::<bool>()).prop_map(
+        |(of_bed, tool, target, cycles, uses)| Command::Autotune {
+            of_bed,
+            tool: if of_bed { None } else { tool },
+            target,
+            cycles,
+            uses,
+        },
+    )
 }
 
 /// As M593 sets it: of one axis, or of both alike.
@@ -381,9 +393,17 @@ fn any_advance() -> impl Strategy<Value = Command<'static>> {
         |(slow, above, smooth_time, asks)| {
             let (fast, speed) = above.unzip();
             let words = AdvanceWords { slow: Some(slow), fast, speed, smooth_time };
-            Command::PressureAdvance(if asks { AdvanceWords::default() } else { words })
+            Command::PressureAdvance(None, if asks { AdvanceWords::default() } else { words })
         },
     )
+}
+
+fn any_tool() -> impl Strategy<Value = u8> {
+    0..=254_u8
+}
+
+fn number_of(tool: Option<u8>) -> Option<Decimal> {
+    tool.map(|tool| whole(tool.into()))
 }
 
 fn any_wait() -> impl Strategy<Value = WaitTarget> {
@@ -415,7 +435,7 @@ fn motion() -> impl Strategy<Value = Command<'static>> {
         any_axes()
             .prop_filter("without words all axes are set", |words| *words != AxisWords::default())
             .prop_map(Command::SetPosition),
-        (0u32..u32::MAX).prop_map(Command::SelectTool),
+        (0u32..u32::MAX, any::<bool>()).prop_map(|(tool, stays)| Command::SelectTool { tool: Some(tool), stays }),
         proptest::sample::select(vec![
             Command::Retract,
             Command::Recover,
@@ -430,7 +450,7 @@ fn motion() -> impl Strategy<Value = Command<'static>> {
 fn settings() -> impl Strategy<Value = Command<'static>> {
     prop_oneof![
         any_limits().prop_map(Command::MaxAcceleration),
-        any_limits().prop_map(Command::StepsPerMm),
+        (of(any_tool()), any_limits()).prop_map(|(tool, steps)| Command::StepsPerMm(tool, steps)),
         any_limits().prop_map(Command::MaxFeed),
         (of(above_zero()), of(above_zero()), of(above_zero()), of(above_zero()))
             .prop_map(|(print, retract, travel, both)| Command::Acceleration { print, retract, travel, both }),
@@ -457,7 +477,7 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
         any_axes().prop_map(|words| Command::HomeOffset(AxisWords { e: None, ..words })),
         [of(any_number()), of(any_number()), of(any_number())]
             .prop_map(|factors| Command::Skew(SkewCommand::Factors(factors))),
-        of(percent()).prop_map(Command::FlowPercent),
+        (of(any_tool()), of(percent())).prop_map(|(tool, percent)| Command::FlowPercent(tool, percent)),
         (of(not_negative()), of(any::<bool>())).prop_map(|(minimum, allow)| Command::ColdExtrusion { minimum, allow }),
     ]
 }
@@ -472,9 +492,11 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_flags().prop_map(Command::DisableMotors),
         (0u64..9_000_000_000).prop_map(|seconds| Command::IdleTimeout { seconds }),
         of(any::<u16>()).prop_map(Command::HeaterTimeout),
-        of(not_negative()).prop_map(Command::SetNozzle),
+        (of(any_tool()), of(not_negative())).prop_map(|(tool, target)| Command::SetNozzle(tool, target)),
+        (of(any_tool()), of(any_number()), of(any_number()), of(any_number()))
+            .prop_map(|(tool, x, y, z)| { Command::ToolOffset { tool, offset: AxisWords { x, y, z, e: None } } }),
         of(not_negative()).prop_map(Command::SetBed),
-        any_wait().prop_map(Command::WaitNozzle),
+        (of(any_tool()), any_wait()).prop_map(|(tool, wait)| Command::WaitNozzle(tool, wait)),
         any_wait().prop_map(Command::WaitBed),
         of(not_negative()).prop_map(Command::SetChamber),
         any_wait().prop_map(Command::WaitChamber),
@@ -494,16 +516,14 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         of(0u64..1_000_000_000).prop_map(|longest_ms| Command::Stop { longest_ms }),
         any_park().prop_map(Command::Pause),
         (any_park(), of(any_number()), of(any_number())).prop_map(|(park, unload, load)| Command::ChangeFilament {
+            tool: None,
             park,
             unload,
             load
         }),
         (of(any_number()), of(any_number())).prop_map(|(unload, load)| Command::FilamentLengths { unload, load }),
-        (any::<bool>(), of(any_number()), of(any_number())).prop_map(|(loads, length, rise)| Command::LoadFilament {
-            loads,
-            length,
-            rise
-        }),
+        (any::<bool>(), of(any_tool()), of(any_number()), of(any_number()))
+            .prop_map(|(loads, tool, length, rise)| Command::LoadFilament { loads, tool, length, rise }),
         Just(Command::ReportFans),
         Just(Command::ResumePrint),
         any::<u8>().prop_map(Command::PromptAnswer),

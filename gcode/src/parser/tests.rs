@@ -103,18 +103,17 @@ fn other_g_codes() {
 
 #[test]
 fn heaters_and_fans() {
-    reads("M104 S210 ; set", Command::SetNozzle(some("210")));
-    reads("M104 T0 S210", Command::SetNozzle(some("210")));
-    let other_tool = "T: this machine has one extruder, 0; no effect";
-    for text in ["M104 T1 S210", "M104 S0 T1", "M109 T2 R50", "M221 T1 S95"] {
-        reads_with(text, Command::Accepted, other_tool);
-    }
-    reads_with("M104", Command::SetNozzle(None), "without S: no effect");
+    reads("M104 S210 ; set", Command::SetNozzle(None, some("210")));
+    reads("M104 T0 S210", Command::SetNozzle(Some(0), some("210")));
+    reads("M104 S0 T1", Command::SetNozzle(Some(1), some("0")));
+    reads("M104 T-1 S210", Command::SetNozzle(Some(255), some("210")));
+    reads("M109 T2 R50", Command::WaitNozzle(Some(2), WaitTarget::HeatingOrCooling(number("50"))));
+    reads_with("M104", Command::SetNozzle(None, None), "without S: no effect");
     let says = "a number without its letter is ignored; without S: no effect";
-    reads_with("M104 T0 165", Command::SetNozzle(None), says);
+    reads_with("M104 T0 165", Command::SetNozzle(Some(0), None), says);
     reads("M140 S60 T0", Command::SetBed(some("60")));
-    reads("M109 S205", Command::WaitNozzle(WaitTarget::Heating(number("205"))));
-    reads("M109 R40", Command::WaitNozzle(WaitTarget::HeatingOrCooling(number("40"))));
+    reads("M109 S205", Command::WaitNozzle(None, WaitTarget::Heating(number("205"))));
+    reads("M109 R40", Command::WaitNozzle(None, WaitTarget::HeatingOrCooling(number("40"))));
     reads("M190 R40 S60", Command::WaitBed(WaitTarget::Heating(number("60"))));
     reads("M190", Command::WaitBed(WaitTarget::Current));
     reads("M141 S50", Command::SetChamber(some("50")));
@@ -152,33 +151,35 @@ fn gains_of_heaters_and_their_search() {
         derivative: some(d),
         fan: f,
     };
-    reads("M301 P22.2 I1.08 D114", Command::NozzleGains(gains("22.2", "1.08", "114", None)));
-    reads("M301 E0 P22.2 I1.08 D114 F0.2", Command::NozzleGains(gains("22.2", "1.08", "114", some("0.2"))));
+    reads("M301 P22.2 I1.08 D114", Command::NozzleGains(None, gains("22.2", "1.08", "114", None)));
+    reads("M301 E0 P22.2 I1.08 D114 F0.2", Command::NozzleGains(Some(0), gains("22.2", "1.08", "114", some("0.2"))));
     reads_with(
         "M301 P22.2 I1.08 D114 C100 L20",
-        Command::NozzleGains(gains("22.2", "1.08", "114", None)),
+        Command::NozzleGains(None, gains("22.2", "1.08", "114", None)),
         "C has no effect; L has no effect",
     );
-    reads("M301 H1 P22.2 I1.08 D114", Command::NozzleGains(gains("22.2", "1.08", "114", None)));
+    reads("M301 H1 P22.2 I1.08 D114", Command::NozzleGains(None, gains("22.2", "1.08", "114", None)));
     reads("M301 H0 P22.2 I1.08 D114", Command::BedGains(gains("22.2", "1.08", "114", None)));
     assert!(refused("M301 H2 P22").contains("H1 (nozzle) or H0 (bed)"));
     reads("M304 P-1 I0 D600", Command::BedGains(gains("-1", "0", "600", None)));
     reads("M304", Command::BedGains(GainWords::default()));
-    reads_with("M301 E1 P22", Command::Accepted, "T: this machine has one extruder, 0; no effect");
+    reads("M301 E1 P22", Command::NozzleGains(Some(1), GainWords { proportional: some("22"), ..GainWords::default() }));
     assert!(refused("M301 Pnan").contains("nan"), "{}", refused("M301 Pnan"));
-    let tune = |of_bed, target: Option<&str>, cycles, uses| Command::Autotune {
+    let tune = |of_bed, tool, target: Option<&str>, cycles, uses| Command::Autotune {
         of_bed,
+        tool,
         target: target.and_then(some),
         cycles,
         uses,
     };
-    reads("M303", tune(false, None, None, false));
-    reads("M303 E0 S215 C8", tune(false, Some("215"), Some(8), false));
-    reads("M303 E-1 S60 U", tune(true, Some("60"), None, true));
-    reads("M303 E-1 S60 U0", tune(true, Some("60"), None, false));
-    reads("M303 H0 S60 U1", tune(true, Some("60"), None, true));
-    reads("M303 H1 S60", tune(false, Some("60"), None, false));
-    for text in ["M303 E1", "M303 E-2", "M303 H2", "M303 E0 H0"] {
+    reads("M303", tune(false, None, None, None, false));
+    reads("M303 E0 S215 C8", tune(false, Some(0), Some("215"), Some(8), false));
+    reads("M303 E-1 S60 U", tune(true, None, Some("60"), None, true));
+    reads("M303 E-1 S60 U0", tune(true, None, Some("60"), None, false));
+    reads("M303 H0 S60 U1", tune(true, None, Some("60"), None, true));
+    reads("M303 H1 S60", tune(false, None, Some("60"), None, false));
+    reads("M303 E1", tune(false, Some(1), None, None, false));
+    for text in ["M303 E-2", "M303 H2", "M303 E0 H0"] {
         assert!(refused(text).contains("E0 or H1 (nozzle), E-1 or H0 (bed)"), "{text}: {}", refused(text));
     }
     assert_eq!(refused("M303 C21"), "C: 21 is out of range, expected 0 to 20");
@@ -237,7 +238,7 @@ fn motors_and_limits() {
     reads("M220", feed(None));
     reads("M220 B S50", Command::FeedPercent(FeedWords { percent: some("50"), keeps: true, restores: false }));
     reads("M220 R", Command::FeedPercent(FeedWords { percent: None, keeps: false, restores: true }));
-    reads("M221 S95 T0", Command::FlowPercent(some("95")));
+    reads("M221 S95 T0", Command::FlowPercent(Some(0), some("95")));
     reads_with("M220 S0", feed(None), "S is not above 0 and is ignored");
     assert_eq!(refused("M220 S1000"), "S: 1000 is out of range, expected 0 to 999");
     assert_eq!(refused("M221 S0"), "S: 0 is out of range, expected more than 0");
@@ -315,8 +316,21 @@ fn host_commands() {
         ("M999 S1", Command::Restart),
         ("M82 ", Command::AbsoluteExtrusion),
         ("M83(e)", Command::RelativeExtrusion),
-        ("T0", Command::SelectTool(0)),
-        ("t 3", Command::SelectTool(3)),
+        ("T0", Command::SelectTool { tool: Some(0), stays: false }),
+        ("t 3", Command::SelectTool { tool: Some(3), stays: false }),
+        ("T1 S1", Command::SelectTool { tool: Some(1), stays: true }),
+        ("T1 S", Command::SelectTool { tool: Some(1), stays: true }),
+        ("T1 S0 ; back", Command::SelectTool { tool: Some(1), stays: false }),
+        ("T", Command::SelectTool { tool: None, stays: false }),
+        ("T ; which?", Command::SelectTool { tool: None, stays: false }),
+        ("M218", Command::ToolOffset { tool: None, offset: AxisWords::default() }),
+        (
+            "M218 T1 X20 Z-.5",
+            Command::ToolOffset {
+                tool: Some(1),
+                offset: AxisWords { x: some("20"), z: some("-.5"), ..AxisWords::default() },
+            },
+        ),
     ] {
         reads(text, command);
     }
@@ -375,7 +389,7 @@ fn pauses() {
         reads(text, Command::Stop { longest_ms });
     }
     reads_with("M0 P500 S3", Command::Stop { longest_ms: Some(3000) }, "P has no effect");
-    let change = |park, unload, load| Command::ChangeFilament { park, unload, load };
+    let change = |park, unload, load| Command::ChangeFilament { tool: None, park, unload, load };
     reads_with("M600 E2", change(AxisWords::default(), None, None), "E has no effect");
     reads("M600 U-400 L420.5", change(AxisWords::default(), some("-400"), some("420.5")));
     assert_eq!(refused("M0 S-1"), "S: -1 is out of range, expected 0 or more");
@@ -389,7 +403,7 @@ fn pauses() {
     assert_eq!(parse("M226 P2 S1"), Ok(Command::Unknown("M226 P2 S1")));
     reads("M603", Command::FilamentLengths { unload: None, load: None });
     reads("M603 U400 L50.5", Command::FilamentLengths { unload: some("400"), load: some("50.5") });
-    let filament = |loads, length, rise| Command::LoadFilament { loads, length, rise };
+    let filament = |loads, length, rise| Command::LoadFilament { loads, tool: None, length, rise };
     reads("M701", filament(true, None, None));
     reads("M702 U-300 Z5", filament(false, some("-300"), some("5")));
     reads_with("M702 C", Command::Accepted, "C has no effect");

@@ -28,6 +28,9 @@ pub(super) struct Words<'a> {
     values: [i64; 26],
 }
 
+/// Stands for a tool that no machine has.
+const NO_TOOL: u8 = u8::MAX;
+
 /// The bit of an upper-case letter.
 const fn bit(letter: u8) -> u32 {
     1 << (letter - b'A')
@@ -285,19 +288,9 @@ impl<'a> Words<'a> {
         AxisFlags { x: self.has(b'X'), y: self.has(b'Y'), z: self.has(b'Z'), e: self.has(b'E') }
     }
 
-    /// Whether T names a second tool, which this machine does not have: the line has no effect then.
-    pub(super) fn names_other_tool(&mut self) -> bool {
-        self.names_other(b'T')
-    }
-
-    /// Whether this word names a second tool.
-    pub(super) fn names_other(&mut self, letter: u8) -> bool {
-        let other = self.is_not_zero(letter);
-        if other {
-            self.forgive();
-            self.remark(Remark::OtherTool);
-        }
-        other
+    /// Which tool the line names by T, or by another letter; what is no number of a tool becomes [`NO_TOOL`].
+    pub(super) fn tool(&mut self, letter: u8) -> Option<u8> {
+        self.whole(letter).map(|number| u8::try_from(number).unwrap_or(NO_TOOL))
     }
 
     /// Whether a letter has a number other than zero.

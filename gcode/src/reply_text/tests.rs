@@ -145,6 +145,7 @@ fn firmware() {
         identifier: None,
         machine: "corexy",
         kinematics: "COREXY",
+        extruders: 1,
         lower_end_10nm: [0, -300_000, 0],
         size_10nm: [30_000_000, 30_000_000, 29_999_900],
         emergency_parser: true,

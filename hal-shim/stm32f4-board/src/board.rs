@@ -25,6 +25,15 @@ pub const PIN_MAP: PinMap<MOTOR_PORTS> = {
         };
         index += 1;
     }
+    index = 0;
+    while index < FURTHER_E.len() {
+        let (pins, is_inverted) = FURTHER_E[index];
+        map = match map {
+            Some(map) => map.with_further(E, pins, is_inverted),
+            None => None,
+        };
+        index += 1;
+    }
     match map {
         Some(map) => map,
         None => panic!("a port has 16 pins"),
@@ -34,15 +43,30 @@ pub const PIN_MAP: PinMap<MOTOR_PORTS> = {
 /// The motor of Z.
 const Z: usize = 2;
 
-/// The axis that a motor moves: the further ones lift Z.
+/// The motor of the extruder.
+const E: usize = 3;
+
+/// The axis that a motor moves: the further ones lift Z, the last are extruders.
 const fn axis_of(motor: usize) -> usize {
-    if motor < MOTORS.len() { motor } else { Z }
+    if motor < MOTORS.len() {
+        motor
+    } else if motor < MOTORS.len() + FURTHER_Z.len() {
+        Z
+    } else {
+        E
+    }
 }
 
 /// The step pin of one of Z's motors; the first is the axis's own.
 fn z_step_pin(motor: usize) -> Option<Pin> {
     let further = motor.checked_sub(1).map(|further| FURTHER_Z.get(further).map(|(pins, _)| pins.step));
     further.unwrap_or_else(|| MOTORS.get(Z).map(|pins| pins.step))
+}
+
+/// The step pin of a tool's extruder.
+fn extruder_step_pin(tool: usize) -> Option<Pin> {
+    let further = tool.checked_sub(1).map(|further| FURTHER_E.get(further).map(|(pins, _)| pins.step));
+    further.unwrap_or_else(|| MOTORS.get(E).map(|pins| pins.step))
 }
 
 /// In BSRR the upper half resets what the lower half sets.
@@ -97,6 +121,12 @@ impl Motors<MOTOR_PORTS> for BoardPins {
 
     fn z_step_pin(motor: usize) -> Option<Pin> {
         z_step_pin(motor)
+    }
+
+    const EXTRUDERS: usize = FURTHER_E.len() + 1;
+
+    fn extruder_step_pin(tool: usize) -> Option<Pin> {
+        extruder_step_pin(tool)
     }
 
     fn is_sensor_triggered(&self, axis: usize) -> bool {

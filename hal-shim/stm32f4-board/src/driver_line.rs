@@ -15,7 +15,7 @@ use crate::volatile::Volatile;
 /// can take drivers away where there is no motor supply; the board's tests do so in an emulator.
 #[used]
 #[unsafe(no_mangle)]
-pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b0111_1111);
+pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111_1111);
 
 /// The peripheral behind a board's lines. Its interrupt is USART2's or TIM7's.
 pub trait DriverLine: SingleWireUart {

@@ -26,6 +26,12 @@ pub trait Motors<const PORTS: usize> {
     fn z_step_pin(_motor: usize) -> Option<Pin> {
         None
     }
+    /// Number of extruders, of which one steps at a time.
+    const EXTRUDERS: usize = 1;
+    /// The step pin of a tool's extruder.
+    fn extruder_step_pin(_tool: usize) -> Option<Pin> {
+        None
+    }
     /// The ports that carry their step and direction signals.
     fn ports(&self) -> MotorPorts<PORTS>;
     /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
@@ -247,6 +253,8 @@ pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     meter: PlanningMeter,
     clock: Option<MotionClock>,
     enabled: u8,
+    /// Whose extruder steps.
+    tool: u8,
     /// Missed updates of this motion that have been reported.
     counted_missed: u16,
     digests: StepDigests,
@@ -260,19 +268,30 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
         for (port, word) in feeder.direction_words().into_iter().enumerate() {
             ports.write(port, word);
         }
-        Self {
+        let mut queue = Self {
             motors,
             feeder,
             meter: PlanningMeter::default(),
             clock,
             enabled: 0,
+            tool: 0,
             counted_missed: 0,
             digests: StepDigests::default(),
-        }
+        };
+        queue.step_extruder(0);
+        queue
     }
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
+    /// Of Z's motors those outside the mask stand still, and the extruders of all tools but the selected one.
+    fn rest(&mut self, z_motors: u8) {
+        let of_z = (0..B::Z_MOTORS).filter(|motor| z_motors >> motor & 1 == 0).filter_map(B::z_step_pin);
+        let extruders = if B::EXTRUDERS > 1 { B::EXTRUDERS } else { 0 };
+        let others = (0..extruders).filter(|tool| *tool != usize::from(self.tool)).filter_map(B::extruder_step_pin);
+        self.feeder.step_without(of_z.chain(others));
+    }
+
     /// Whether TIM9 is there, which counts the updates: an emulator has none.
     pub fn has_update_count(&self) -> bool {
         has_count()
@@ -442,8 +461,14 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorEna
 
     fn step_z_motors(&mut self, motors: u8) {
         if B::Z_MOTORS > 1 {
-            let resting = (0..B::Z_MOTORS).filter(|motor| motors >> motor & 1 == 0);
-            self.feeder.step_without(resting.filter_map(B::z_step_pin));
+            self.rest(motors);
+        }
+    }
+
+    fn step_extruder(&mut self, tool: u8) {
+        if B::EXTRUDERS > 1 {
+            self.tool = tool;
+            self.rest(u8::MAX);
         }
     }
 }

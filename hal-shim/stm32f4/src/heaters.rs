@@ -145,8 +145,8 @@ mod tests {
         let pins = ThermalPins {
             converter: ConverterNumber::Three,
             channels: &[14, 9],
-            sensors: [Some(0), Some(1), None],
-            heaters: [Some(pin(0, 2)), Some(pin(0, 1)), None],
+            sensors: [Some(0), Some(1), None, None],
+            heaters: [Some(pin(0, 2)), Some(pin(0, 1)), None, None],
             fans: [
                 Some(fan(OutputPin { channel: TimerChannel::named("TIM1_CH1"), ..pin(0, 8) })),
                 Some(fan(pin(4, 5))),
@@ -172,7 +172,7 @@ mod tests {
         for (place, conversion) in memory.iter().enumerate() {
             conversion.store(if place % 2 == 0 { 100 } else { 200 }, Ordering::Relaxed);
         }
-        assert_eq!(Heater::ALL.map(|heater| board.reading(heater)), [1600, 3200, 0]);
+        assert_eq!(Heater::ALL.map(|heater| board.reading(heater)), [1600, 3200, 0, 0]);
         board.set_power(Heater::Bed, 1.0);
         board.set_power(Heater::Nozzle, 0.0);
         board.registers.stores.clear();

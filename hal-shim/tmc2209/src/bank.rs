@@ -1,6 +1,7 @@
 //! All drivers of a board, and whose turn it is on their line.
 
 use super::driver::{Driver, DriverReport, DriverState};
+use super::event::SECOND_EXTRUDER;
 use super::event::{DriverEvent, DriverEventKind, Failure};
 use super::exchange::{Exchange, Request};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
@@ -138,7 +139,7 @@ impl<const N: usize> DriverBank<N> {
 
     /// The motors that have the same settings: all of Z's.
     fn set_with(&self, motor: usize) -> impl Iterator<Item = usize> + use<N> {
-        let further = if N > MOTORS && motor == Z { MOTORS..N } else { 0..0 };
+        let further = if N > MOTORS && motor == Z { MOTORS..N.min(SECOND_EXTRUDER) } else { 0..0 };
         [motor].into_iter().chain(further)
     }
 

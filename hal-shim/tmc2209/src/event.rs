@@ -7,11 +7,14 @@ use super::exchange::ExchangeError;
 use super::registers::{DriverStatus, Register, VERSION};
 use super::settings::SettingsError;
 
-/// The most motors: X (A), Y (B), Z, E, and the further ones of Z.
+/// The most motors: X (A), Y (B), Z, E, the further ones of Z, and the second extruder's.
 pub const MOST_MOTORS: usize = NAMES.len();
 
 /// Names of the motors, by their number.
-const NAMES: [&str; 7] = ["X", "Y", "Z", "E", "Z2", "Z3", "Z4"];
+const NAMES: [&str; 8] = ["X", "Y", "Z", "E", "Z2", "Z3", "Z4", "E1"];
+
+/// The second extruder's motor.
+pub const SECOND_EXTRUDER: usize = NAMES.len() - 1;
 
 /// Why a driver is not confirmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,10 +92,14 @@ impl DriverEvent {
         !matches!(self.kind, DriverEventKind::Confirmed | DriverEventKind::Warning(_))
     }
 
-    /// The motor of 0 to 3 with which it moves: Z for the further ones of Z.
+    /// The motor of 0 to 3 with which it moves: Z for the further ones of Z, E for the second extruder's.
     #[must_use]
     pub const fn axis(&self) -> usize {
-        if self.motor < MOTORS { self.motor } else { Z }
+        match self.motor {
+            SECOND_EXTRUDER => MOTORS - 1,
+            motor if motor < MOTORS => motor,
+            _ => Z,
+        }
     }
 
     /// Whether a person should be told.

@@ -24,7 +24,7 @@ pub use datagram::{
     READ_REQUEST_BYTES, REPLY_BYTES, ReplyError, WRITE_BYTES, crc8, parse_reply, read_request, write_request,
 };
 pub use driver::{DriverReport, DriverState};
-pub use event::{DriverEvent, DriverEventKind, Failure, MOST_MOTORS, motor_name};
+pub use event::{DriverEvent, DriverEventKind, Failure, MOST_MOTORS, SECOND_EXTRUDER, motor_name};
 pub use exchange::ExchangeError;
 pub use registers::{
     ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,

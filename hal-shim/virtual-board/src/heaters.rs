@@ -70,6 +70,7 @@ impl VirtualHeater {
 pub struct VirtualHeaters {
     heaters: [VirtualHeater; 2],
     chamber: Option<VirtualHeater>,
+    nozzle1: Option<VirtualHeater>,
     fan_powers: [u8; FanOutput::COUNT],
     /// Half turns of the fans so far.
     fan_pulses: [f32; FanOutput::COUNT],
@@ -79,17 +80,22 @@ pub struct VirtualHeaters {
 }
 
 impl VirtualHeaters {
-    /// Heaters that are off and cold: what the nozzle's, the bed's and the chamber's heat, and their thermistors.
+    /// Heaters that are off and cold: what the nozzle's, the bed's, the chamber's and a second nozzle's heat, and their thermistors.
     pub const fn new(
         nozzle: (HeatedMass, Thermistor),
         bed: (HeatedMass, Thermistor),
         chamber: Option<(HeatedMass, Thermistor)>,
+        nozzle1: Option<(HeatedMass, Thermistor)>,
     ) -> Self {
         let heaters = [VirtualHeater::new(nozzle), VirtualHeater::new(bed)];
         Self {
             heaters,
             chamber: match chamber {
                 Some(chamber) => Some(VirtualHeater::new(chamber)),
+                None => None,
+            },
+            nozzle1: match nozzle1 {
+                Some(nozzle) => Some(VirtualHeater::new(nozzle)),
                 None => None,
             },
             fan_powers: [0; FanOutput::COUNT],
@@ -103,7 +109,7 @@ impl VirtualHeaters {
     pub fn advance(&mut self, seconds: f32) {
         let has_supply = self.has_supply;
         let part_power = if has_supply { self.fan_powers[FanOutput::Part.index()] } else { 0 };
-        for heater in &mut self.heaters {
+        for heater in self.heaters.iter_mut().chain(&mut self.nozzle1) {
             heater.advance(has_supply, part_power, seconds);
         }
         if let Some(chamber) = &mut self.chamber {
@@ -127,13 +133,14 @@ impl VirtualHeaters {
         }
     }
 
-    /// A heater; `None` for a chamber that the machine does not have.
+    /// A heater; `None` for one that the machine does not have.
     const fn heater(&self, heater: Heater) -> Option<&VirtualHeater> {
         let [nozzle, bed] = &self.heaters;
         match heater {
             Heater::Nozzle => Some(nozzle),
             Heater::Bed => Some(bed),
             Heater::Chamber => self.chamber.as_ref(),
+            Heater::Nozzle1 => self.nozzle1.as_ref(),
         }
     }
 
@@ -143,6 +150,7 @@ impl VirtualHeaters {
             Heater::Nozzle => Some(nozzle),
             Heater::Bed => Some(bed),
             Heater::Chamber => self.chamber.as_mut(),
+            Heater::Nozzle1 => self.nozzle1.as_mut(),
         }
     }
 
@@ -220,7 +228,7 @@ mod tests {
     const THERMISTOR: Thermistor = Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 };
 
     fn new() -> VirtualHeaters {
-        VirtualHeaters::new((HeatedMass::NOZZLE, THERMISTOR), (HeatedMass::BED, THERMISTOR), None)
+        VirtualHeaters::new((HeatedMass::NOZZLE, THERMISTOR), (HeatedMass::BED, THERMISTOR), None, None)
     }
 
     fn read(heaters: &mut VirtualHeaters, heater: Heater) -> f32 {

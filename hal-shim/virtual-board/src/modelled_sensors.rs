@@ -152,4 +152,8 @@ impl<Q: MotorEnable> MotorEnable for ModelledSensors<Q> {
     fn step_z_motors(&mut self, motors: u8) {
         self.queue.step_z_motors(motors);
     }
+
+    fn step_extruder(&mut self, tool: u8) {
+        self.queue.step_extruder(tool);
+    }
 }

@@ -29,6 +29,8 @@ pub struct Printer {
     pub bed: Option<HeaterSettings>,
     /// The chamber's thermometer, and its heater if it has one.
     pub chamber: Option<Chamber>,
+    /// The thermistor of a second tool's nozzle: the board's name for its input, and what it is.
+    pub tool_thermistor: Option<(String, ThermistorKind)>,
     /// Step and direction signals.
     pub signals: DriverSignals,
     /// Settings of drivers with a serial line.
@@ -345,6 +347,7 @@ impl Printer {
             nozzle,
             bed,
             chamber: raw.chamber,
+            tool_thermistor: raw.tools.and_then(|tools| tools.t1.thermistor(nozzle.sensor)),
             signals: DriverSignals {
                 pulse_width_us: driver.pulse_width_us,
                 direction_setup_us: driver.direction_setup_us,
@@ -433,6 +436,7 @@ struct RawPrinter {
     nozzle: HeaterSettings,
     bed: Option<HeaterSettings>,
     chamber: Option<Chamber>,
+    tools: Option<RawTools>,
     driver: RawDriver,
     #[serde(default)]
     drivers: RawDrivers,
@@ -443,6 +447,31 @@ struct RawPrinter {
     power_supply: Option<PowerSupply>,
     bltouch: Option<toml::Value>,
     filament_sensor: Option<RawFilamentSensor>,
+}
+
+#[derive(Deserialize)]
+struct RawTools {
+    t1: RawTool,
+}
+
+#[derive(Deserialize)]
+struct RawTool {
+    heater: Option<String>,
+    thermistor: Option<String>,
+    nozzle: Option<RawToolNozzle>,
+}
+
+#[derive(Deserialize)]
+struct RawToolNozzle {
+    sensor: Option<ThermistorKind>,
+}
+
+impl RawTool {
+    /// At the input of the heater's name, and as the first nozzle's, where the profile does not say.
+    fn thermistor(self, of_nozzle: ThermistorKind) -> Option<(String, ThermistorKind)> {
+        let kind = self.nozzle.and_then(|nozzle| nozzle.sensor).unwrap_or(of_nozzle);
+        Some((self.thermistor.or(self.heater)?, kind))
+    }
 }
 
 #[derive(Deserialize, Default)]

@@ -40,5 +40,6 @@ mod same_steps;
 mod shipped;
 mod supply;
 mod timing;
+mod tools;
 mod watchdog;
 mod z_motors;

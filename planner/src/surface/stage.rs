@@ -1,9 +1,9 @@
 //! Z's correction joins the events on their way to the step queue.
 
+use super::Bed;
 use super::bounds::SurfaceBounds;
 use super::entries::BedEntries;
 use super::mesh::{MAX_SLOPE, Mesh, MeshError, UM_10NM};
-use super::{Bed, MeshGrid};
 use crate::event_buffer::{EventBuffer, MAX_ENTRIES};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::step_queue::{Notice, StepEntry, StepKind};
@@ -34,6 +34,10 @@ pub struct BedStage {
     steps_per_um: f32,
     /// By how many steps the surface can be farther away after an event.
     per_event: f32,
+    /// From the motors' place to the nozzle, 10 nm.
+    nozzle_offset_10nm: [i32; 2],
+    /// Where the motors' place is while the nozzle is above the mesh's first point, 10 nm.
+    from_10nm: [f32; 2],
     /// Cells for each 10 nm along X and along Y.
     cells_per_10nm: [f32; 2],
     /// Length of a step, 10 nm.
@@ -72,6 +76,8 @@ impl Bed for BedStage {
             is_on: false,
             steps_per_um: 0.0,
             per_event: 0.0,
+            nozzle_offset_10nm: [0; 2],
+            from_10nm: [0.0; 2],
             cells_per_10nm: [0.0; 2],
             steps_10nm: [0.0; 3],
             per_fade: 0.0,
@@ -103,6 +109,10 @@ impl Bed for BedStage {
         let bounds = self.prepare()?;
         self.is_on = true;
         Ok(bounds)
+    }
+
+    fn set_nozzle_offset(&mut self, offset_10nm: [i32; 2]) {
+        self.nozzle_offset_10nm = offset_10nm;
     }
 
     fn stand(&mut self, motor_steps: [i64; 3], directions: u8) -> i64 {
@@ -174,6 +184,9 @@ impl BedStage {
         self.mesh.refine();
         self.steps_10nm = [x, y, z].map(|steps| UNITS_PER_MM as f32 / steps.to_f64() as f32);
         self.steps_per_um = z.to_f64() as f32 / 1000.0;
+        let (from_10nm, [offset_x, offset_y]) = (self.mesh.grid().from_10nm, self.nozzle_offset_10nm);
+        let [from_x, from_y] = from_10nm;
+        self.from_10nm = [from_x.wrapping_sub(offset_x) as f32, from_y.wrapping_sub(offset_y) as f32];
         self.cells_per_10nm = self.mesh.spacing_10nm().map(|spacing| 1.0 / spacing);
         let fade_10nm = self.mesh.fade_10nm();
         self.per_fade = if fade_10nm > 0 { 1.0 / fade_10nm as f32 } else { 0.0 };
@@ -197,11 +210,11 @@ impl BedStage {
 
     /// The surface above the plan's zero at a place of the tool, 10 nm, where nothing has faded, in steps of Z.
     fn surface(&self, [x, y]: [f32; 2]) -> f32 {
-        let MeshGrid { from_10nm: [from_x, from_y], .. } = self.mesh.grid();
+        let [from_x, from_y] = self.from_10nm;
         let ([columns, rows], [beyond_x, beyond_y]) = (self.mesh.points(), self.mesh.beyond());
         let [per_x, per_y] = self.cells_per_10nm;
-        let (column, right) = cell((x - from_x as f32) * per_x, columns, beyond_x);
-        let (row, back) = cell((y - from_y as f32) * per_y, rows, beyond_y);
+        let (column, right) = cell((x - from_x) * per_x, columns, beyond_x);
+        let (row, back) = cell((y - from_y) * per_y, rows, beyond_y);
         let [a, b, c, d] = self.mesh.corners_um([column, row]);
         let (front, behind) = (a + (b - a) * right, c + (d - c) * right);
         (front + (behind - front) * back) * self.steps_per_um

@@ -61,7 +61,7 @@ impl<P: Ports> Printer<'_, P> {
         {
             let length = |word: Decimal| self.interpreter.modal.length_10nm(word).ok_or(CommandError::TooFar);
             // In coordinates of the G-code, as everything that is printed.
-            let offset_10nm = self.interpreter.modal.offset_10nm[axis];
+            let offset_10nm = self.interpreter.modal.offset_10nm[axis] - self.tool_offset_10nm()[axis];
             let [least, most] = self.reach_10nm(axis).map(|end| end + offset_10nm);
             let from = within(low, length(from)?, least, most - MIN_SIZE_10NM)?;
             let base = if is_size { from } else { 0 };

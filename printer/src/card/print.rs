@@ -222,6 +222,8 @@ impl<P: Ports> Printer<'_, P> {
                         | Command::AdaptiveExtrusion { .. }
                         | Command::ReceiveJob { .. }
                         | Command::Autotune { .. }
+                        | Command::SelectTool { tool: Some(_), .. }
+                        | Command::ToolOffset { .. }
                 ),
             }
     }

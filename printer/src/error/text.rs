@@ -206,6 +206,7 @@ impl fmt::Display for CommandError {
                 out,
                 "T{tool} - Invalid extruder number !, this machine has one extruder, T0: slice the job for one"
             ),
+            Self::Tool(why) => out.write_str(why),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault): M999 restarts it"),
             Self::NeedsReset(HeatFault { heater, trip }) => write!(
                 out,

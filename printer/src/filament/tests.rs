@@ -9,7 +9,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 
 use ferrostep_gcode::Reply;
-use ferrostep_hal_shim::Clock;
+use ferrostep_hal_shim::{Clock, Heater};
 
 use super::*;
 use crate::heat::{HeatFault, HeaterStatus};

@@ -61,13 +61,21 @@ impl Models {
         self.step.as_ref().filter(|(of, _)| *of == heater).map(|(_, step)| step.progress())
     }
 
-    /// Power for the next sample of a heater with a model, 0 to 1; `None` for another. `power` was that of the last. A step response that ends sets
-    /// the target to 0.
-    pub fn power(&mut self, heater: Heater, celsius: f32, target: &mut f32, power: f32, fan_power: u8) -> Option<f32> {
+    /// Power for the next sample of a heater with a model, 0 to 1; `None` for another. `power` was that of the last. Filament takes heat
+    /// only from a nozzle that is the selected one (`melts`). A step response that ends sets the target to 0.
+    pub fn power(
+        &mut self,
+        heater: Heater,
+        celsius: f32,
+        target: &mut f32,
+        power: f32,
+        (fan_power, melts): (u8, bool),
+    ) -> Option<f32> {
         let model = self.model(heater)?;
         let control = self.loops.get_mut(heater.index())?;
         let Some((_, step)) = self.step.as_mut().filter(|(of, _)| *of == heater) else {
-            let cooling = Cooling { fan_power, filament_mm_per_s: self.filament.mm_per_s() };
+            let filament_mm_per_s = if melts { self.filament.mm_per_s() } else { 0.0 };
+            let cooling = Cooling { fan_power, filament_mm_per_s };
             return Some(control.power(&model, celsius, *target, power, &cooling));
         };
         let wanted = step.power(control, celsius, *target, power);

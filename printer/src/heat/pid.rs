@@ -11,7 +11,7 @@ const SLOPE_SHARE: f32 = 2.0 * SAMPLE_S;
 const FORGOTTEN_SHARE: f32 = SAMPLE_S / 30.0;
 
 /// A PID loop whose derivative is that of the temperature, so that a new target gives no kick.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pid {
     /// Sum of errors times the integral gain: a power.
     accumulated: f32,

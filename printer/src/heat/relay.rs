@@ -72,7 +72,7 @@ pub enum RelayProgress {
 }
 
 /// A relay at work.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relay {
     still: Cycles,
     fanned: Cycles,

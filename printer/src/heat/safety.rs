@@ -100,7 +100,7 @@ impl fmt::Display for Trip {
 }
 
 /// A temperature and how many samples ago it was.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Since {
     celsius: f32,
     samples: u32,
@@ -117,7 +117,7 @@ impl Since {
 }
 
 /// What the heater is doing.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     /// Its target is 0.
     Off,
@@ -128,7 +128,7 @@ enum Phase {
 }
 
 /// The checks of one heater.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Safety {
     phase: Phase,
     /// The target of the phase.

@@ -45,6 +45,7 @@ fn settings(heater: Heater) -> HeaterSettings {
             mass: HeatedMass::BED,
             ..settings(Heater::Nozzle)
         },
+        Heater::Nozzle1 => settings(Heater::Nozzle),
         Heater::Chamber => HeaterSettings {
             thermistor: on_usual_board(ThermistorType::Epcos100k),
             max_celsius: 90.0,
@@ -62,24 +63,27 @@ fn settings(heater: Heater) -> HeaterSettings {
 /// A target for each heater that its printer often has, degrees Celsius.
 fn usual_target(heater: Heater) -> f32 {
     match heater {
-        Heater::Nozzle => 215.0,
+        Heater::Nozzle | Heater::Nozzle1 => 215.0,
         Heater::Bed => 60.0,
         Heater::Chamber => 50.0,
     }
 }
 
 /// Heaters that no other warms. The chamber has tests of its own.
-const ALONE: [Heater; 2] = [Heater::Nozzle, Heater::Bed];
+const USUAL: [Heater; 2] = [Heater::Nozzle, Heater::Bed];
 
-/// Nozzle and bed of these settings on the virtual board, a chamber, and their control.
+/// The same, and the nozzle of a second tool.
+const ALONE: [Heater; 3] = [Heater::Nozzle, Heater::Bed, Heater::Nozzle1];
+
+/// Nozzle and bed of these settings on the virtual board, a chamber, a second nozzle, and their control.
 fn control_of(
     [nozzle, bed]: [HeaterSettings; 2],
-    chamber: Option<HeaterSettings>,
+    [chamber, nozzle1]: [Option<HeaterSettings>; 2],
     fan_table: FanTable,
 ) -> (HeatControl, VirtualHeaters) {
     let heated = |settings: HeaterSettings| (settings.mass, settings.thermistor);
-    let mut board = VirtualHeaters::new(heated(nozzle), heated(bed), chamber.map(heated));
-    (HeatControl::new([Some(nozzle), Some(bed), chamber], fan_table, &mut board), board)
+    let mut board = VirtualHeaters::new(heated(nozzle), heated(bed), chamber.map(heated), nozzle1.map(heated));
+    (HeatControl::new([Some(nozzle), Some(bed), chamber, nozzle1], fan_table, &mut board), board)
 }
 
 /// Control and virtual board in virtual time.
@@ -92,7 +96,11 @@ struct Rig {
 
 impl Rig {
     fn new() -> Self {
-        let (control, board) = control_of(ALONE.map(settings), Some(settings(Heater::Chamber)), FanSettings::USUAL);
+        let (control, board) = control_of(
+            USUAL.map(settings),
+            [Heater::Chamber, Heater::Nozzle1].map(settings).map(Some),
+            FanSettings::USUAL,
+        );
         Self { control, board, samples: 0 }
     }
 
@@ -150,10 +158,10 @@ fn heating_up_overshoots_by_less_than_three_degrees_and_stays() {
             let mut rig = Rig::new();
             rig.control.set_fan_demand(FanDemand::part(fan_power));
             let targets = ALONE.map(|heater| usual_target(heater) + further);
-            for heater in ALONE {
-                rig.control.set_target(heater, targets[heater.index()]);
+            for (heater, target) in ALONE.into_iter().zip(targets) {
+                rig.control.set_target(heater, target);
             }
-            let mut highest = [0.0_f32; 2];
+            let mut highest = [0.0_f32; 3];
             for second in 0..600 {
                 rig.run(1.0).unwrap();
                 for (index, heater) in ALONE.into_iter().enumerate() {

@@ -7,7 +7,7 @@ use ferrostep_thermistor::Thermistor;
 pub const MEDIAN_OF: usize = 5;
 
 /// The last readings of a thermistor.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermometer {
     thermistor: Thermistor,
     readings: [u16; MEDIAN_OF],

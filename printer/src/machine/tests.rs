@@ -82,6 +82,7 @@ pub(crate) fn profile() -> Profile {
         mesh: None,
         bed_screws: None,
         z_motors: None,
+        tools: None,
         min_extrusion_celsius: 170.0,
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,

@@ -162,7 +162,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Notes a place, which is written later. `false`: the one before is still being written.
     fn note_place(&mut self, stands_10nm: i64, offset: u32, lines: u32, paused: Paused) -> bool {
-        let mut place = Place {
+        let mut place = Place::<<P::Motion as Motion>::Tools> {
             stands_10nm,
             offset,
             lines,
@@ -173,6 +173,7 @@ impl<P: Ports> Printer<'_, P> {
             advance: self.motion.motion_choice().pressure_advance,
             extruder_steps: self.motion.extruder_steps_per_mm().hundred_thousandths(),
             skew: self.interpreter.skew,
+            tools: self.tools,
         };
         let mut is_noted = false;
         let mut failure = None;

@@ -3,22 +3,25 @@
 use ferrostep_card::Kept;
 use ferrostep_gcode::Units;
 use ferrostep_hal_shim::FanOutput;
-use ferrostep_planner::{Limits, PressureAdvance, SecondSlope};
+use ferrostep_planner::{Limits, PressureAdvance, SecondSlope, StepsPerMm};
 
 use crate::modal::Modal;
+use crate::part::Part;
 use crate::paused::Paused;
 use crate::profile::FirmwareRetraction;
 use crate::skew::Skew;
+use crate::tool_change::ToolBox;
+use crate::tools::MAX_TOOLS;
 
 /// Of the order of the fields below: another one does not read them.
-const VERSION: u8 = 3;
+const VERSION: u8 = 4;
 
 /// Where the height of the motors is in the bytes.
 const STANDS_AT: usize = 1;
 
-/// What a print needs to go on.
+/// What a print needs to go on. `T`: whether there may be several tools.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct Place<T: Part> {
     /// Where the motors of Z stand while the place is kept, at least, units of 10 nm.
     pub stands_10nm: i64,
     /// Byte of the file at which the next line begins.
@@ -39,6 +42,8 @@ pub(super) struct Place {
     pub extruder_steps: i64,
     /// How skew its axes are.
     pub skew: Skew,
+    /// Its tools, of several.
+    pub tools: T::Of<ToolBox>,
 }
 
 /// The height of the motors in a place's bytes becomes another.
@@ -48,7 +53,7 @@ pub(super) fn set_stands(bytes: &mut [u8], stands_10nm: i64) {
     field.zip(height.to_le_bytes()).for_each(|(out, byte)| *out = byte);
 }
 
-impl Place {
+impl<T: Part> Place<T> {
     /// Writes the place.
     pub fn write(&mut self, out: &mut Kept) {
         out.clear();
@@ -70,14 +75,19 @@ impl Place {
             // A constant number of bytes follows, which fits (test).
             let _ = out.push(VERSION);
         }
-        let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance, extruder_steps, skew } = self;
+        let Self { stands_10nm, offset, lines, profile, paused, fans, limits, advance, extruder_steps, skew, tools } =
+            self;
         let Paused { modal, place_10nm, targets_celsius, drawn_100pm, load_100pm, pushes_more: _, until_ms: _ } =
             paused;
         codec.int(stands_10nm);
         codec.int(extruder_steps);
         skew.factors.iter_mut().for_each(|factor| *factor = codec.word(factor.cast_unsigned()).cast_signed());
         [offset, lines, profile].into_iter().for_each(|number| *number = codec.word(*number));
-        fans.iter_mut().for_each(|power| *power = codec.word(u32::from(*power)) as u8);
+        let [a, b, c, d, e, f] = *fans;
+        let (first, rest) =
+            (codec.word(u32::from_le_bytes([a, b, c, d])), codec.word(u32::from_le_bytes([e, f, 0, 0])));
+        let ([a, b, c, d], [e, f, ..]) = (first.to_le_bytes(), rest.to_le_bytes());
+        *fans = [a, b, c, d, e, f];
         for celsius in targets_celsius.iter_mut().chain([&mut modal.min_extrusion_celsius]) {
             *celsius = f32::from_bits(codec.word(celsius.to_bits()));
         }
@@ -94,25 +104,59 @@ impl Place {
             junction_deviation_mm,
             instantaneous_corner_velocity_mm_per_s,
         } = limits;
-        // No second slope is one of speed 0, and no time to average over is 0: neither is allowed.
-        let mut above = advance.above.unwrap_or(SecondSlope { filament_mm_per_s: 0.0, seconds: 0.0 });
-        let mut smooth_time_s = advance.smooth_time_s.unwrap_or(0.0);
         let alone = [
             print_acceleration_mm_per_s2,
             travel_acceleration_mm_per_s2,
             retract_acceleration_mm_per_s2,
             junction_deviation_mm,
-            &mut advance.seconds,
-            &mut above.filament_mm_per_s,
-            &mut above.seconds,
-            &mut smooth_time_s,
         ];
         for of_axes in [max_feed_mm_per_s, max_acceleration_mm_per_s2, instantaneous_corner_velocity_mm_per_s] {
             of_axes.iter_mut().for_each(|value| codec.double(value));
         }
         alone.into_iter().for_each(|value| codec.double(value));
-        advance.above = (above.filament_mm_per_s > 0.0).then_some(above);
-        advance.smooth_time_s = (smooth_time_s > 0.0).then_some(smooth_time_s);
+        pass_advance(advance, codec);
+        if let Some(tools) = T::get_mut(tools) {
+            pass_tools(tools, codec);
+        }
+    }
+}
+
+fn pass_advance(advance: &mut PressureAdvance, codec: &mut Codec<'_, '_>) {
+    // No second slope is one of speed 0, and no time to average over is 0: neither is allowed.
+    let mut above = advance.above.unwrap_or(SecondSlope { filament_mm_per_s: 0.0, seconds: 0.0 });
+    let mut smooth_time_s = advance.smooth_time_s.unwrap_or(0.0);
+    codec.double(&mut above.filament_mm_per_s);
+    for seconds in [&mut advance.seconds, &mut above.seconds, &mut smooth_time_s] {
+        codec.seconds(seconds);
+    }
+    advance.above = (above.filament_mm_per_s > 0.0).then_some(above);
+    advance.smooth_time_s = (smooth_time_s > 0.0).then_some(smooth_time_s);
+}
+
+/// Which tool is selected, the offset of the further one, and what belongs to the one that rests.
+fn pass_tools(tools: &mut ToolBox, codec: &mut Codec<'_, '_>) {
+    let flags = tools
+        .tools
+        .iter()
+        .rev()
+        .fold(0, |flags, tool| flags << 2 | u32::from(tool.retracted) << 1 | u32::from(tool.drawn_back));
+    let resting_flow = tools.tools.iter().enumerate().find(|(tool, _)| *tool != usize::from(tools.selected));
+    let resting_flow = resting_flow.map_or(100, |(_, tool)| tool.flow_percent);
+    let kept = codec.word(u32::from(tools.selected) | (flags & 0xff) << 8 | u32::from(resting_flow) << 16);
+    tools.selected = if kept & 0xff < MAX_TOOLS as u32 { kept as u8 } else { 0 };
+    let (mut flags, resting_flow) = (kept >> 8, (kept >> 16) as u16);
+    for (number, tool) in tools.tools.iter_mut().enumerate() {
+        (tool.drawn_back, tool.retracted, flags) = (flags & 1 == 1, flags & 2 == 2, flags >> 2);
+        if number > 0 {
+            tool.offset_10nm.iter_mut().for_each(|length| codec.int(length));
+        }
+        if number != usize::from(tools.selected) {
+            let mut steps = tool.steps_per_mm.hundred_thousandths();
+            codec.int(&mut steps);
+            tool.steps_per_mm = StepsPerMm::clamped(steps);
+            tool.flow_percent = resting_flow;
+            pass_advance(&mut tool.advance, codec);
+        }
     }
 }
 
@@ -132,9 +176,9 @@ fn pass_modal(modal: &mut Modal, place_10nm: &mut [i64; 3], codec: &mut Codec<'_
         (*flag, bits) = (bits & 1 == 1, bits >> 1);
     }
     modal.units = if inches { Units::Inches } else { Units::Millimetres };
-    for percent in [&mut modal.feed_percent, &mut modal.flow_percent, &mut modal.kept_feed_percent] {
-        *percent = codec.word(u32::from(*percent)) as u16;
-    }
+    let two = codec.word(u32::from(modal.feed_percent) | u32::from(modal.flow_percent) << 16);
+    (modal.feed_percent, modal.flow_percent) = (two as u16, (two >> 16) as u16);
+    modal.kept_feed_percent = codec.word(u32::from(modal.kept_feed_percent)) as u16;
     for value in [&mut modal.feed_10nm_per_min, &mut modal.extruder_10nm] {
         *value = codec.long(*value as u64) as i64;
     }
@@ -194,6 +238,11 @@ impl Codec<'_, '_> {
     #[inline(never)]
     fn long(&mut self, value: u64) -> u64 {
         u64::from(self.word(value as u32)) | u64::from(self.word((value >> 32) as u32)) << 32
+    }
+
+    /// Up to two seconds, to a nanosecond: no command has more decimals.
+    fn seconds(&mut self, value: &mut f64) {
+        *value = f64::from(self.word(libm::round(*value * 1e9) as u32)) / 1e9;
     }
 
     fn double(&mut self, value: &mut f64) {

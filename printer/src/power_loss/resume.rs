@@ -18,6 +18,9 @@ use crate::printer::{Printer, Source};
 use crate::profile::PauseSettings;
 use crate::skew::Skew;
 
+/// The place of a print on this machine.
+type PlaceOf<P> = Place<<<P as Ports>::Motion as Motion>::Tools>;
+
 /// Why an interrupted print cannot go on.
 enum NoWay {
     Card(CardFailure),
@@ -154,8 +157,8 @@ impl<P: Ports> Printer<'_, P> {
 
     /// The place that was read from the card.
     #[inline(never)]
-    fn kept_place(&self) -> Result<Place, NoWay> {
-        let mut place = Place {
+    fn kept_place(&self) -> Result<PlaceOf<P>, NoWay> {
+        let mut place = PlaceOf::<P> {
             stands_10nm: 0,
             offset: 0,
             lines: 0,
@@ -174,6 +177,7 @@ impl<P: Ports> Printer<'_, P> {
             advance: self.motion.motion_choice().pressure_advance,
             extruder_steps: 0,
             skew: Skew::NONE,
+            tools: self.tools,
         };
         let mut is_read = false;
         if let Some(port) = self.card.port() {
@@ -230,11 +234,18 @@ impl<P: Ports> Printer<'_, P> {
     fn return_step(&mut self, step: usize) -> Option<Command<'static>> {
         let place = self.kept_place().ok()?;
         let targets = place.paused.targets_celsius;
-        let [nozzle, bed, chamber] = targets.map(|celsius| Decimal::from_nanos((f64::from(celsius) * 1e9) as i64));
+        let [nozzle, bed, chamber, nozzle1] =
+            targets.map(|celsius| Decimal::from_nanos((f64::from(celsius) * 1e9) as i64));
         Some(match step {
             0 => Command::SetChamber(Some(chamber)),
             1 => Command::WaitBed(WaitTarget::Heating(bed)),
-            2 => Command::WaitNozzle(WaitTarget::Heating(nozzle)),
+            2 => {
+                // The other nozzle heats meanwhile.
+                let (selected, other) =
+                    if self.take_tools(&place.tools) { (nozzle1, nozzle) } else { (nozzle, nozzle1) };
+                self.heat_other_nozzle(other);
+                Command::WaitNozzle(None, WaitTarget::Heating(selected))
+            }
             // Draws back and rises; X and Y stay, as they are not homed.
             3 => {
                 self.interpreter.modal.homed[2] = true;
@@ -257,7 +268,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// What lasts from line to line is as it was, at standstill.
-    fn take_kept_state(&mut self, place: &Place) {
+    fn take_kept_state(&mut self, place: &PlaceOf<P>) {
         let Place { offset, lines, limits, advance, extruder_steps, skew, paused: print, .. } = place;
         self.motion.set_limits(*limits);
         // At standstill it cannot fail.

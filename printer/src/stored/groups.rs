@@ -6,17 +6,18 @@ use ferrostep_gcode::Real;
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, PressureAdvance};
 
-use super::values::{MM, Place, Values};
+use super::values::{MM, Parts, Place, ToolValues, Values};
 use crate::heat::{HeaterModel, PidGains};
 use crate::home_offset::LARGEST_MM;
 use crate::part::Part;
 use crate::profile::{PauseSettings, SafeHoming};
 use crate::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
 use crate::skew::Skew;
+use crate::tool_change::LARGEST_OFFSET_10NM;
 use crate::tuning::FULL_POWER;
 
 /// A setting: one value, or one for each of its letters.
-pub(crate) struct Setting<M: Part> {
+pub(crate) struct Setting<M: Parts> {
     /// Its key in a profile, with `*` for the axis. A memory knows it by this name.
     pub name: &'static str,
     /// The words of its values.
@@ -30,7 +31,7 @@ pub(crate) struct Setting<M: Part> {
 }
 
 /// The settings of a command.
-pub(crate) struct Group<M: Part> {
+pub(crate) struct Group<M: Parts> {
     /// The command.
     pub code: &'static str,
     /// What they are.
@@ -40,7 +41,7 @@ pub(crate) struct Group<M: Part> {
     pub settings: &'static [Setting<M>],
 }
 
-const fn setting<M: Part>(
+const fn setting<M: Parts>(
     name: &'static str,
     letters: &'static str,
     range: [f64; 2],
@@ -58,9 +59,10 @@ const LENGTHS: [f64; 2] = [0.0, 100.0];
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
 const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
+const OFFSET: [f64; 2] = [-(LARGEST_OFFSET_10NM as f64) / MM, LARGEST_OFFSET_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
 
-impl<M: Part> Group<M> {
+impl<M: Parts> Group<M> {
     /// Every setting that M500 stores, but for those of models. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
     /// of machines contain them.
     const GROUPS: &'static [Self] = &[
@@ -348,14 +350,86 @@ impl<M: Part> Group<M> {
         },
     ];
 
+    /// Those of a second tool.
+    const OF_TOOLS: &'static [Self] = &[
+        Self {
+            code: "M92 T1",
+            heading: "echo:; Steps per unit of T1:",
+            axes: None,
+            settings: &[setting("tools.t1.steps_per_mm", "E", STEPS, |values, _| {
+                values.tool().map(|tool| Place::Number(&mut tool.extruder_steps_per_mm))
+            })],
+        },
+        Self {
+            code: "M218 T1",
+            heading: "echo:; Hotend offsets (mm):",
+            axes: None,
+            settings: &[setting("tools.t1.offset_mm.*", "XYZ", OFFSET, |values, axis| {
+                values.tool()?.offset_10nm.get_mut(axis).map(Place::Length)
+            })],
+        },
+        Self {
+            code: "M572 D1",
+            heading: "echo:; Pressure Advance of T1:",
+            axes: None,
+            settings: &[
+                setting("tools.t1.pressure_advance.seconds", "S", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {
+                    values.tool()?.advance.get_mut(0).map(Place::Optional)
+                }),
+                setting("tools.t1.pressure_advance.smooth_time_s", "W", PressureAdvance::SMOOTH_TIME_S, |values, _| {
+                    values.tool()?.advance.get_mut(1).map(Place::Optional)
+                }),
+                setting(
+                    "tools.t1.pressure_advance.above.seconds",
+                    "L",
+                    [0.0, PressureAdvance::MAX_SECONDS],
+                    |values, _| values.tool()?.advance.get_mut(2).map(Place::Optional),
+                ),
+                setting(
+                    "tools.t1.pressure_advance.above.filament_mm_per_s",
+                    "T",
+                    PressureAdvance::FILAMENT_MM_PER_S,
+                    |values, _| values.tool()?.advance.get_mut(3).map(Place::Optional),
+                ),
+            ],
+        },
+        Self {
+            code: "M301 E1",
+            heading: "echo:; Hotend PID of T1:",
+            axes: None,
+            settings: &[
+                gain("tools.t1.nozzle.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
+                    of_tool(values, |gains| &mut gains.proportional)
+                }),
+                gain("tools.t1.nozzle.integral", "I", PidGains::INTEGRAL, |values, _| {
+                    of_tool(values, |gains| &mut gains.integral)
+                }),
+                gain("tools.t1.nozzle.derivative", "D", PidGains::DERIVATIVE, |values, _| {
+                    of_tool(values, |gains| &mut gains.derivative)
+                }),
+                gain("tools.t1.nozzle.fan_gain", "F", PidGains::FAN, |values, _| {
+                    of_tool(values, |gains| &mut gains.fan)
+                }),
+            ],
+        },
+    ];
+
     /// All that a machine may have.
     pub fn all() -> impl Iterator<Item = &'static Self> {
-        Self::GROUPS.iter().chain(if M::PRESENT { Self::OF_MODELS } else { &[] })
+        let of_models = if M::Models::PRESENT { Self::OF_MODELS } else { &[] };
+        let of_tools = if M::Tools::PRESENT { Self::OF_TOOLS } else { &[] };
+        Self::GROUPS.iter().chain(of_models).chain(of_tools)
     }
 }
 
+/// A gain of T1's own heater.
+fn of_tool<M: Parts>(values: &mut Values<M>, gain: fn(&mut PidGains) -> &mut f32) -> Option<Place<'_>> {
+    let ToolValues { gains, .. } = values.tool()?;
+    gains.as_mut().map(|gains| Place::Single(gain(gains)))
+}
+
 /// A gain of a heater: the profile's powers are 0 to 1.
-const fn gain<M: Part>(
+const fn gain<M: Parts>(
     name: &'static str,
     letter: &'static str,
     range: [f64; 2],
@@ -364,7 +438,7 @@ const fn gain<M: Part>(
     Setting { scale: FULL_POWER, ..setting(name, letter, range, place) }
 }
 
-impl<M: Part> Group<M> {
+impl<M: Parts> Group<M> {
     /// How many values each of its settings has at most.
     pub fn values_of(&self, setting: &Setting<M>) -> usize {
         self.axes.unwrap_or(setting.letters).len()
@@ -407,7 +481,7 @@ impl Display for Shown {
     }
 }
 
-impl<M: Part> Group<M> {
+impl<M: Parts> Group<M> {
     /// Writes the command that sets its values, those of one axis where it has a line for each. `false`: the machine has none of them,
     /// such as the offset of a probe.
     // Not by `Display`: the depth of the stack is reckoned as if any of those called any.

@@ -3,8 +3,8 @@
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
 
-use super::values::Values;
-use super::{Models, Stored};
+use super::values::{Values, advance_of};
+use super::{PartsOf, Stored};
 use crate::axis_names::AXIS_NAMES;
 use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
@@ -13,18 +13,28 @@ use crate::skew::Skew;
 
 impl<P: Ports> Printer<'_, P> {
     /// Sets what belongs together, and does not fit together, to the profile's values.
-    pub(super) fn check(&self, stored: &mut Stored<Models<P>>) {
+    pub(super) fn check(&self, stored: &mut Stored<PartsOf<P>>) {
         let Stored { values, faults, .. } = stored;
-        let of_profile = self.profile_values();
+        let mut of_profile = self.profile_values();
         let smooth_time_s = self.motion.motion_choice().smooth_time_s;
         let mut mend = |what: &str, name: char| {
             self.replies
                 .say(format_args!("echo:settings: {what}{name} as stored is not possible: the profile's is used"));
             *faults = faults.saturating_add(1);
         };
-        if !self.are_extruder_steps(values.extruder_steps_per_mm) {
+        if !self.are_extruder_steps(0, values.extruder_steps_per_mm) {
             values.extruder_steps_per_mm = of_profile.extruder_steps_per_mm;
             mend("steps_per_mm.", 'e');
+        }
+        if let (Some(tool), Some(other)) = (values.tool(), of_profile.tool()) {
+            if !self.are_extruder_steps(1, tool.extruder_steps_per_mm) {
+                tool.extruder_steps_per_mm = other.extruder_steps_per_mm;
+                mend("tools.t1.steps_per_mm", ' ');
+            }
+            if advance_of(&tool.advance).check().is_err() {
+                tool.advance = other.advance;
+                mend("tools.t1.pressure_advance", ' ');
+            }
         }
         for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
             if !is_possible(shaper, smooth_time_s) {
@@ -71,14 +81,14 @@ impl<P: Ports> Printer<'_, P> {
     /// At standstill: puts settings in force, all of them checked, but for filters and advance: it returns them if they change.
     // Its parts need much of the stack, one after the other.
     #[inline(always)]
-    pub(super) fn put_in_force(&mut self, values: &Values<Models<P>>) -> Option<MotionChoice> {
+    pub(super) fn put_in_force(&mut self, values: &Values<PartsOf<P>>) -> Option<MotionChoice> {
         self.put_drivers_in_force(values);
         if let Some(gains) = &values.gains {
             for (heater, gains) in Heater::ALL.iter().zip(gains) {
                 self.heating.set_gains(*heater, *gains);
             }
         }
-        if let Some(models) = <Models<P>>::get(&values.models) {
+        if let Some(models) = <P::Heating as Heating>::Models::get(&values.models) {
             for (heater, model) in Heater::ALL.iter().zip(models) {
                 if let Some(mut model) = *model {
                     if *heater == Heater::Bed {
@@ -93,7 +103,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     #[inline(never)]
-    fn put_drivers_in_force(&mut self, values: &Values<Models<P>>) {
+    fn put_drivers_in_force(&mut self, values: &Values<PartsOf<P>>) {
         let Some(bank) = self.drivers else { return };
         for (motor, settings) in values.drivers.iter().enumerate() {
             let before = bank.report(motor).map(|report| report.settings);
@@ -106,9 +116,19 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     #[inline(never)]
-    fn put_motion_in_force(&mut self, values: &Values<Models<P>>) -> Option<MotionChoice> {
+    fn put_motion_in_force(&mut self, values: &Values<PartsOf<P>>) -> Option<MotionChoice> {
+        let (mut extruder_steps_per_mm, mut pressure_advance) =
+            (StepsPerMm::nearest(values.extruder_steps_per_mm), values.pressure_advance());
+        if let Some(Some(of_tool)) = <P::Motion as Motion>::Tools::get(&values.tool) {
+            let first = (extruder_steps_per_mm, pressure_advance);
+            let second = (StepsPerMm::nearest(of_tool.extruder_steps_per_mm), advance_of(&of_tool.advance));
+            (extruder_steps_per_mm, pressure_advance) = self.put_tools_in_force(first, second, of_tool.offset_10nm);
+            if let Some(gains) = of_tool.gains {
+                self.heating.set_gains(Heater::Nozzle1, gains);
+            }
+        }
         // At standstill it cannot fail.
-        let _always_works = self.motion.set_extruder_steps_per_mm(StepsPerMm::nearest(values.extruder_steps_per_mm));
+        let _always_works = self.motion.set_extruder_steps_per_mm(extruder_steps_per_mm);
         self.motion.set_limits(values.limits);
         self.interpreter.modal.retraction = values.retraction;
         self.interpreter.modal.set_home_offset(values.home_offset_10nm);
@@ -118,7 +138,7 @@ impl<P: Ports> Printer<'_, P> {
             self.interpreter.modal.probe_offset_10nm = offset_10nm;
         }
         let choice = self.motion.motion_choice();
-        let wanted = MotionChoice { shapers: values.shapers, pressure_advance: values.pressure_advance(), ..choice };
+        let wanted = MotionChoice { shapers: values.shapers, pressure_advance, ..choice };
         (wanted != choice).then_some(wanted)
     }
 }

@@ -10,7 +10,7 @@
 use ferrostep_planner::surface::{MAX_MESH_POINTS, Mesh, MeshGrid, MeshInterpolation};
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 
-use super::{Models, Stored};
+use super::{PartsOf, Stored};
 use crate::bed::MAX_HEIGHT_10NM;
 use crate::ports::{Motion, Ports, Replies, SettingsMemory};
 use crate::printer::Printer;
@@ -107,7 +107,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Reads the stored mesh, which Z does not follow before M420 S1. A mesh that is not whole is refused with a message.
     #[inline(never)]
-    pub(super) fn load_mesh(&mut self, memory: &dyn SettingsMemory, stored: &Stored<Models<P>>) {
+    pub(super) fn load_mesh(&mut self, memory: &dyn SettingsMemory, stored: &Stored<PartsOf<P>>) {
         if !self.has_bed() {
             return;
         }

@@ -7,13 +7,40 @@ use ferrostep_tmc2209::DriverSettings;
 use crate::heat::{HeaterModel, PidGains};
 use crate::part::Part;
 use crate::profile::{FirmwareRetraction, HomeSensor, Profile};
+use crate::z_motors::Kept;
 
 /// Units of 10 nm in a millimetre.
 pub(super) const MM: f64 = 100_000.0;
 
-/// All of them, of the running machine or of a profile. `M`: whether heaters may be controlled by a model.
+/// What a machine may have that has settings.
+pub(crate) trait Parts: Copy + core::fmt::Debug + PartialEq + 'static {
+    /// Heaters that are controlled by a model.
+    type Models: Part;
+    /// Several tools.
+    type Tools: Part;
+}
+
+impl<M: Part, T: Part> Parts for (M, T) {
+    type Models = M;
+    type Tools = T;
+}
+
+/// The settings of a further tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Values<M: Part> {
+pub(crate) struct ToolValues {
+    /// M92 T1 E.
+    pub extruder_steps_per_mm: f64,
+    /// M218.
+    pub offset_10nm: [i64; 3],
+    /// As [`Values::advance`].
+    pub advance: [Option<f64>; 4],
+    /// Of the heater of its own nozzle.
+    pub gains: Option<PidGains>,
+}
+
+/// All of them, of the running machine or of a profile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Values<M: Parts> {
     /// M92 E.
     pub extruder_steps_per_mm: f64,
     pub limits: Limits,
@@ -34,10 +61,12 @@ pub(crate) struct Values<M: Part> {
     /// Of the nozzle's and the bed's heater, where the machine has heaters.
     pub gains: Option<[PidGains; 2]>,
     /// Those that control the same heaters instead.
-    pub models: M::Of<[Option<HeaterModel>; 2]>,
+    pub models: <M::Models as Part>::Of<[Option<HeaterModel>; 2]>,
+    /// Those of T1, of a machine with several tools.
+    pub tool: <M::Tools as Part>::Of<Option<ToolValues>>,
 }
 
-impl<M: Part> Values<M> {
+impl<M: Parts> Values<M> {
     /// Those of a profile, for a machine on which these drivers can be set, and which may have heaters.
     pub fn of_profile(profile: &Profile, drivers: &[Option<DriverSettings>; 4], has_heaters: bool) -> Self {
         let mut of_profile = profile.drivers;
@@ -59,8 +88,14 @@ impl<M: Part> Values<M> {
             advance: advance_numbers(&profile.motion.pressure_advance),
             drivers: of_profile,
             gains: has_heaters.then_some([profile.nozzle.gains, profile.bed.gains]),
-            models: M::of(profile.control_models),
+            models: M::Models::of(profile.control_models),
+            tool: M::Tools::of(tool_of_profile(profile, has_heaters)),
         }
+    }
+
+    /// The settings of T1.
+    pub(super) fn tool(&mut self) -> Option<&mut ToolValues> {
+        M::Tools::get_mut(&mut self.tool)?.as_mut()
     }
 
     /// The gains of a heater that a PID loop controls.
@@ -73,15 +108,32 @@ impl<M: Part> Values<M> {
 
     /// The model that controls a heater.
     pub(super) fn model_of(&mut self, heater: Heater) -> Option<&mut HeaterModel> {
-        M::get_mut(&mut self.models)?.get_mut(heater.index())?.as_mut()
+        M::Models::get_mut(&mut self.models)?.get_mut(heater.index())?.as_mut()
     }
 
     /// The advance that the four numbers mean.
     pub fn pressure_advance(&self) -> PressureAdvance {
-        let [seconds, smooth_time_s, fast, speed] = self.advance;
-        let above = fast.zip(speed).map(|(seconds, filament_mm_per_s)| SecondSlope { filament_mm_per_s, seconds });
-        PressureAdvance { seconds: seconds.unwrap_or_default(), above, smooth_time_s }
+        advance_of(&self.advance)
     }
+}
+
+/// The advance that four numbers mean.
+pub(super) fn advance_of(numbers: &[Option<f64>; 4]) -> PressureAdvance {
+    let [seconds, smooth_time_s, fast, speed] = *numbers;
+    let above = fast.zip(speed).map(|(seconds, filament_mm_per_s)| SecondSlope { filament_mm_per_s, seconds });
+    PressureAdvance { seconds: seconds.unwrap_or_default(), above, smooth_time_s }
+}
+
+/// Those of a profile's T1.
+fn tool_of_profile(profile: &Profile, has_heaters: bool) -> Option<ToolValues> {
+    let Kept(tools) = profile.tools?;
+    let tool = tools.get(1)?;
+    Some(ToolValues {
+        extruder_steps_per_mm: tool.steps_per_mm.to_f64(),
+        offset_10nm: tool.offset_10nm,
+        advance: advance_numbers(&tool.advance),
+        gains: tool.heater.filter(|_| has_heaters).map(|heater| heater.settings.gains),
+    })
 }
 
 /// The four numbers of an advance, as [`Values::advance`] has them.

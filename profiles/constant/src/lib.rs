@@ -26,9 +26,10 @@ mod names {
     };
     pub use ferrostep_printer::{
         AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DriverTiming, ExtrusionSettings, FanRule::*,
-        FanSettings, FilamentSensor, FilamentSensorKind::*, FirmwareRetraction, HeaterModel, HeaterSettings,
-        HeaterWatch, HomeEnd::*, HomeSensor::*, Kept, LightColor::*, MeshSettings, PauseSettings, PidGains,
-        PowerSupply, Profile, SafeHoming, Skew, SupplySignal, ZAlignment, ZMotor, ZMotors,
+        FanSettings, FilamentSensor, FilamentSensorKind::*, FirmwareRetraction, FurtherTool, HeaterModel,
+        HeaterSettings, HeaterWatch, HomeEnd::*, HomeSensor::*, Kept, LightColor::*, MeshSettings, PauseSettings,
+        PidGains, PowerSupply, Profile, SafeHoming, Skew, SupplySignal, ToolChange, ToolHeater, Tools, ZAlignment,
+        ZMotor, ZMotors,
     };
     pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
     pub use ferrostep_tmc2209::DriverSettings;

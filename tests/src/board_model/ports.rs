@@ -25,6 +25,7 @@ impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
     type Methods = Papers;
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
+    type Tools = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine<'a, M>) -> T) -> T {

@@ -6,6 +6,9 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use ferrostep_printer::Profile;
+use ferrostep_profiles::{builtin_text, parse};
+
 use crate::setup::{Event, Setup, StepLog, image, nothing, profile};
 
 mod signal;
@@ -81,9 +84,9 @@ fn random(state: &mut u64) -> u64 {
     mixed ^ mixed >> 31
 }
 
-fn logged(image: Vec<u8>) -> (Setup, Rc<RefCell<Vec<Event>>>) {
+fn logged(profile: Profile, image: Vec<u8>) -> (Setup, Rc<RefCell<Vec<Event>>>) {
     let events = Rc::new(RefCell::new(Vec::new()));
-    (Setup::logged(profile("cartesian"), image, StepLog(Some(Rc::clone(&events)))), events)
+    (Setup::logged(profile, image, StepLog(Some(Rc::clone(&events)))), events)
 }
 
 /// The card with the file on it.
@@ -95,14 +98,14 @@ fn filled(text: &[u8]) -> Vec<u8> {
 
 /// Prints to the end, with cuts at about this many random looks at the hosts' lines. Returns the cuts, all events and where the motors
 /// end.
-fn cut_print(filled: &[u8], wanted: u64, state: &mut u64) -> (Vec<Cut>, Vec<Event>, [i64; 4]) {
+fn cut_print(profile: Profile, filled: &[u8], wanted: u64, state: &mut u64) -> (Vec<Cut>, Vec<Event>, [i64; 4]) {
     let lines = ["M21", "M23 PRINT.GCO", "M24"];
     let mut looks = 0;
-    Setup::new(profile("cartesian"), filled.to_vec()).say(&lines, &mut |_, _| {
+    Setup::new(profile, filled.to_vec()).say(&lines, &mut |_, _| {
         looks += 1;
         Vec::new()
     });
-    let (setup, events) = logged(filled.to_vec());
+    let (setup, events) = logged(profile, filled.to_vec());
     let mut cuts = Vec::new();
     let said = setup.say(&lines, &mut |card, _| {
         if random(state) % looks < wanted {
@@ -157,15 +160,41 @@ fn number_after(said: &[String], what: &str) -> Option<u32> {
 
 #[test]
 fn a_print_goes_on_after_a_cut_at_any_instant_and_makes_the_steps_that_were_missing() {
-    let text = program(14);
+    goes_on(profile("cartesian"), &program(14), 150);
+}
+
+/// The tools change every other layer: the print goes on with the one that it had, and its offset.
+#[test]
+fn a_print_of_two_tools_goes_on_with_the_tool_that_it_had() {
+    let text = String::from_utf8(program(14)).unwrap();
+    let mut layer = 0;
+    let mut changed = String::new();
+    for line in text.lines() {
+        if line.starts_with("G0 Z") && line.ends_with("F600") {
+            layer += 1;
+            if layer % 2 == 0 {
+                changed += if layer % 4 == 0 { "T0\n" } else { "T1\n" };
+            }
+        }
+        changed += line;
+        changed += "\n";
+    }
+    assert!(changed.matches("T1").count() >= 3);
+    let tools = "[tools.t1]\nmotor = \"e1\"\noffset_mm = { x = -12.5, y = 3.75, z = 0.1 }\nheater = \"nozzle1\"\n";
+    let two = parse(&format!("{}\n{tools}", builtin_text("cartesian").unwrap()), "two.toml").unwrap();
+    goes_on(two, &changed.replace("M109 S205", "M109 T1 S200\nM109 T0 S205").into_bytes(), 150);
+}
+
+/// Cuts at about this many random looks at the hosts' lines.
+fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
     let mut state = 7;
-    let filled = filled(&text);
-    let (cuts, all, end) = cut_print(&filled, 150, &mut state);
-    assert!(cuts.len() > 50, "{}", cuts.len());
+    let filled = filled(text);
+    let (cuts, all, end) = cut_print(profile, &filled, wanted, &mut state);
+    assert!(cuts.len() > wanted as usize / 3, "{}", cuts.len());
     let (mut resumed, mut without) = (0, 0);
     let mut lines = Vec::new();
     for (index, cut) in cuts.into_iter().enumerate() {
-        let (setup, events) = logged(cut.card(&filled));
+        let (setup, events) = logged(profile, cut.card(&filled));
         let mut printer = setup.printer();
         let said = setup.converse(&mut printer, &["M21"], &mut nothing);
         let Some(line) = number_after(&said, "after line ") else {
@@ -363,7 +392,7 @@ fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
     let text = program(14);
     let filled = filled(&text);
     for jog in [None, Some("G0 Z55.5"), Some("G0 Z3.5")] {
-        let (setup, events) = logged(filled.clone());
+        let (setup, events) = logged(profile("cartesian"), filled.clone());
         let mut printer = setup.printer();
         let (mut seen, mut cut) = (0, 0);
         let mut image = Vec::new();
@@ -384,7 +413,7 @@ fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
         let end = setup.motor_steps();
         let all = events.take();
         // After the reset.
-        let (again, events) = logged(image);
+        let (again, events) = logged(profile("cartesian"), image);
         let mut printer = again.printer();
         let said = again.converse(&mut printer, &["M21", "M1000"], &mut nothing);
         assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");

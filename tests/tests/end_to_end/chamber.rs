@@ -96,7 +96,7 @@ fn its_faults_halt_the_printer() {
     let said = host.say("G4 S5");
     let expected = "Error:MINTEMP triggered, system stopped! Heater_ID: chamber";
     assert!(said.iter().any(|line| line == expected), "{said:?}");
-    assert_eq!(Heater::ALL.map(|heater| machine.heaters().power(heater)), [0.0; 3]);
+    assert_eq!(Heater::ALL.map(|heater| machine.heaters().power(heater)), [0.0; Heater::COUNT]);
 }
 
 #[test]

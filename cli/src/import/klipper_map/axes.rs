@@ -19,9 +19,13 @@ const ANY_SPEED: f64 = 2000.0;
 impl Reading<'_> {
     /// Steps per mm of a motor.
     pub(super) fn steps(&mut self, section: &str, axis: &str) {
-        let path = format!("steps_per_mm.{axis}");
+        self.steps_as(section, &format!("steps_per_mm.{axis}"));
+    }
+
+    /// Steps of a motor, as this key.
+    pub(super) fn steps_as(&mut self, section: &str, path: &str) {
         if let Some(distance) = self.number(section, "step_distance") {
-            self.keep(section, "step_distance", &[&path], 1.0 / distance, "");
+            self.keep(section, "step_distance", &[path], 1.0 / distance, "");
             return;
         }
         let Some(distance) = self.number(section, "rotation_distance") else { return };
@@ -42,7 +46,7 @@ impl Reading<'_> {
         };
         let steps = full_steps * microsteps * gears / distance;
         for key in ["rotation_distance", "microsteps", "full_steps_per_rotation", "gear_ratio"] {
-            self.keep(section, key, &[&path], steps, "");
+            self.keep(section, key, &[path], steps, "");
         }
     }
 
@@ -168,11 +172,20 @@ impl Reading<'_> {
     }
 
     pub(super) fn driver(&mut self, section: &str, axis: &str) {
+        self.driver_of(section, axis, &format!("drivers.{axis}"), &format!("steps_per_mm.{axis}"));
+    }
+
+    /// A driver as the table of this name; its motor has the steps of another key.
+    pub(super) fn driver_as(&mut self, section: &str, table: &str, steps: &str) {
+        self.driver_of(section, "e", table, steps);
+    }
+
+    fn driver_of(&mut self, section: &str, axis: &str, table: &str, steps: &str) {
         let name = format!("tmc2209 {section}");
         let Some(milliamperes) = self.number(&name, "run_current").map(|amperes| (amperes * 1000.0).round()) else {
             return;
         };
-        let path = |key: &str| format!("drivers.{axis}.{key}");
+        let path = |key: &str| format!("{table}.{key}");
         self.keep(&name, "run_current", &[&path("current_ma")], milliamperes as i64, "");
         let hold = self.number(&name, "hold_current").filter(|_| milliamperes > 0.0);
         let percent = hold.map_or(100.0, |amperes| (amperes * 100_000.0 / milliamperes).round());
@@ -185,7 +198,7 @@ impl Reading<'_> {
             self.keep(said, "microsteps", &[&path("microsteps")], microsteps as i64, "");
         }
         let full_steps = self.number(section, "full_steps_per_rotation").unwrap_or(FULL_STEPS);
-        if let Some(steps_per_mm) = self.draft.number(&format!("steps_per_mm.{axis}")).filter(|steps| *steps > 0.0) {
+        if let Some(steps_per_mm) = self.draft.number(steps).filter(|steps| *steps > 0.0) {
             let mm_per_turn = full_steps * microsteps / steps_per_mm;
             self.draft.put(&path("full_steps_per_turn"), full_steps);
             self.draft.put(&path("mm_per_turn"), mm_per_turn);

@@ -32,7 +32,8 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
         }
         "stepper_x1" | "stepper_y1" => "X and Y have one driver each: several motors on one driver turn together",
         "z_tilt" | "quad_gantry_level" => "the motors of Z are aligned with a probe, and one place for each of them",
-        "extruder1" | "extruder2" | "extruder_stepper" => "one extruder",
+        "extruder1" => "a second extruder has a motor, steps, a heater and a pressure advance",
+        "extruder2" | "extruder_stepper" => "two extruders",
         "tmc2208" | "tmc2130" | "tmc5160" | "tmc2240" | "tmc2660" => {
             "drivers that are set are TMC2209: this one runs as its pins say"
         }

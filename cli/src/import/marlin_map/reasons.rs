@@ -13,7 +13,7 @@ pub(super) fn reason(name: &str) -> &'static str {
         _ if name.starts_with("Z_STEPPER_") => {
             "the motors of Z are aligned with a probe, and one place for each of them"
         }
-        "EXTRUDERS" => "one extruder",
+        "EXTRUDERS" => "one extruder, or two",
         "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",
         "S_CURVE_ACCELERATION" => {
             "acceleration = \"s-curve\" with jerk_mm_per_s3, whose value Marlin does not have: set both by hand"

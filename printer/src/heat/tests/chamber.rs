@@ -13,7 +13,7 @@ fn trip(outcome: Result<(), HeatFault>) -> Option<Trip> {
 /// A machine whose chamber has a thermometer and no heater.
 fn with_a_thermometer() -> Rig {
     let settings_of_chamber = HeaterSettings { is_heated: false, ..settings(Heater::Chamber) };
-    let (control, board) = control_of(ALONE.map(settings), Some(settings_of_chamber), FanSettings::USUAL);
+    let (control, board) = control_of(USUAL.map(settings), [Some(settings_of_chamber), None], FanSettings::USUAL);
     Rig { control, board, samples: 0 }
 }
 
@@ -111,7 +111,7 @@ fn a_door_may_be_opened_for_a_moment_and_not_for_good() {
 
 #[test]
 fn a_machine_without_a_chamber_has_none() {
-    let (mut control, mut board) = control_of(ALONE.map(settings), None, FanSettings::USUAL);
+    let (mut control, mut board) = control_of(USUAL.map(settings), [None; 2], FanSettings::USUAL);
     control.set_target(Heater::Chamber, 50.0);
     control.begin_relay(Heater::Chamber, 50.0, 3, false);
     assert_eq!(control.update(&mut board), Ok(()));

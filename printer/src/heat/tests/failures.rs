@@ -306,7 +306,7 @@ fn fans(rig: &Rig) -> (u8, bool) {
 /// With a transistor that has failed closed, moving air is all that is left.
 #[test]
 fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
-    for heater in ALONE {
+    for heater in USUAL {
         for failure in [
             HeaterFailure::Dead,
             HeaterFailure::StuckOn,
@@ -338,10 +338,11 @@ fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
 /// After a reset at 250 degrees with a broken thermistor there is no temperature: that is not a cold nozzle.
 #[test]
 fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
-    let (_, mut board) = control_of(ALONE.map(settings), None, FanSettings::USUAL);
+    let (_, mut board) = control_of(USUAL.map(settings), [None; 2], FanSettings::USUAL);
     board.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
-    let [nozzle, bed] = ALONE.map(settings);
-    let mut control: HeatControl = HeatControl::new([Some(nozzle), Some(bed), None], FanSettings::USUAL, &mut board);
+    let [nozzle, bed] = USUAL.map(settings);
+    let mut control: HeatControl =
+        HeatControl::new([Some(nozzle), Some(bed), None, None], FanSettings::USUAL, &mut board);
     assert!(of_board(&board).1, "before the first sample");
     assert!(control.update(&mut board).is_err());
     assert_eq!(of_board(&board), (255, true));

@@ -47,7 +47,7 @@ enum Event {
 
 /// Readings, most of them of a temperature that a printer has.
 fn readings() -> impl Strategy<Value = [u16; Heater::COUNT]> {
-    let usual = prop::array::uniform3(0.0_f32..300.0)
+    let usual = prop::array::uniform4(0.0_f32..300.0)
         .prop_map(|celsius| Heater::ALL.map(|heater| settings(heater).thermistor.reading(celsius[heater.index()])));
     prop_oneof![3 => usual, 1 => any::<[u16; Heater::COUNT]>()]
 }

@@ -67,10 +67,10 @@ pub(super) struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     pub fn new(model: &'a Model, deviation: f32) -> Self {
-        let mut all = ALONE.map(settings);
+        let mut all = USUAL.map(settings);
         let own = &mut all[model.heater.index()];
         (own.mass, own.max_celsius) = (model.mass, if model.heater == Heater::Nozzle { 295.0 } else { 125.0 });
-        let (control, board) = control_of(all, None, FanSettings::USUAL);
+        let (control, board) = control_of(all, [None; 2], FanSettings::USUAL);
         Self { model, control, board: Noisy { board, deviation, random: 7 }, samples: 0, load: Load::default() }
     }
 

@@ -217,6 +217,7 @@ impl Motion for RigMotion<'_> {
     type Bed = NoBed;
     type Servo = crate::Present;
     type ZMotors = crate::Present;
+    type Tools = crate::Present;
     type SupplySignal = crate::Present;
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {

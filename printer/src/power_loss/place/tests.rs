@@ -2,9 +2,10 @@ use ferrostep_card::KEPT_BYTES;
 use ferrostep_settings::hash_of;
 
 use super::*;
+use crate::Present;
 use crate::machine::tests::profile;
 
-fn place() -> Place {
+fn place() -> Place<Present> {
     let profile = profile();
     let mut modal = Modal::new(&profile);
     (modal.units, modal.relative, modal.relative_extruder, modal.retracted) = (Units::Inches, true, true, true);
@@ -22,6 +23,17 @@ fn place() -> Place {
         lift_10nm: 5,
     };
     (modal.lift_10nm, modal.z.shift_10nm) = (60, -70);
+    let mut tools = ToolBox::new(&profile);
+    tools.selected = 1;
+    tools.tools[0].flow_percent = 103;
+    tools.tools[0].steps_per_mm = StepsPerMm::nearest(417.123_45);
+    tools.tools[0].advance = PressureAdvance {
+        seconds: 0.031,
+        above: Some(SecondSlope { filament_mm_per_s: 2.5, seconds: 0.007 }),
+        smooth_time_s: Some(0.02),
+    };
+    (tools.tools[0].retracted, tools.tools[1].drawn_back) = (true, true);
+    tools.tools[1].offset_10nm = [1_950_000, -12_345, 20_000];
     Place {
         stands_10nm: -12,
         offset: u32::MAX,
@@ -30,7 +42,7 @@ fn place() -> Place {
         paused: Paused {
             modal,
             place_10nm: [-1, 2, 3_000_000],
-            targets_celsius: [215.5, 60.0, 45.0],
+            targets_celsius: [215.5, 60.0, 45.0, 190.25],
             drawn_100pm: 8_000_000,
             load_100pm: 20_000_000_000,
             pushes_more: false,
@@ -45,16 +57,17 @@ fn place() -> Place {
         },
         extruder_steps: 1_000_000_000,
         skew: Skew { factors: [i32::MAX, -3, 214_748_364] },
+        tools,
     }
 }
 
-fn other() -> Place {
+fn other() -> Place<Present> {
     let profile = profile();
     let advance = PressureAdvance { seconds: 0.0, above: None, smooth_time_s: None };
     let paused = Paused {
         modal: Modal::new(&profile),
         place_10nm: [0; 3],
-        targets_celsius: [0.0; 3],
+        targets_celsius: [0.0; 4],
         drawn_100pm: 0,
         load_100pm: 0,
         pushes_more: false,
@@ -71,11 +84,12 @@ fn other() -> Place {
         advance,
         extruder_steps: 1,
         skew: Skew::NONE,
+        tools: ToolBox::new(&profile),
     }
 }
 
 /// As it is printed: what has no `PartialEq` has the same digits.
-fn shown(place: &Place) -> String {
+fn shown(place: &Place<Present>) -> String {
     format!("{place:?}")
 }
 
@@ -87,6 +101,12 @@ fn what_is_written_is_read() {
         assert!(bytes.len() <= KEPT_BYTES, "{}", bytes.len());
         let mut read = if shown(&written) == shown(&other()) { place() } else { other() };
         assert!(read.read(&bytes));
+        // What the selected tool has is where it is in force, and T0 has no offset.
+        let selected = usize::from(written.tools.selected);
+        let (kept, offset_10nm) = (written.tools.tools[selected], read.tools.tools[selected].offset_10nm);
+        let flags = (read.tools.tools[selected].retracted, read.tools.tools[selected].drawn_back);
+        assert_eq!((offset_10nm, flags), (kept.offset_10nm, (kept.retracted, kept.drawn_back)));
+        read.tools.tools[selected] = kept;
         assert_eq!(shown(&read), shown(&written));
     }
 }
