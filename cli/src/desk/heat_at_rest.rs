@@ -75,7 +75,8 @@ mod tests {
         let mut rest = HeatAtRest::default();
         for heaters in samples {
             let [nozzle, bed] = heaters.map(|(celsius, target_celsius)| HeaterSample { celsius, target_celsius });
-            rest.note([nozzle, bed, HeaterSample { celsius: 22.0, target_celsius: 0.0 }]);
+            let cold = HeaterSample { celsius: 22.0, target_celsius: 0.0 };
+            rest.note([nozzle, bed, cold, cold]);
         }
         rest
     }
