@@ -105,7 +105,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if !ToolsPart::<P>::PRESENT {
             return None;
         }
-        let Some(Kept(tools)) = self.profile.tools else { return None };
+        let Kept(tools) = self.profile.tools?;
         Some(tools)
     }
 

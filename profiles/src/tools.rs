@@ -99,7 +99,7 @@ fn further_tool(table: &Section<'_>, name: &'static str, first: &First<'_>) -> F
             format!("at most {most} steps/mm at max_feed_mm_per_s.e: lower that, or take fewer microsteps"),
         );
     }
-    let driver = drivers::driver(&table, name, steps_per_mm, first.both_edges);
+    let driver = drivers::driver(table, name, steps_per_mm, first.both_edges);
     FurtherTool {
         socket,
         is_inverted,

@@ -240,7 +240,8 @@ impl Plant {
                 Some(chamber) => board.heaters.iter().position(|heater| Some(&heater.name) == chamber.heater.as_ref()),
                 None => board.heaters.iter().position(|heater| heater.sensor == place.name),
             };
-            let of_tool = printer.tool_thermistor.as_ref().filter(|(name, _)| *name == place.name).map(|(_, kind)| *kind);
+            let of_tool =
+                printer.tool_thermistor.as_ref().filter(|(name, _)| *name == place.name).map(|(_, kind)| *kind);
             let kind = place.kind.or(match place.name.as_str() {
                 "nozzle" => Some(printer.nozzle.sensor),
                 "bed" => printer.bed.as_ref().map(|bed| bed.sensor),
