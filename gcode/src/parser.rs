@@ -79,7 +79,7 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
             let stays = code.words(remarks)?.flag(b'S');
             Ok(Command::SelectTool { tool: Some(number), stays })
         }
-        b'T' if matches!(bytes.get(words::skip_blanks(bytes, at)), None | Some(b'*' | b';')) => {
+        b'T' if !has_number && matches!(bytes.get(words::skip_blanks(bytes, at)), None | Some(b'*' | b';')) => {
             Ok(Command::SelectTool { tool: None, stays: false })
         }
         b'X' | b'Y' | b'Z' | b'E' if has_number || matches!(bytes.get(at), Some(b'-' | b'+' | b'.')) => {

@@ -57,14 +57,17 @@ fn what_is_missing_or_malformed_is_refused() {
         ("SET_VELOCITY_LIMIT ACCEL=0", "VELOCITY or ACCEL with a number above 0"),
         ("SET_VELOCITY_LIMIT ACCEL=fast VELOCITY=10", "VELOCITY or ACCEL with a number above 0"),
         ("SET_VELOCITY_LIMIT ACCEL=1e4", "VELOCITY or ACCEL with a number above 0"),
-        ("SET_HEATER_TEMPERATURE TARGET=200", "HEATER=extruder, heater_bed or chamber, and TARGET with a number"),
+        (
+            "SET_HEATER_TEMPERATURE TARGET=200",
+            "HEATER=extruder, extruder1, heater_bed or chamber, and TARGET with a number",
+        ),
         (
             "SET_HEATER_TEMPERATURE HEATER=extruder TARGET={t}",
-            "HEATER=extruder, heater_bed or chamber, and TARGET with a number",
+            "HEATER=extruder, extruder1, heater_bed or chamber, and TARGET with a number",
         ),
         (
             "TEMPERATURE_WAIT SENSOR=extruder",
-            "SENSOR=extruder, heater_bed or chamber, and MINIMUM or MAXIMUM with a number",
+            "SENSOR=extruder, extruder1, heater_bed or chamber, and MINIMUM or MAXIMUM with a number",
         ),
         ("SET_FAN_SPEED SPEED=1", "FAN with a name, and SPEED with a number from 0 to 1"),
         ("SET_FAN_SPEED FAN=a SPEED=-0.1", "FAN with a name, and SPEED with a number from 0 to 1"),

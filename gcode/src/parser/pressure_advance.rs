@@ -74,7 +74,7 @@ mod tests {
         reads("M900 k=.05 ; filament", advance("0.05", "", "", ""));
         reads("M900 K0 L0", advance("0", "", "", ""));
         reads_with("M900 K0.05 L0.1", advance("0.05", "", "", ""), "L has no effect");
-        reads("M572 D0 S0.04", advance("0.04", "", "", ""));
+        reads("M572 S0.04", advance("0.04", "", "", ""));
         reads("M572 S0.036 W0.02", advance("0.036", "", "", "0.02"));
         reads("M572 S=0.05 L = .02 T=3", advance("0.05", ".02", "3", ""));
         reads("M572 S0.05 L0.02 T3", advance("0.05", "0.02", "3", ""));

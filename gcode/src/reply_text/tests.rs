@@ -1,5 +1,5 @@
 use super::*;
-use crate::{ChamberTemperature, EndStopState};
+use crate::{ChamberTemperature, EndStopState, NozzleTemperature};
 
 #[track_caller]
 fn says(reply: Reply<'_>, text: &str) {
@@ -16,6 +16,7 @@ fn temperatures() {
         nozzle_power: 0,
         bed_power: 127,
         chamber: None,
+        nozzles: None,
     };
     says(Reply::OkTemperatures(temperatures), "ok T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127");
     says(Reply::Temperatures(temperatures), " T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127");
@@ -26,6 +27,14 @@ fn temperatures() {
     says(with(chamber), " T:21.30 /0.00 B:22.00 /60.00 C:45.00 /50.00 @:0 B@:127 C@:99");
     chamber.power = None;
     says(with(chamber), " T:21.30 /0.00 B:22.00 /60.00 C:45.00 /50.00 @:0 B@:127");
+    // Marlin's order, with two hot ends.
+    let nozzle = |celsius, power| NozzleTemperature { celsius, target: 200.0, power };
+    let two =
+        Temperatures { chamber: Some(chamber), nozzles: Some([nozzle(21.3, 0), nozzle(190.0, 64)]), ..temperatures };
+    says(
+        Reply::Temperatures(two),
+        " T:21.30 /0.00 B:22.00 /60.00 C:45.00 /50.00 T0:21.30 /200.00 T1:190.00 /200.00 @:0 B@:127 @0:0 @1:64",
+    );
     let odd = Temperatures {
         nozzle: f32::NAN,
         nozzle_target: f32::INFINITY,
