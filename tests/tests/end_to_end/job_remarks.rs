@@ -45,8 +45,8 @@ M109 S200
 M140 S50
 G29
 M573
-M150 R255
-M150 R255
+M240
+M240
 MY_MACRO A=1
 M600
 M205 X8 S5
@@ -64,7 +64,7 @@ fn a_rehearsal_lists_what_a_person_should_know() {
         ("not_homed", 2, &[3, 4][..], "an axis moves that is not homed"),
         ("no_effect", 1, &[9], "G29: this machine has no probe"),
         ("no_effect", 1, &[10], "M573: not executed (mean flow"),
-        ("unknown", 2, &[11, 12], "M150: not executed (colour of the light): there is no such output"),
+        ("unknown", 2, &[11, 12], "M240: not executed (trigger a camera): there is no such output"),
         ("unknown", 1, &[13], "MY_MACRO: unknown command"),
         ("pause", 1, &[14], "M600 asks the printer to wait for a person"),
         ("corner", 1, &[15], "M205: S has no effect; X has no effect"),
