@@ -63,6 +63,7 @@ mod skew_refusal;
 mod stored;
 mod supply;
 mod temperatures;
+mod tool_box;
 mod tool_change;
 mod tools;
 mod tower;

@@ -22,7 +22,7 @@ use crate::print_clock::PrintClock;
 use crate::profile::Profile;
 use crate::signals::Signals;
 use crate::stored::KeepsSettings;
-use crate::tool_change::ToolBox;
+use crate::tool_box::ToolBox;
 use crate::tower::Tower;
 use crate::waits::Waits;
 

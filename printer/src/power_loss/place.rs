@@ -10,7 +10,7 @@ use crate::part::Part;
 use crate::paused::Paused;
 use crate::profile::FirmwareRetraction;
 use crate::skew::Skew;
-use crate::tool_change::ToolBox;
+use crate::tool_box::ToolBox;
 use crate::tools::MAX_TOOLS;
 
 /// Of the order of the fields below: another one does not read them.
