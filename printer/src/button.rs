@@ -1,5 +1,6 @@
 //! The button of a board, such as the one in a display's knob: it goes on with a print that waits for a person.
 
+use crate::debounce::Debounce;
 use crate::signals::Signals;
 
 /// A contact bounces for no longer than this, ms.
@@ -9,23 +10,20 @@ const BOUNCE_MS: u32 = 20;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ButtonWatch {
     is_pressed: bool,
-    /// When the contact began to say something else, ms.
-    since_ms: Option<u32>,
+    debounce: Debounce,
 }
 
 impl ButtonWatch {
     /// The button is not pressed.
     pub const fn new() -> Self {
-        Self { is_pressed: false, since_ms: None }
+        Self { is_pressed: false, debounce: Debounce::new() }
     }
 
     /// To be called every few milliseconds with what the contact says now and a clock of milliseconds that may wrap. A press is an
     /// answer as that of a prompt's first button is (M876 S0); while nothing waits for a person it has no effect.
     pub fn look(&mut self, now_ms: u32, is_pressed: bool, signals: &Signals) {
-        if is_pressed == self.is_pressed {
-            self.since_ms = None;
-        } else if now_ms.wrapping_sub(*self.since_ms.get_or_insert(now_ms)) >= BOUNCE_MS {
-            (self.is_pressed, self.since_ms) = (is_pressed, None);
+        if self.debounce.has_settled(now_ms, is_pressed, self.is_pressed, BOUNCE_MS) {
+            self.is_pressed = is_pressed;
             if is_pressed {
                 signals.answer_prompt(0);
             }

@@ -5,6 +5,7 @@ mod encoder;
 use ferrostep_gcode::{AxisWords, Command, FilamentSensorWords, Real};
 
 use crate::command_kind::moves;
+use crate::debounce::Debounce;
 use crate::error::CommandError;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
@@ -15,38 +16,27 @@ pub use encoder::EncoderWatch;
 /// Watches a switch in the filament's path, freed of bounces: a new state counts when it has lasted for the profile's time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FilamentWatch {
-    /// When the sensor began to say something else than what counts, ms.
-    since_ms: Option<u32>,
+    debounce: Debounce,
 }
 
 impl FilamentWatch {
     /// The sensor has said nothing yet: the filament is there.
     pub const fn new() -> Self {
-        Self { since_ms: None }
+        Self { debounce: Debounce::new() }
     }
 
     /// To be called several times a second with what the sensor says now and a clock of milliseconds that may wrap.
     pub fn look(&mut self, now_ms: u32, is_missing: bool, sensor: &FilamentSensor, signals: &Signals) {
-        if self.has_settled(now_ms, is_missing, signals.is_filament_missing(), sensor) {
+        if self.debounce.has_settled(now_ms, is_missing, signals.is_filament_missing(), sensor.debounce_ms.into()) {
             signals.set_filament_missing(is_missing);
         }
     }
 
     /// The same for a switch beside a sensor that sees filament move.
     pub fn look_beside_encoder(&mut self, now_ms: u32, is_missing: bool, switch: &FilamentSensor, signals: &Signals) {
-        if self.has_settled(now_ms, is_missing, signals.is_filament_out(), switch) {
+        if self.debounce.has_settled(now_ms, is_missing, signals.is_filament_out(), switch.debounce_ms.into()) {
             signals.set_filament_out(is_missing);
         }
-    }
-
-    /// Whether the sensor has said something else than what counts for long enough.
-    fn has_settled(&mut self, now_ms: u32, says: bool, counts: bool, sensor: &FilamentSensor) -> bool {
-        let lasts = says != counts
-            && now_ms.wrapping_sub(*self.since_ms.get_or_insert(now_ms)) >= u32::from(sensor.debounce_ms);
-        if says == counts || lasts {
-            self.since_ms = None;
-        }
-        lasts
     }
 }
 

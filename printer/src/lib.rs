@@ -19,6 +19,7 @@ mod bltouch;
 mod button;
 mod card;
 mod command_kind;
+mod debounce;
 mod dispatch;
 mod drivers;
 mod entailed;

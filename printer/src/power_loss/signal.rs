@@ -1,5 +1,6 @@
 //! A signal that says that the supply fails, while a module still feeds the board.
 
+use crate::debounce::Debounce;
 use crate::signals::Signals;
 
 /// The signal, as a profile describes it.
@@ -21,14 +22,13 @@ pub const SUPPLY_FAILS: &str = "echo:power loss: the supply fails";
 pub struct SupplyWatch {
     /// Whether the supply fails; `None` before the first look.
     is_failing: Option<bool>,
-    /// When the signal began to say something else, ms.
-    since_ms: Option<u32>,
+    debounce: Debounce,
 }
 
 impl SupplyWatch {
     /// The signal has said nothing yet.
     pub const fn new() -> Self {
-        Self { is_failing: None, since_ms: None }
+        Self { is_failing: None, debounce: Debounce::new() }
     }
 
     /// To be called every few milliseconds with what the signal says now and a clock of milliseconds that may wrap. Returns whether
@@ -36,14 +36,10 @@ impl SupplyWatch {
     pub fn look(&mut self, now_ms: u32, is_failing: bool, signal: &SupplySignal, signals: &Signals) -> bool {
         let before = *self.is_failing.get_or_insert(is_failing);
         signals.set_supply_failing(before);
-        if is_failing == before {
-            self.since_ms = None;
+        if !self.debounce.has_settled(now_ms, is_failing, before, signal.debounce_ms.into()) {
             return false;
         }
-        if now_ms.wrapping_sub(*self.since_ms.get_or_insert(now_ms)) < u32::from(signal.debounce_ms) {
-            return false;
-        }
-        (self.is_failing, self.since_ms) = (Some(is_failing), None);
+        self.is_failing = Some(is_failing);
         signals.set_supply_failing(is_failing);
         if is_failing {
             signals.note_supply_failure();
