@@ -1,7 +1,7 @@
 //! A board as its file describes it, every value checked.
 
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
-use ferrostep_printer::{FanRule, FurtherTool, PowerSupply, Profile, ZMotor};
+use ferrostep_printer::{FanRule, PowerSupply, Profile};
 
 use crate::chip::Chip;
 use crate::clock::Clock;
@@ -269,24 +269,30 @@ impl Board {
 
     /// The motors of a profile's further extruders that the board has, and whether each runs the other way round than E's own.
     pub(crate) fn further_extruders(&self, profile: &Profile) -> Vec<(&Motor, bool)> {
-        let e_is_inverted = profile.driver.inverted >> 3 & 1 == 1;
         let further = profile.tools.into_iter().flat_map(|tools| tools.0.further).flatten();
-        let motor = |tool: FurtherTool| {
-            let motor = self.spare_motors.iter().find(|motor| motor.name == tool.socket)?;
-            Some((motor, tool.is_inverted != e_is_inverted))
-        };
-        further.filter_map(motor).collect()
+        self.spare(profile, 3, further.map(|tool| (tool.socket, tool.is_inverted)))
     }
 
     /// The further motors of a profile's Z that the board has.
     pub(crate) fn further_motors(&self, profile: &Profile) -> Vec<(&Motor, bool)> {
-        let z_is_inverted = profile.driver.inverted >> 2 & 1 == 1;
         let further = profile.z_motors.into_iter().flat_map(|motors| motors.0.further).flatten();
-        let motor = |further: ZMotor| {
-            let motor = self.spare_motors.iter().find(|motor| motor.name == further.socket)?;
-            Some((motor, further.is_inverted != z_is_inverted))
+        self.spare(profile, 2, further.map(|motor| (motor.socket, motor.is_inverted)))
+    }
+
+    /// Motors in these sockets that the board has, by what the profile says of each, and whether each runs the other way round than motor
+    /// `own`.
+    fn spare(
+        &self,
+        profile: &Profile,
+        own: usize,
+        sockets: impl Iterator<Item = (&'static str, bool)>,
+    ) -> Vec<(&Motor, bool)> {
+        let own_is_inverted = profile.driver.inverted >> own & 1 == 1;
+        let motor = |(socket, is_inverted): (&'static str, bool)| {
+            let motor = self.spare_motors.iter().find(|motor| motor.name == socket)?;
+            Some((motor, is_inverted != own_is_inverted))
         };
-        further.filter_map(motor).collect()
+        sockets.filter_map(motor).collect()
     }
 
     /// All motors, those first that move.
