@@ -190,7 +190,7 @@ impl Mailbox {
         self.aside.clone_from(&self.kept);
     }
 
-    /// Takes back the place that was put aside; `false`: there is none.
+    /// Takes back the place that was put aside; `false`: no place was.
     pub fn take_aside(&mut self) -> bool {
         core::mem::swap(&mut self.kept, &mut self.aside);
         self.aside.clear();

@@ -74,7 +74,7 @@ impl PowerLoss {
         self.is_pending = true;
     }
 
-    /// What a fan has been told is for another one now.
+    /// The power that commands have set for a fan is another one's now.
     pub fn move_fan(&mut self, from: FanOutput, to: FanOutput) -> u8 {
         let power = self.fans.get_mut(from.index()).map(core::mem::take).unwrap_or_default();
         self.set_fan(to, power);

@@ -12,13 +12,13 @@ pub(super) struct DeskExtruders {
 }
 
 impl DeskExtruders {
-    /// The extruder of this tool makes the steps to come; E has made so many.
+    /// The extruder of this tool makes the steps to come, from these steps of E on.
     pub fn select(&mut self, tool: u8, extruder_steps: i64) {
         self.steps = self.steps(extruder_steps);
         (self.selected, self.counted) = (usize::from(tool), extruder_steps);
     }
 
-    /// The steps of each, E having made so many.
+    /// The steps of each, when E has made these.
     pub fn steps(&self, extruder_steps: i64) -> [i64; MAX_TOOLS] {
         let mut steps = self.steps;
         if let Some(selected) = steps.get_mut(self.selected) {

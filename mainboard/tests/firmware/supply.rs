@@ -82,7 +82,7 @@ fn a_module_that_says_that_the_supply_fails_halts_the_machine() {
     }
     bench.pass(200);
     assert!(bench.any_heater_on() && !bench.pins().events().is_empty());
-    // A spike of 3 ms is none.
+    // A spike of 3 ms does not count.
     set_signal(&mut bench, true);
     bench.pass(3);
     set_signal(&mut bench, false);

@@ -14,7 +14,7 @@ pub struct SupplySignal {
     pub rise_10nm: i64,
 }
 
-/// What hosts are told when the supply has failed and no print from the card is under way.
+/// What hosts read when the supply has failed and no print from the card is under way.
 pub const SUPPLY_FAILS: &str = "echo:power loss: the supply fails";
 
 /// Watches the signal, freed of spikes.

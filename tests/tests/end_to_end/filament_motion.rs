@@ -146,7 +146,7 @@ fn a_jam_pauses_a_print_within_the_length_and_the_print_ends_as_if_there_had_bee
     }
 }
 
-/// Filament that ends is told by the switch, before as much has been pushed as the encoder wants; a jam is told by the encoder alone.
+/// The switch reports filament that ends, before as much has been pushed as the encoder wants; only the encoder reports a jam.
 #[test]
 fn a_switch_beside_the_encoder_tells_the_end_of_the_filament_and_the_encoder_a_jam() {
     for (ends, text) in [

@@ -73,7 +73,7 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
         let rises = look % 2 == 0;
         let failure = fail_at(&filled, look, if rises { rise_mm } else { 0 });
         let Failure { said, card, .. } = &failure;
-        // Where it stands, it is told, and halted.
+        // The printer says so, and is halted.
         let Some(told) = said.iter().position(|line| line.starts_with("echo:power loss: the supply fails")) else {
             assert_eq!(said.last().unwrap(), "Done printing file", "the print was over: {said:?}");
             continue;
