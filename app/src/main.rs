@@ -207,6 +207,9 @@ mod app {
         if machine.set_motion_choice(&PROFILE.motion).is_err() {
             unreachable!("the build looks at the profile's methods")
         }
+        if let Some(backlash) = &PROFILE.backlash {
+            machine.set_backlash(backlash);
+        }
 
         let ports = (device.USART1, (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK));
         let actions = Actions { act, note_line: || SIGNALS.note_host() };

@@ -27,7 +27,7 @@ use rtic_sync::signal::Signal;
 use crate::clock::Mono;
 use crate::heat::{CHAMBER_IS_HEATED, HAS_NOZZLES, HAS_OUTPUTS, Heat, ModelsPart, SupplyPart};
 use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
-use crate::part::PartIf;
+use crate::part::{BacklashIf, PartIf};
 use crate::profile::{PROFILE, StepSignals};
 
 /// Blocks in the look-ahead ring, as on the desk.
@@ -67,18 +67,22 @@ type BoardSensors = Sensors<VIRTUAL_SENSORS>;
 /// The step queue of this board, with the sensors that stop it.
 pub type BoardStepQueue = <BoardSensors as Sensing>::Queue;
 
+/// What lets Z follow the bed, on a machine with a probe.
+#[cfg(probe)]
+type BoardBed = ferrostep_planner::surface::BedStage;
+/// Nothing does on a machine without one.
+#[cfg(not(probe))]
+type BoardBed = ferrostep_planner::surface::NoBed;
+
+/// Whether the profile says how much play the drives have.
+const HAS_BACKLASH: bool = ferrostep_profile_constant::PROFILE.backlash.is_some();
+
 /// The methods of motion that this image contains.
-#[cfg(not(any(feature = "papers", probe)))]
-pub type Methods = ferrostep_planner::Standard;
+#[cfg(not(feature = "papers"))]
+pub type Methods = ferrostep_planner::Standard<BoardBed, BacklashIf<HAS_BACKLASH>>;
 /// The methods of motion that this image contains.
-#[cfg(all(not(feature = "papers"), probe))]
-pub type Methods = ferrostep_planner::StandardOnBed;
-/// The methods of motion that this image contains.
-#[cfg(all(feature = "papers", not(probe)))]
-pub type Methods = ferrostep_papers::PapersOffBed;
-/// The methods of motion that this image contains.
-#[cfg(all(feature = "papers", probe))]
-pub type Methods = ferrostep_papers::Papers;
+#[cfg(feature = "papers")]
+pub type Methods = ferrostep_papers::Papers<BoardBed, BacklashIf<HAS_BACKLASH>>;
 
 /// The machine of this board.
 pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
@@ -148,6 +152,7 @@ impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock
     type Servo = PartIf<{ ferrostep_profile_constant::PROFILE.bltouch.is_some() }>;
     type ZMotors = PartIf<{ ferrostep_profile_constant::PROFILE.aligns_z() }>;
     type Tools = PartIf<{ ferrostep_profile_constant::PROFILE.has_tools() }>;
+    type Backlash = PartIf<HAS_BACKLASH>;
     type SupplySignal = PartIf<{ ferrostep_profile_constant::PROFILE.supply_signal.is_some() }>;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {

@@ -35,6 +35,7 @@ impl Motion for Machine<'_, '_> {
     type Servo = ferrostep_printer::Absent;
     type ZMotors = ferrostep_printer::Absent;
     type Tools = ferrostep_printer::Absent;
+    type Backlash = ferrostep_printer::Absent;
     type SupplySignal = ferrostep_printer::Absent;
 
     async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {

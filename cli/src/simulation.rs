@@ -56,6 +56,8 @@ pub enum SimulationError {
     NothingToCompare,
     /// The profile's axes are not at right angles, and a frame's are.
     Skew,
+    /// The profile's drives have play, and those of the simulated machine have none.
+    Backlash,
 }
 
 impl fmt::Display for SimulationError {
@@ -77,6 +79,12 @@ impl fmt::Display for SimulationError {
                 write!(
                     out,
                     "the profile has a table skew, and the simulated frame is at right angles: take a profile without it"
+                )
+            }
+            Self::Backlash => {
+                write!(
+                    out,
+                    "the profile has a table backlash, and the simulated drives have no play: take a profile without it"
                 )
             }
             Self::NothingToCompare => {
@@ -158,7 +166,7 @@ impl Simulation {
         path: Option<&Path>,
         path_of_steps: bool,
     ) -> Result<Self, SimulationError> {
-        right_angles(&profile)?;
+        check(&profile)?;
         let steps = steps_of(file)?;
         let mut text = None;
         let source = match &steps {
@@ -196,7 +204,7 @@ impl Simulation {
     /// # Errors
     /// The path cannot be read from it.
     pub fn of_text(text: Vec<u8>, profile: Profile) -> Result<Self, SimulationError> {
-        right_angles(&profile)?;
+        check(&profile)?;
         let path = Some(planned(&text, &profile).map_err(SimulationError::Interpret)?);
         let filament_mm2 = crate::show::filament_mm2(&profile);
         let steps = Steps::Job(text.into());
@@ -327,8 +335,12 @@ impl Simulation {
     }
 }
 
-fn right_angles(profile: &Profile) -> Result<(), SimulationError> {
-    if profile.skew == Skew::NONE { Ok(()) } else { Err(SimulationError::Skew) }
+/// Whether the simulated machine is as true as the profile's.
+fn check(profile: &Profile) -> Result<(), SimulationError> {
+    if profile.skew != Skew::NONE {
+        return Err(SimulationError::Skew);
+    }
+    if profile.backlash.is_some() { Err(SimulationError::Backlash) } else { Ok(()) }
 }
 
 fn trace_error(error: TraceError) -> SimulationError {

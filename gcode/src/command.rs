@@ -1,7 +1,7 @@
 //! What a line asks for, as an enum.
 
 use crate::command_words::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
     PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,
 };
 use crate::{BedCommand, CardCommand, Decimal, PinCommand, SkewCommand, SupplyCommand, TowerWords};
@@ -296,6 +296,8 @@ pub enum Command<'a> {
     HomeOffset(AxisWords),
     /// M852, and Klipper's words for it: axes that are not at right angles.
     Skew(SkewCommand),
+    /// M425: the play of the drives; without words a query.
+    Backlash(BacklashWords),
     /// M400.
     Finish,
     /// M410.

@@ -113,6 +113,17 @@ pub struct AdvanceWords {
     pub smooth_time: Option<Decimal>,
 }
 
+/// What M425 sets; without any of them it asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BacklashWords {
+    /// X, Y and Z: the play of their drives.
+    pub play: [Option<Decimal>; 3],
+    /// F: which part of it is taken up, 0 to 1.
+    pub correction: Option<Decimal>,
+    /// S: the way on which that happens.
+    pub smoothing: Option<Decimal>,
+}
+
 /// What is done with the settings that survive the power.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SettingsCommand {

@@ -33,7 +33,7 @@ pub use bed_command::{BedArea, BedCommand};
 pub use card_command::{CardCommand, InterruptedPrint};
 pub use command::Command;
 pub use command_words::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
     PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};

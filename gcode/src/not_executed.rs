@@ -173,7 +173,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(375), "M375", "load the bed's mesh", STORED_MESH),
     unknown(m(403), "M403", "filament of a multi-material unit", NO_UNIT),
     unknown((b'M', 404, 407), "M404 to M407", "measure the filament's diameter", "there is no such sensor"),
-    accepted(m(425), "M425", "backlash compensation", "play is not corrected"),
     unknown(m(428), "M428", "make this place home", NO_STORE),
     accepted(m(486), "M486", "names of objects, to leave one out", "all are printed"),
     unknown(m(493), "M493", "input shaping by fixed-time motion", "use M593"),

@@ -55,6 +55,8 @@ pub enum Remark {
     OneZMotor,
     /// Words of BED_MESH_CALIBRATE other than its area.
     MeshWords,
+    /// M425 on a machine whose profile says of no play.
+    NoBacklash,
     /// M42 on a machine without outputs.
     NoOutputs,
     /// M150 on a machine without a light of several colours.
@@ -109,6 +111,7 @@ const ABOUT_LINE: &[&str] = &[
     "the profile has no such servo (table bltouch: P0); no effect",
     "the profile has no z_motors with points; no effect",
     "the profile has no light of several colours (color of its outputs); no effect",
+    "the profile has no backlash; no effect",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -116,6 +119,9 @@ const NO_BED: u32 = 1 << 14;
 
 /// The bit of [`Remark::OneZMotor`].
 const ONE_Z_MOTOR: u32 = 1 << 20;
+
+/// The bit of [`Remark::NoBacklash`].
+const NO_BACKLASH: u32 = 1 << 22;
 
 impl Remarks {
     /// No remarks.
@@ -168,6 +174,7 @@ impl Remarks {
             Remark::NoChamber => self.about_line |= 1 << 18,
             Remark::NoServo => self.about_line |= 1 << 19,
             Remark::OneZMotor => self.about_line |= ONE_Z_MOTOR,
+            Remark::NoBacklash => self.about_line |= NO_BACKLASH,
         }
     }
 
@@ -183,7 +190,7 @@ impl Remarks {
 
     /// Whether the line is a command that this firmware, or this machine, does not execute, known or not.
     pub fn is_not_executed(&self) -> bool {
-        self.not_executed != 0 || self.about_line & (NO_BED | ONE_Z_MOTOR) != 0
+        self.not_executed != 0 || self.about_line & (NO_BED | ONE_Z_MOTOR | NO_BACKLASH) != 0
     }
 
     /// Whether the line is a command that this firmware does not know.
@@ -295,6 +302,7 @@ mod tests {
             (Remark::WaitsForHeatOnly, "MAXIMUM: cooling is not waited for; no effect"),
             (Remark::NoBed, "this machine has no probe, its bed must be level by itself; no effect"),
             (Remark::OneZMotor, "the profile has no z_motors with points; no effect"),
+            (Remark::NoBacklash, "the profile has no backlash; no effect"),
             (Remark::MeshWords, "of the mesh's words MESH_MIN and MESH_MAX have an effect"),
             (Remark::NoEffect(b'W'), "W has no effect"),
             (Remark::Zero(b'E'), "E without a number is read as 0"),

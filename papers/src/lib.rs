@@ -38,5 +38,5 @@ mod staircase_tests;
 
 pub use curve_error::CurveError;
 pub use laws::{PaperPieces, PaperRule};
-pub use papers::{Papers, PapersOffBed};
+pub use papers::Papers;
 pub use pattern::PaperPattern;

@@ -1,6 +1,10 @@
 //! The papers' methods as the planner's type parameter.
 
-use ferrostep_planner::surface::{BedStage, NoBed};
+use core::fmt::{self, Debug};
+use core::marker::PhantomData;
+
+use ferrostep_planner::backlash::{BacklashCorrection, BacklashStage};
+use ferrostep_planner::surface::{Bed, BedStage};
 use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation, Kinematics, MotionChoice, MotionMethods};
 
 use crate::five_segments::FiveSegments;
@@ -8,15 +12,30 @@ use crate::laws::{PaperPieces, PaperRule};
 use crate::pattern::PaperPattern;
 use crate::table::FrequencyTable;
 
-/// All methods: the standard ones and the papers'.
-#[derive(Clone, Copy, Debug)]
-pub enum Papers {}
+/// All methods: the standard ones and the papers'. What `B` and `L` are for [`ferrostep_planner::Standard`], they are here.
+pub struct Papers<B = BedStage, L = BacklashStage>(PhantomData<fn() -> (B, L)>);
 
-impl MotionMethods for Papers {
+// Derived, they would ask for a bed that can be copied.
+impl<B, L> Clone for Papers<B, L> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<B, L> Copy for Papers<B, L> {}
+
+impl<B, L> Debug for Papers<B, L> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str("Papers")
+    }
+}
+
+impl<B: Bed, L: BacklashCorrection> MotionMethods for Papers<B, L> {
     type Pieces = PaperPieces;
     type Rule = PaperRule;
     type Pattern = PaperPattern;
-    type Bed = BedStage;
+    type Bed = B;
+    type Backlash = L;
 
     // Large: inlined, it is once on the stack.
     #[inline(always)]
@@ -38,25 +57,5 @@ impl MotionMethods for Papers {
             }
         };
         rule.map(Some).ok_or(ChoiceError::Parameter)
-    }
-}
-
-/// As [`Papers`], where Z follows no bed: without the memory for a mesh.
-#[derive(Clone, Copy, Debug)]
-pub enum PapersOffBed {}
-
-impl MotionMethods for PapersOffBed {
-    type Pieces = PaperPieces;
-    type Rule = PaperRule;
-    type Pattern = PaperPattern;
-    type Bed = NoBed;
-
-    #[inline(always)]
-    fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<PaperPattern>, ChoiceError> {
-        Papers::pattern(choice, kinematics)
-    }
-
-    fn rule(choice: &MotionChoice) -> Result<Option<PaperRule>, ChoiceError> {
-        Papers::rule(choice)
     }
 }

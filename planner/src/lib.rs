@@ -10,6 +10,7 @@
 //! with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
+pub mod backlash;
 pub mod block_queue;
 pub mod bresenham;
 pub mod digest;
@@ -44,6 +45,7 @@ mod motion_choice;
 mod on_the_way;
 mod open_block;
 mod pace;
+mod passing;
 mod path;
 mod pieces;
 mod planner;
@@ -66,9 +68,10 @@ pub use digest::StepDigests;
 pub use follower::Follower;
 pub use kinematics::{Coordinate, Geometry, Kinematics, LinearKinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
-pub use methods::{ChoiceError, MotionMethods, Standard, StandardOnBed};
+pub use methods::{ChoiceError, MotionMethods, Standard};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
+pub use passing::PassedEntries;
 pub use planner::advance::Progress;
 pub use planner::block_rules::MIN_FEED_MM_PER_S;
 pub use planner::move_error::{MoveError, Moved};

@@ -5,8 +5,10 @@
 //! printer's image contains ([`Standard`]). The papers' other methods implement these traits in a crate of their own and
 //! reach the planner as its type parameter.
 
-use core::fmt::Debug;
+use core::fmt::{self, Debug};
+use core::marker::PhantomData;
 
+use crate::backlash::{BacklashCorrection, NoBacklash};
 use crate::block::{Block, PlannedBlock, Speed};
 use crate::kinematics::Kinematics;
 use crate::motion_choice::{AccelerationProfile, Interpolation, MotionChoice};
@@ -14,7 +16,7 @@ use crate::pressure_advance::PressureAdvanceError;
 use crate::shaping::ShaperError;
 use crate::step_times::StepTimes;
 use crate::stretches::Stretch;
-use crate::surface::{Bed, BedStage, NoBed};
+use crate::surface::{Bed, NoBed};
 use crate::time_law::TimeLaw;
 
 pub use crate::pieces::{Never, OtherLaw, Pieces};
@@ -103,6 +105,8 @@ pub trait MotionMethods: Copy + Debug {
     type Pattern: StepPattern<Self::Pieces>;
     /// What lets Z follow the bed, or nothing.
     type Bed: Bed;
+    /// What takes up the play of the drives, or nothing.
+    type Backlash: BacklashCorrection;
 
     /// The pattern that was chosen; `None` for step Bresenham.
     ///
@@ -117,34 +121,31 @@ pub trait MotionMethods: Copy + Debug {
     fn rule(choice: &MotionChoice) -> Result<Option<Self::Rule>, ChoiceError>;
 }
 
-/// No other methods: step Bresenham under trapezoids and S-curves; Z follows no bed.
-#[derive(Clone, Copy, Debug)]
-pub enum Standard {}
+/// No other methods: step Bresenham under trapezoids and S-curves. Z follows no bed, or what `B` says; the drives have no play, or it is
+/// taken up by `L`.
+pub struct Standard<B = NoBed, L = NoBacklash>(PhantomData<fn() -> (B, L)>);
 
-/// As [`Standard`], and Z can follow a measured bed.
-#[derive(Clone, Copy, Debug)]
-pub enum StandardOnBed {}
-
-impl MotionMethods for StandardOnBed {
-    type Pieces = Never;
-    type Rule = Never;
-    type Pattern = Never;
-    type Bed = BedStage;
-
-    fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<Never>, ChoiceError> {
-        Standard::pattern(choice, kinematics)
-    }
-
-    fn rule(choice: &MotionChoice) -> Result<Option<Never>, ChoiceError> {
-        Standard::rule(choice)
+// Derived, they would ask for a bed that can be copied.
+impl<B, L> Clone for Standard<B, L> {
+    fn clone(&self) -> Self {
+        *self
     }
 }
 
-impl MotionMethods for Standard {
+impl<B, L> Copy for Standard<B, L> {}
+
+impl<B, L> Debug for Standard<B, L> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str("Standard")
+    }
+}
+
+impl<B: Bed, L: BacklashCorrection> MotionMethods for Standard<B, L> {
     type Pieces = Never;
     type Rule = Never;
     type Pattern = Never;
-    type Bed = NoBed;
+    type Bed = B;
+    type Backlash = L;
 
     fn pattern(choice: &MotionChoice, _: Kinematics) -> Result<Option<Never>, ChoiceError> {
         if choice.interpolation == Interpolation::StepBresenham { Ok(None) } else { Err(ChoiceError::NotContained) }

@@ -5,7 +5,6 @@
 //! [`SurfaceBounds`].
 
 mod bounds;
-mod entries;
 mod mesh;
 mod stage;
 
@@ -13,11 +12,11 @@ use core::fmt::Debug;
 use core::future::{Pending, pending};
 
 pub use bounds::SurfaceBounds;
-pub use entries::BedEntries;
 pub use mesh::{MAX_MESH_POINTS, Mesh, MeshError, MeshGrid, MeshInterpolation};
 pub use stage::BedStage;
 
 use crate::kinematics::Geometry;
+use crate::passing::PassedEntries;
 use crate::step_queue::{Notice, StepEntry};
 
 /// What lies between the planner and the step queue: [`BedStage`], or nothing ([`NoBed`]) in an image without a probe.
@@ -64,7 +63,7 @@ pub trait Bed: Debug {
     fn is_waiting(&self) -> bool;
 
     /// What comes next of that which waits: entries for `out`, which is empty, or a notice behind them.
-    fn work(&mut self, out: &mut BedEntries) -> Option<Notice>;
+    fn work(&mut self, out: &mut PassedEntries) -> Option<Notice>;
 }
 
 /// No mesh, and no memory for one.
@@ -112,7 +111,7 @@ impl Bed for NoBed {
         false
     }
 
-    fn work(&mut self, _: &mut BedEntries) -> Option<Notice> {
+    fn work(&mut self, _: &mut PassedEntries) -> Option<Notice> {
         None
     }
 }

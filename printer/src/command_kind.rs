@@ -1,8 +1,8 @@
 //! Kinds of commands, before they are executed.
 
 use ferrostep_gcode::{
-    AdvanceWords, AxisWords, CardCommand, Command, FeedWords, GainWords, PrintClockCommand, SettingsCommand,
-    ShaperWords, SupplyCommand,
+    AdvanceWords, AxisWords, BacklashWords, CardCommand, Command, FeedWords, GainWords, PrintClockCommand,
+    SettingsCommand, ShaperWords, SupplyCommand,
 };
 
 /// How a command is treated while the machine is halted.
@@ -58,6 +58,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Restart => WhileHalted::Works,
         Command::Bed(bed) if bed.is_query() => WhileHalted::Works,
         Command::Skew(skew) if skew.is_query() => WhileHalted::Works,
+        Command::Backlash(words) if *words == BacklashWords::default() => WhileHalted::Works,
         Command::FilamentSensor(words) if words.is_query() => WhileHalted::Works,
         Command::FeedPercent(words) if *words == FeedWords::default() => WhileHalted::Works,
         Command::HomeOffset(words) | Command::StepsPerMm(_, words) | Command::ToolOffset { offset: words, .. }

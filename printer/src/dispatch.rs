@@ -1,7 +1,7 @@
 //! Which command goes where.
 
 use ferrostep_gcode::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, BedCommand, CardCommand, Command, Decimal, PinCommand,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, BedCommand, CardCommand, Command, Decimal, PinCommand,
     PrintClockCommand, Remarks, Reply, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords,
     WaitTarget,
 };
@@ -100,6 +100,8 @@ enum Then<'a> {
     PrintClock(PrintClockCommand),
     /// M852.
     Skew(&'a SkewCommand),
+    /// M425.
+    Backlash(&'a BacklashWords),
     /// M956.
     Record {
         samples: u16,
@@ -211,6 +213,7 @@ impl<P: Ports> Printer<'_, P> {
                         self.keep_statistics();
                     }
                     Then::Skew(command) => self.skew(command)?,
+                    Then::Backlash(words) => self.backlash(words)?,
                     Then::Record { samples, at_next_move } => {
                         self.needed_accelerometer()?.record(samples, at_next_move)?;
                     }
@@ -333,6 +336,10 @@ impl<P: Ports> Printer<'_, P> {
             Command::FeedPercent(words) => self.feed_percent(words)?,
             Command::HomeOffset(ref words) => self.home_offset(words)?,
             Command::Skew(ref command) => return waiting(Waiting::Finish(Then::Skew(command))),
+            Command::Backlash(ref words) if self.has_backlash() => {
+                return waiting(Waiting::Finish(Then::Backlash(words)));
+            }
+            Command::Backlash(_) => {}
             Command::PrintClock(command @ (PrintClockCommand::Stop | PrintClockCommand::Clear)) => {
                 return waiting(Waiting::Finish(Then::PrintClock(command)));
             }

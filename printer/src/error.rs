@@ -117,6 +117,11 @@ pub enum CommandError {
     SkewAndJob,
     /// Axes may not be that far off their right angle.
     TooSkew(SkewRefusal),
+    /// M425 names play of an axis whose motors move another axis, too.
+    SharedPlay {
+        /// Index of the axis.
+        axis: usize,
+    },
     /// M92 has set other steps of the extruder than the profile's, with which a prepared job is planned.
     StepsAndJob,
     /// Z cannot follow the bed.

@@ -35,6 +35,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::FilamentSensor(words) if words.distance.is_some() && !self.has_encoder() => {
                 remarks.add(Remark::NoEffect(b'D'));
             }
+            Command::Backlash(_) if !self.has_backlash() => remarks.add(Remark::NoBacklash),
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
             Command::SetChamber(_) | Command::WaitChamber(_)
                 if self.profile.chamber.is_none() && !asks_for_cold(command) =>

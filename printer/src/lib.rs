@@ -13,6 +13,7 @@ mod advance_refusal;
 mod answer;
 mod arc;
 mod axis_names;
+mod backlash;
 mod bed;
 mod black_box;
 mod bltouch;

@@ -13,6 +13,7 @@ mod z_motors;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{FanOutput, StepOutput};
+use ferrostep_planner::backlash::{Backlash, BacklashCorrection};
 use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{
@@ -74,7 +75,7 @@ struct Counts {
 #[derive(Debug)]
 pub struct Machine<R, Q, M: MotionMethods = Standard> {
     planner: Planner<R, M>,
-    feeder: Feeder<Q, M::Bed>,
+    feeder: Feeder<Q, M::Bed, M::Backlash>,
     workload: Workload,
     counts: Counts,
     idle_timeout: IdleTimeout,
@@ -101,7 +102,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
         Self {
             planner: Planner::new(profile.geometry(), profile.limits, ring),
-            feeder: Feeder::new(&profile.geometry(), queue, start_powers(&profile.fans)),
+            feeder: Feeder::new(&profile.geometry(), &profile.limits, queue, start_powers(&profile.fans)),
             workload: Workload::default(),
             counts: Counts::default(),
             idle_timeout: IdleTimeout::default(),
@@ -192,7 +193,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
 
     /// Whether all moves taken have become step entries, with their corrections.
     fn is_planned(&self) -> bool {
-        self.planner.is_idle() && !self.feeder.bed.is_waiting()
+        self.planner.is_idle() && !self.feeder.is_waiting()
     }
 
     /// The moves to come, until the position is set, are part of homing: [`Self::motion_ticks`] leaves them out.
@@ -318,7 +319,20 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
 
     /// Sets the limits of the moves to come.
     pub fn set_limits(&mut self, limits: Limits) {
+        self.feeder.set_limits(&limits);
         self.planner.set_limits(limits);
+    }
+
+    /// The play of the drives.
+    pub fn backlash(&self) -> Backlash {
+        self.feeder.backlash()
+    }
+
+    /// Sets the play of the drives, at standstill. The motors stay.
+    pub fn set_backlash(&mut self, backlash: &Backlash) {
+        if self.is_idle() && M::Backlash::PRESENT {
+            self.feeder.set_backlash(backlash);
+        }
     }
 
     /// See [`crate::Motion::watch_line`].

@@ -8,6 +8,7 @@ use ferrostep_gcode::{
     ChamberTemperature, MotionFigures, NozzleTemperature, Remarks, Reply, ShortText, Temperatures, TimingFigures,
 };
 use ferrostep_hal_shim::{Clock, FanOutput, Heater, ServoPulses};
+use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
@@ -126,6 +127,14 @@ pub trait Motion {
     /// The extruder of this tool makes the steps to come, and its nozzle is so far from the first's
     /// ([`crate::machine::Machine::step_extruder`]).
     fn step_extruder(&mut self, _tool: u8, _offset_10nm: [i32; 2]) {}
+    /// Play of the drives that is taken up, or none: the code for that is compiled only then.
+    type Backlash: Part;
+    /// The play of the drives.
+    fn backlash(&self) -> Backlash {
+        Backlash::NONE
+    }
+    /// Sets the play of the drives, at standstill.
+    fn set_backlash(&mut self, _backlash: &Backlash) {}
     /// A signal that says that the supply fails, or none: the code that keeps a print then is compiled only where there is one.
     type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.

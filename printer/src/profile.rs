@@ -1,6 +1,7 @@
 //! The machine as numbers, from a profile file or a board's constants.
 
 use ferrostep_hal_shim::{Heater, SpareConnector};
+use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::surface::MeshInterpolation;
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 use ferrostep_step_player::Signals;
@@ -421,6 +422,8 @@ pub struct Profile {
     pub move_cost_ticks: u32,
     /// Axes that are not at right angles, at start-up.
     pub skew: Skew,
+    /// The play of the drives at start-up, if it is to be taken up.
+    pub backlash: Option<Backlash>,
     /// Homing of X, Y and Z.
     pub homing: [AxisHoming; 3],
     /// Keeps the nozzle off the bed meanwhile.

@@ -4,6 +4,7 @@ use core::future::Future;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{FanOutput, HomingSensors, MotionWatch, ServoPulses, StepOutput};
+use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::surface::{Mesh, MeshError};
 use ferrostep_planner::{
@@ -29,6 +30,8 @@ pub trait SharedMachine {
     type ZMotors: Part;
     /// Whether there may be several tools.
     type Tools: Part;
+    /// Whether the drives may have play that is taken up.
+    type Backlash: Part;
     /// Whether a signal says when the supply fails.
     type SupplySignal: Part;
 
@@ -246,6 +249,15 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     type Tools = S::Tools;
+    type Backlash = S::Backlash;
+
+    fn backlash(&self) -> Backlash {
+        self.machine.with(|machine| machine.backlash())
+    }
+
+    fn set_backlash(&mut self, backlash: &Backlash) {
+        self.machine.with(|machine| machine.set_backlash(backlash));
+    }
 
     fn step_extruder(&mut self, tool: u8, offset_10nm: [i32; 2]) {
         self.machine.with(|machine| machine.step_extruder(tool, offset_10nm));

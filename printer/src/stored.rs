@@ -25,7 +25,11 @@ use groups::{Group, Setting, Shown};
 use values::{Parts, ToolValues, Values, advance_numbers};
 
 /// What the machine may have that has settings.
-type PartsOf<P> = (<<P as Ports>::Heating as Heating>::Models, <<P as Ports>::Motion as Motion>::Tools);
+type PartsOf<P> = (
+    <<P as Ports>::Heating as Heating>::Models,
+    <<P as Ports>::Motion as Motion>::Tools,
+    <<P as Ports>::Motion as Motion>::Backlash,
+);
 
 /// What a look at the memory has found.
 struct Stored<M: Parts> {
@@ -208,6 +212,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             retraction: modal.retraction,
             home_offset_10nm: modal.home_offset_10nm,
             skew_factors: self.interpreter.skew.factors(),
+            backlash: <P::Motion as Motion>::Backlash::of(self.has_backlash().then(|| self.motion.backlash())),
             probe_offset_10nm: self.has_probe().then_some(modal.probe_offset_10nm),
             filament_10nm: self.filament_10nm,
             shapers,
@@ -438,12 +443,13 @@ impl<'a, P: Ports> Printer<'a, P> {
 
 /// The keys of a profile that M500 stores, with `*` for the axis, and the command of each.
 pub fn stored_keys() -> impl Iterator<Item = (&'static str, &'static str)> {
-    Group::<(Present, Present)>::all().flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
+    Group::<(Present, Present, Present)>::all()
+        .flat_map(|group| group.settings.iter().map(|setting| (setting.name, group.code)))
 }
 
 /// Each value of each setting.
 #[cfg(test)]
-fn all_values() -> impl Iterator<Item = (&'static Setting<(Present, Present)>, usize)> {
+fn all_values() -> impl Iterator<Item = (&'static Setting<(Present, Present, Present)>, usize)> {
     Group::all().flat_map(|group| {
         group.settings.iter().flat_map(|setting| (0..group.values_of(setting)).map(move |index| (setting, index)))
     })

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod axes;
+mod backlash;
 mod bed_screws;
 mod bltouch;
 mod drivers;

@@ -9,7 +9,8 @@ use crate::drivers::{self, MIN_GAP_US};
 use crate::error_budget::{self, ErrorBudget};
 use crate::filament_sensor::{filament_sensor, filament_switch};
 use crate::{
-    bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, supply, tools, z_motors,
+    backlash, bed_screws, bltouch, extrusion, fans, heaters, homing, macros, mesh, motion, pause, skew, supply, tools,
+    z_motors,
 };
 
 /// Ticks of the nominal time base in a microsecond.
@@ -137,6 +138,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         event_cost_ticks: cost_ticks(events_per_s),
         move_cost_ticks: cost_ticks(moves_per_s),
         skew: skew::skew(&apart),
+        backlash: backlash::backlash(&apart, kinematics),
         homing,
         safe_homing,
         bltouch,

@@ -161,6 +161,7 @@ impl SharedMachine for LiveMachine<'_> {
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
     type Tools = ferrostep_printer::Present;
+    type Backlash = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
     fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<Tap>) -> T) -> T {

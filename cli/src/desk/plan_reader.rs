@@ -435,6 +435,7 @@ impl Motion for PlannedMotion<'_> {
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
     type Tools = ferrostep_printer::Present;
+    type Backlash = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
     fn step_z_motors(&mut self, motors: u8) {

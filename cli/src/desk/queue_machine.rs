@@ -32,6 +32,9 @@ pub(super) fn machine<O: Observer>(
     let mut machine = Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue);
     // What the profile cannot have was refused when it was read.
     machine.set_motion_choice(&profile.motion).ok();
+    if let Some(backlash) = &profile.backlash {
+        machine.set_backlash(backlash);
+    }
     RefCell::new(machine)
 }
 

@@ -130,6 +130,7 @@ impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
     type Tools = ferrostep_printer::Present;
+    type Backlash = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
     fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<O>) -> T) -> T {

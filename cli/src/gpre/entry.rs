@@ -59,6 +59,7 @@ impl Passed {
                     | Command::FilamentLengths { .. }
                     | Command::HomeOffset(_)
                     | Command::Skew(_)
+                    | Command::Backlash(_)
                     | Command::PrintClock(_)
                     // The frame has the part-cooling fan only.
                     | Command::Fan { number: 1.., .. }

@@ -1,5 +1,6 @@
 //! What of Marlin's definitions a profile says.
 
+mod backlash;
 mod fans;
 mod mesh;
 mod reasons;
@@ -75,6 +76,7 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
     reading.mesh();
     reading.z_motors();
     reading.skew();
+    reading.backlash();
     reading.fans();
     reading.filament_sensor();
     reading.power_supply();

@@ -4,8 +4,8 @@ use super::code::Code;
 use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
 use crate::{
-    AxisWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords, GainWords, ParseError, PrintClockCommand,
-    RetractionWords, SettingsCommand, SkewCommand, SupplyCommand, WaitTarget,
+    AxisWords, BacklashWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords, GainWords, ParseError,
+    PrintClockCommand, RetractionWords, SettingsCommand, SkewCommand, SupplyCommand, WaitTarget,
 };
 
 /// Maximum interval of M113 and M155, seconds.
@@ -233,6 +233,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let mut words = code.words(remarks)?;
             let (on, distance, resets) = (words.switch(b'S')?, words.value(b'D'), words.has(b'R'));
             Ok(Command::FilamentSensor(FilamentSensorWords { on, distance, resets }))
+        }
+        425 => {
+            let mut words = code.places(remarks)?;
+            let play = b"XYZ".map(|axis| words.value(axis));
+            Ok(Command::Backlash(BacklashWords { play, correction: words.value(b'F'), smoothing: words.value(b'S') }))
         }
         569 => stealth_chop(code, remarks),
         572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),

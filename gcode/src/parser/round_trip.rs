@@ -4,8 +4,9 @@ use proptest::option::of;
 use proptest::prelude::*;
 
 use crate::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords,
-    GainWords, LineReader, PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units, WaitTarget, parse,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, Command, Decimal, DriverWords, FeedWords,
+    FilamentSensorWords, GainWords, LineReader, PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units,
+    WaitTarget, parse,
 };
 use crate::{PinCommand, SettingsCommand, SupplyCommand};
 
@@ -216,6 +217,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::PrintClock(PrintClockCommand::Report) => (78, vec![]),
         Command::PrintClock(PrintClockCommand::Clear) => (78, given([('S', Some(whole(78)))])),
         Command::HomeOffset(words) => (206, axes(words)),
+        Command::Backlash(BacklashWords { play: [x, y, z], correction, smoothing }) => {
+            (425, given([('F', correction), ('S', smoothing), ('X', x), ('Y', y), ('Z', z)]))
+        }
         Command::Skew(SkewCommand::Factors([xy, xz, yz])) => (852, given([('I', xy), ('J', xz), ('K', yz)])),
         Command::FlowPercent(tool, percent) => (221, given([('T', number_of(tool)), ('S', percent)])),
         Command::NozzleGains(tool, words) => (301, [given([('E', number_of(tool))]), gains(words)].concat()),
@@ -477,6 +481,9 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
         any_axes().prop_map(|words| Command::HomeOffset(AxisWords { e: None, ..words })),
         [of(any_number()), of(any_number()), of(any_number())]
             .prop_map(|factors| Command::Skew(SkewCommand::Factors(factors))),
+        ([of(any_number()), of(any_number()), of(any_number())], of(any_number()), of(any_number())).prop_map(
+            |(play, correction, smoothing)| Command::Backlash(BacklashWords { play, correction, smoothing }),
+        ),
         (of(any_tool()), of(percent())).prop_map(|(tool, percent)| Command::FlowPercent(tool, percent)),
         (of(not_negative()), of(any::<bool>())).prop_map(|(minimum, allow)| Command::ColdExtrusion { minimum, allow }),
     ]

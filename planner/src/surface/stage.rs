@@ -2,10 +2,9 @@
 
 use super::Bed;
 use super::bounds::SurfaceBounds;
-use super::entries::BedEntries;
 use super::mesh::{MAX_SLOPE, Mesh, MeshError, UM_10NM};
-use crate::event_buffer::{EventBuffer, MAX_ENTRIES};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
+use crate::passing::{PassedEntries, Waiting};
 use crate::step_queue::{Notice, StepEntry, StepKind};
 
 /// Z's bit in an axis mask.
@@ -20,9 +19,6 @@ const ROUNDING: f32 = 0.999;
 
 /// The most steps of Z that one event may ask for: each event can have one.
 const MAX_PER_EVENT: f32 = 1.0;
-
-/// Notices behind the entries that wait: the ends of a move and of a block, of one call of the planner.
-const NOTICES: usize = 4;
 
 /// Between the planner and the step queue, with the mesh.
 #[derive(Debug)]
@@ -53,11 +49,7 @@ pub struct BedStage {
     /// The direction signals by the plan, and as they are.
     planned: u8,
     actual: u8,
-    waiting: EventBuffer<MAX_ENTRIES>,
-    /// How many of these are done, and how many events of the next one.
-    done: usize,
-    events_done: u16,
-    notices: [Option<Notice>; NOTICES],
+    waiting: Waiting,
 }
 
 impl Bed for BedStage {
@@ -86,10 +78,7 @@ impl Bed for BedStage {
             sure: 0,
             planned: 0,
             actual: 0,
-            waiting: EventBuffer::NONE,
-            done: 0,
-            events_done: 0,
-            notices: [None; NOTICES],
+            waiting: Waiting::NONE,
         }
     }
 
@@ -116,8 +105,7 @@ impl Bed for BedStage {
     }
 
     fn stand(&mut self, motor_steps: [i64; 3], directions: u8) -> i64 {
-        self.waiting.clear();
-        (self.done, self.events_done, self.notices) = (0, 0, [None; NOTICES]);
+        self.waiting = Waiting::NONE;
         (self.planned, self.actual, self.sure) = (directions, directions, 0);
         self.motors = motor_steps.map(|steps| steps as i32);
         self.correction = 0;
@@ -131,45 +119,36 @@ impl Bed for BedStage {
     }
 
     fn take(&mut self, entries: &[StepEntry]) -> bool {
-        if !self.is_on {
-            return false;
+        if self.is_on {
+            self.waiting.take(entries);
         }
-        for entry in entries {
-            self.waiting.push(*entry);
-        }
-        true
+        self.is_on
     }
 
     fn take_notice(&mut self, notice: &Notice) -> bool {
-        if !self.is_on {
-            return false;
+        if self.is_on {
+            self.waiting.take_notice(notice);
         }
-        if let Some(free) = self.notices.iter_mut().find(|notice| notice.is_none()) {
-            *free = Some(*notice);
-        }
-        true
+        self.is_on
     }
 
     fn is_waiting(&self) -> bool {
-        self.done < self.waiting.all().len() || self.notices.iter().any(Option::is_some)
+        self.waiting.is_any()
     }
 
     // Once in the image, for the planner's task alone.
     #[inline(never)]
-    fn work(&mut self, out: &mut BedEntries) -> Option<Notice> {
-        while let Some(entry) = self.waiting.all().get(self.done).copied() {
+    fn work(&mut self, out: &mut PassedEntries) -> Option<Notice> {
+        while let Some(entry) = self.waiting.entry() {
             if !out.has_room() {
                 return None;
             }
             self.pass(entry, out);
         }
-        self.waiting.clear();
-        self.done = 0;
         if !out.all().is_empty() {
             return None;
         }
-        let notice = self.notices.iter_mut().find_map(Option::take)?;
-        Some(self.with_correction(notice))
+        self.waiting.next_notice().map(|notice| self.with_correction(notice))
     }
 }
 
@@ -255,7 +234,7 @@ impl BedStage {
     }
 
     /// Adds an entry, or the first events of it, with their corrections.
-    fn pass(&mut self, entry: StepEntry, out: &mut BedEntries) {
+    fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries) {
         match entry.kind() {
             StepKind::Directions { directions } => {
                 self.planned = directions;
@@ -263,14 +242,14 @@ impl BedStage {
                 if (directions ^ self.actual) & !Z != 0 {
                     self.turn(directions, out);
                 }
-                self.done += 1;
+                self.waiting.pass_entry();
             }
             StepKind::Wait { .. } => {
                 out.push(entry);
-                self.done += 1;
+                self.waiting.pass_entry();
             }
-            StepKind::Stair { count, .. } => {
-                let left = count.wrapping_sub(self.events_done);
+            StepKind::Stair { .. } => {
+                let left = self.waiting.events_left();
                 let sure = u32::from(left).min(self.sure) as u16;
                 if sure > 0 {
                     self.sure -= u32::from(sure);
@@ -282,17 +261,8 @@ impl BedStage {
         }
     }
 
-    /// Notes how many events of the present entry are done; the last of them may end it.
-    fn note(&mut self, events: u16, is_end: bool) {
-        if is_end {
-            (self.done, self.events_done) = (self.done + 1, 0);
-        } else {
-            self.events_done = self.events_done.wrapping_add(events);
-        }
-    }
-
     /// Adds events that need no correction.
-    fn pass_sure(&mut self, entry: StepEntry, count: u16, is_end: bool, out: &mut BedEntries) {
+    fn pass_sure(&mut self, entry: StepEntry, count: u16, is_end: bool, out: &mut PassedEntries) {
         let (axes, added) = (entry.axes(), if is_end { entry.added() } else { 0 });
         let last = axes ^ added;
         self.follow(axes, count.wrapping_sub(1).into());
@@ -308,11 +278,11 @@ impl BedStage {
         if let Some(part) = part {
             out.push(part);
         }
-        self.note(count, is_end);
+        self.waiting.pass_events(count);
     }
 
     /// Adds an event, after which the surface is looked at.
-    fn pass_one(&mut self, entry: StepEntry, is_end: bool, out: &mut BedEntries) {
+    fn pass_one(&mut self, entry: StepEntry, is_end: bool, out: &mut PassedEntries) {
         let mut axes = if is_end { entry.axes() ^ entry.added() } else { entry.axes() };
         let mut interval = entry.interval_ticks();
         self.follow(axes, 1);
@@ -349,7 +319,7 @@ impl BedStage {
         out.push(if axes == 0 { StepEntry::wait(interval) } else { StepEntry::event(interval, axes) });
         // This number of events cannot take the surface out of reach. The cast saturates, also where nothing changes.
         self.sure = ((MAX_AWAY - away.abs()) * ROUNDING / self.per_event) as u32;
-        self.note(1, is_end);
+        self.waiting.pass_events(1);
     }
 
     /// Follows the plan by this number of steps of these motors.
@@ -363,13 +333,13 @@ impl BedStage {
     }
 
     /// Sets the direction signals.
-    fn turn(&mut self, directions: u8, out: &mut BedEntries) {
+    fn turn(&mut self, directions: u8, out: &mut PassedEntries) {
         self.actual = directions;
         out.push(StepEntry::directions(directions));
     }
 
     /// Sets Z's direction signal as it is in `directions`, if it is another.
-    fn turn_z(&mut self, directions: u8, out: &mut BedEntries) {
+    fn turn_z(&mut self, directions: u8, out: &mut PassedEntries) {
         let turned = self.actual & !Z | directions & Z;
         if turned != self.actual {
             self.turn(turned, out);

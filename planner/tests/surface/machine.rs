@@ -1,10 +1,10 @@
 //! A planner with the stage that follows a bed, and what its motors do.
 
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::surface::{Bed, BedEntries, BedStage, Mesh};
+use ferrostep_planner::surface::{Bed, BedStage, Mesh};
 use ferrostep_planner::{
-    AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, Notice, Planner, Progress, ShaperKind,
-    StandardOnBed, StepEntry, StepLedger, StepObserver, StepSink, StepsPerMm,
+    AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, Notice, PassedEntries, Planner, Progress,
+    ShaperKind, Standard, StepEntry, StepLedger, StepObserver, StepSink, StepsPerMm,
 };
 
 use crate::reference::Surface;
@@ -50,7 +50,7 @@ impl Sink {
     /// Plays what waits; `false` if nothing does.
     fn work(&mut self) -> bool {
         let Some(stage) = self.stage.as_mut().filter(|stage| stage.is_waiting()) else { return false };
-        let mut out = BedEntries::NONE;
+        let mut out = PassedEntries::NONE;
         let notice = stage.work(&mut out);
         out.all().iter().for_each(|entry| self.play(*entry));
         notice.into_iter().for_each(|notice| self.note(notice));
@@ -110,7 +110,7 @@ impl Machine {
     }
 
     /// A planner at a place.
-    pub fn planner(&self, start_10nm: [i64; 3]) -> Planner<Vec<Slot>, StandardOnBed> {
+    pub fn planner(&self, start_10nm: [i64; 3]) -> Planner<Vec<Slot>, Standard<BedStage>> {
         let mut planner = Planner::new(self.geometry(), self.limits, vec![Slot::EMPTY; 64]);
         if self.shaped {
             let shaper = AxisShaper { kind: ShaperKind::Zv, frequency_hz: 40.0, damping: 0.1 };
@@ -143,7 +143,7 @@ impl Machine {
             stage
         });
         let mut sink = Sink { stage, ledger, seen: Seen::default(), miscounts: 0, interval_ticks: 168 };
-        let mut advance = |planner: &mut Planner<Vec<Slot>, StandardOnBed>| {
+        let mut advance = |planner: &mut Planner<Vec<Slot>, Standard<BedStage>>| {
             sink.work() || planner.advance(&mut sink) == Progress::Worked
         };
         for request in moves {

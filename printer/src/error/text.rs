@@ -112,6 +112,13 @@ impl fmt::Display for CommandError {
                 "a prepared job is planned for axes at right angles: send M852 I0 J0 K0 before it, or print its G-code",
             ),
             Self::TooSkew(refusal) => refusal.fmt(out),
+            Self::SharedPlay { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "{name}: its motors move another axis, too, and turn where {name} does not: expected 0, the belts want tightening"
+                )
+            }
             Self::StepsAndJob => out.write_str(
                 "a prepared job is planned with the profile's steps of the extruder, and M92 has set others: print its G-code, or write them \
                  into the profile and prepare it anew",

@@ -1,8 +1,10 @@
-//! From the planner's entries to the step queue, with the bed's surface on their way and the ledger of what was queued.
+//! From the planner's entries to the step queue, with the bed's surface and the drives' play on their way and the ledger of what was
+//! queued.
 
 use ferrostep_hal_shim::{Approach, FanOutput, StepOutput};
-use ferrostep_planner::surface::{Bed, BedEntries};
-use ferrostep_planner::{Geometry, Notice, StepEntry, StepLedger, StepSink};
+use ferrostep_planner::backlash::{Backlash, BacklashCorrection};
+use ferrostep_planner::surface::Bed;
+use ferrostep_planner::{Geometry, Limits, Notice, PassedEntries, StepEntry, StepLedger, StepSink};
 use ferrostep_step_player::DroppedSteps;
 
 use super::pushed::{FilamentCount, PushedFilament};
@@ -87,9 +89,11 @@ impl FanChanges {
 
 /// Feeds the step queue and keeps the ledger of what it was given.
 #[derive(Debug)]
-pub struct Feeder<Q, B> {
+pub struct Feeder<Q, B, L> {
     /// What lets Z follow the bed.
     pub bed: B,
+    /// What takes up the play of the drives.
+    backlash: L,
     /// The queue, and the board around it.
     pub queue: Q,
     /// Where the motors are at the end of the queue.
@@ -112,11 +116,12 @@ pub struct Feeder<Q, B> {
     fault: Option<MotionFault>,
 }
 
-impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
+impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
     /// Nothing queued; motors at 0, fans at these powers.
-    pub fn new(geometry: &Geometry, queue: Q, fan_powers: [u8; FanOutput::COUNT]) -> Self {
+    pub fn new(geometry: &Geometry, limits: &Limits, queue: Q, fan_powers: [u8; FanOutput::COUNT]) -> Self {
         Self {
             bed: B::new(geometry),
+            backlash: L::new(geometry, limits),
             queue,
             ledger: StepLedger::default(),
             timeline: Timeline::default(),
@@ -185,21 +190,67 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
         requested
     }
 
-    /// Queues the next of what waits for the bed's surface; `false` if nothing does. There is room for some entries.
-    pub fn follow_bed(&mut self) -> bool {
-        if !self.bed.is_waiting() {
-            return false;
-        }
-        let mut out = BedEntries::NONE;
-        let notice = self.bed.work(&mut out);
-        self.queue_entries(out.all());
-        if let Some(notice) = notice {
-            self.pass_notice(notice);
-        }
-        true
+    /// Whether something waits for its corrections.
+    pub fn is_waiting(&self) -> bool {
+        self.bed.is_waiting() || self.backlash.is_waiting()
     }
 
-    /// The motors stand where the ledger ends. Returns where they do by the plan, which has no correction of Z.
+    /// Queues the next of what waits for its corrections; `false` if nothing does. There is room for some entries.
+    pub fn correct(&mut self) -> bool {
+        let mut out = PassedEntries::NONE;
+        if self.backlash.is_waiting() {
+            let notice = self.backlash.work(self.seeking != Seeking::No, &mut out);
+            self.queue_entries(out.all());
+            if let Some(notice) = notice {
+                self.pass_notice(notice);
+            }
+            return true;
+        }
+        if self.bed.is_waiting() {
+            let notice = self.bed.work(&mut out);
+            self.take_entries(out.all());
+            if let Some(notice) = notice {
+                self.take_notice(notice);
+            }
+            return true;
+        }
+        false
+    }
+
+    /// Takes entries that follow the bed.
+    fn take_entries(&mut self, entries: &[StepEntry]) {
+        if !self.backlash.take(entries) {
+            self.queue_entries(entries);
+        }
+    }
+
+    /// Takes a notice behind them.
+    fn take_notice(&mut self, notice: Notice) {
+        if !self.backlash.take_notice(&notice) {
+            self.pass_notice(notice);
+        }
+    }
+
+    /// The play of the drives.
+    pub fn backlash(&self) -> Backlash {
+        self.backlash.backlash()
+    }
+
+    /// Sets the play of the drives, at standstill: the motors are counted from here on as if they had none.
+    pub fn set_backlash(&mut self, backlash: &Backlash) {
+        let [x, y, z, _] = self.ledger.motor_steps();
+        let [of_x, of_y, of_z] = self.backlash.stand(self.ledger.issued(), self.ledger.directions());
+        self.redefine_motor_steps([x - of_x, y - of_y, z - of_z]);
+        self.backlash.set(backlash);
+        self.backlash.stand(self.ledger.issued(), self.ledger.directions());
+    }
+
+    /// Sets the limits by which play is taken up.
+    pub fn set_limits(&mut self, limits: &Limits) {
+        self.backlash.set_limits(limits);
+    }
+
+    /// The motors stand where the ledger ends. Returns where they do by the plan, which knows of no correction.
     pub fn stand(&mut self) -> [i64; 4] {
         // A move ends half a step after its last event; the clock does not go back before that.
         self.ledger.advance_to(self.last_move_end);
@@ -210,12 +261,16 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
         self.timeline.clear(self.ledger.tick(), self.filament.at_end());
         self.queue.stands_at(self.ledger.tick());
         let [x, y, z, extruder] = self.ledger.motor_steps();
-        let correction = self.bed.stand([x, y, z], self.ledger.directions());
+        let directions = self.ledger.directions();
+        let [of_x, of_y, of_z] = self.backlash.stand(self.ledger.issued(), directions);
+        let [x, y, z] = [x - of_x, y - of_y, z - of_z];
+        let correction = self.bed.stand([x, y, z], directions);
         [x, y, z - correction, extruder]
     }
 
-    /// Sets where X, Y and Z stand (A, B, Z), at standstill.
+    /// Sets where X, Y and Z stand (A, B, Z), at standstill, without steps for their play.
     pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
+        self.backlash.redefined();
         self.ledger.redefine_motor_steps(motor_steps);
         let tick = self.ledger.tick().max(self.last_block_end);
         self.queue.redefined(tick, self.ledger.motor_steps());
@@ -245,7 +300,7 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
     }
 }
 
-impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
+impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
     fn queue_entries(&mut self, entries: &[StepEntry]) {
         if self.seeking != Seeking::No {
             entries.iter().for_each(|&entry| self.queue_entry(entry));
@@ -299,21 +354,22 @@ impl<Q: StepOutput, B: Bed> Feeder<Q, B> {
     }
 }
 
-impl<Q: StepOutput, B: Bed> StepSink for Feeder<Q, B> {
+impl<Q: StepOutput, B: Bed, L: BacklashCorrection> StepSink for Feeder<Q, B, L> {
     fn entries(&mut self, entries: &[StepEntry]) {
         if !self.bed.take(entries) {
-            self.queue_entries(entries);
+            self.take_entries(entries);
         }
     }
 
     fn entry(&mut self, entry: StepEntry) {
-        if !self.bed.take(&[entry]) {
+        if !self.bed.take(&[entry]) && !self.backlash.take(&[entry]) {
             self.queue_entry(entry);
         }
     }
+
     fn notice(&mut self, notice: Notice) {
         if !self.bed.take_notice(&notice) {
-            self.pass_notice(notice);
+            self.take_notice(notice);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The machine against the planner alone, with the step interrupt's own player at the other end of the queue.
 
+mod backlash;
 mod stops;
 
 use core::cell::{Cell, RefCell};
@@ -76,6 +77,7 @@ pub(crate) fn profile() -> Profile {
         event_cost_ticks: 210,
         move_cost_ticks: 10_500,
         skew: crate::skew::Skew::NONE,
+        backlash: None,
         homing: [homing; 3],
         safe_homing: crate::profile::SafeHoming::NONE,
         bltouch: None,

@@ -3,7 +3,6 @@
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::surface::Bed;
 use ferrostep_planner::{MotionMethods, Pace, Progress, TICKS_PER_SECOND};
 
 use super::{Machine, Silence};
@@ -61,7 +60,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
             self.feeder.queue.seal();
             self.planner.set_pace(Pace::FULL);
         }
-        self.in_motion = self.planner.is_in_motion() || self.feeder.bed.is_waiting();
+        self.in_motion = self.planner.is_in_motion() || self.feeder.is_waiting();
         self.start_when_ready();
         more
     }
@@ -123,7 +122,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
             let began = self.feeder.queue.now_ticks();
             let seeking = self.feeder.seeking;
             let progress =
-                if self.feeder.follow_bed() { Progress::Worked } else { self.planner.advance(&mut self.feeder) };
+                if self.feeder.correct() { Progress::Worked } else { self.planner.advance(&mut self.feeder) };
             if self.feeder.seeking != seeking {
                 self.end_seek(HomingOutcome::Triggered);
             }

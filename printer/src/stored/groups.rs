@@ -4,6 +4,7 @@ use core::fmt::{self, Display, Formatter, Write};
 
 use ferrostep_gcode::Real;
 use ferrostep_hal_shim::Heater;
+use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::{AxisShaper, PressureAdvance};
 
 use super::values::{MM, Parts, Place, ToolValues, Values};
@@ -414,11 +415,30 @@ impl<M: Parts> Group<M> {
         },
     ];
 
+    /// The play of drives.
+    const OF_BACKLASH: &'static [Self] = &[Self {
+        code: "M425",
+        heading: "echo:; Backlash compensation:",
+        axes: None,
+        settings: &[
+            setting("backlash.correction", "F", [0.0, 1.0], |values, _| {
+                values.backlash().map(|backlash| Place::Number(&mut backlash.correction))
+            }),
+            setting("backlash.smoothing_mm", "S", [0.0, Backlash::MAX_SMOOTHING_MM], |values, _| {
+                values.backlash().map(|backlash| Place::Number(&mut backlash.smoothing_mm))
+            }),
+            setting("backlash.play_mm.*", "XYZ", [0.0, Backlash::MAX_MM], |values, axis| {
+                values.backlash()?.play_mm.get_mut(axis).map(Place::Number)
+            }),
+        ],
+    }];
+
     /// All that a machine may have.
     pub fn all() -> impl Iterator<Item = &'static Self> {
         let of_models = if M::Models::PRESENT { Self::OF_MODELS } else { &[] };
         let of_tools = if M::Tools::PRESENT { Self::OF_TOOLS } else { &[] };
-        Self::GROUPS.iter().chain(of_models).chain(of_tools)
+        let of_backlash = if M::Backlash::PRESENT { Self::OF_BACKLASH } else { &[] };
+        Self::GROUPS.iter().chain(of_models).chain(of_tools).chain(of_backlash)
     }
 }
 

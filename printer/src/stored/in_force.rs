@@ -42,6 +42,12 @@ impl<P: Ports> Printer<'_, P> {
                 mend("input_shaper.", AXIS_NAMES[axis].to_ascii_lowercase());
             }
         }
+        if let (Some(backlash), Some(other)) = (values.backlash(), of_profile.backlash())
+            && backlash.shared_axis(self.profile.kinematics).is_some()
+        {
+            backlash.play_mm = other.play_mm;
+            mend("backlash.play_mm", ' ');
+        }
         let of_nozzle = values.model_of(Heater::Nozzle);
         if let Some(model) = of_nozzle
             && !model.is_possible()
@@ -133,6 +139,9 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.retraction = values.retraction;
         self.interpreter.modal.set_home_offset(values.home_offset_10nm);
         self.set_skew(Skew::of_factors(values.skew_factors));
+        if let Some(Some(backlash)) = <P::Motion as Motion>::Backlash::get(&values.backlash) {
+            self.motion.set_backlash(backlash);
+        }
         self.filament_10nm = values.filament_10nm;
         if let Some(offset_10nm) = values.probe_offset_10nm {
             self.interpreter.modal.probe_offset_10nm = offset_10nm;

@@ -4,6 +4,7 @@ mod models;
 
 use core::cell::{Cell, RefCell};
 
+use ferrostep_planner::backlash::Backlash;
 use ferrostep_settings::{Entry, MemoryFlash, RecordWriter, Slot, Store, StoreError, id_of};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
@@ -105,6 +106,7 @@ fn rig() -> (Rig, Bank) {
             is_round: false,
         };
         profile.drivers = [Some(DRIVER); 4];
+        profile.backlash = Some(Backlash::NONE);
     });
     (rig, Bank([const { Cell::new(DRIVER) }; 4]))
 }
@@ -126,7 +128,7 @@ fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
 }
 
 /// Commands that change every setting to a value that the profile does not have.
-const CHANGES: [&str; 21] = [
+const CHANGES: [&str; 22] = [
     "M92 E104.57",
     "M203 X111 Y112.5 Z13.25 E14.123456",
     "M201 X1111 Y1112 Z113 E1114",
@@ -148,9 +150,10 @@ const CHANGES: [&str; 21] = [
     "M569 S0 E",
     "M301 P30.5 I1.25 D76.543 F0.375",
     "M304 P51 I2.5 D255",
+    "M425 F0.875 S2.5 X0.1 Y0.125 Z0.03",
 ];
 
-fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<(crate::Present, crate::Present)> {
+fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<(crate::Present, crate::Present, crate::Present)> {
     for line in CHANGES {
         execute(printer, line).unwrap();
     }
@@ -205,6 +208,7 @@ fn reported_lines_work_when_sent_back() {
             "M569 E S0",
             "M301 P30.50 I1.25 D76.543 F0.375",
             "M304 P51.00 I2.50 D255.00",
+            "M425 F0.875 S2.50 X0.10 Y0.125 Z0.03",
         ]
     );
     execute(&mut printer, "M502").unwrap();
@@ -247,7 +251,7 @@ fn settings_survive_the_power() {
     let mut before = printer(&rig_before, &bank, Some(&memory));
     let values = changed(&rig_before, &mut before);
     let said = says(&rig_before, &mut before, "M500");
-    assert_eq!(said, ["echo:Settings Stored (652 bytes: 59 values that differ from the profile's)"]);
+    assert_eq!(said, ["echo:Settings Stored (707 bytes: 64 values that differ from the profile's)"]);
     // Switched off and on.
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
@@ -424,7 +428,7 @@ fn settings_change_at_standstill() {
 /// Memories know settings by what their names hash to: none may share it, and no name may change.
 #[test]
 fn names_are_distinct_and_stay() {
-    let mut names: Vec<&str> = Group::<(crate::Present, crate::Present)>::all()
+    let mut names: Vec<&str> = Group::<(crate::Present, crate::Present, crate::Present)>::all()
         .flat_map(|group| group.settings)
         .map(|setting| setting.name)
         .collect();
@@ -432,6 +436,9 @@ fn names_are_distinct_and_stay() {
         "acceleration_mm_per_s2.print",
         "acceleration_mm_per_s2.retract",
         "acceleration_mm_per_s2.travel",
+        "backlash.correction",
+        "backlash.play_mm.*",
+        "backlash.smoothing_mm",
         "bed.control_model.capacity_j_per_k",
         "bed.control_model.loss_w_per_k",
         "bed.control_model.power_w",
@@ -496,7 +503,9 @@ fn names_are_distinct_and_stay() {
     ids.dedup();
     assert_eq!(ids.len(), names.len(), "two names have the same id: change the new one");
     let statistics = Statistics::default().numbers_mut().len();
-    // Those of a second tool fit where not all of the others differ from the profile's; M500 says it where they do not.
-    let of_tools = super::all_values().filter(|(setting, _)| setting.name.starts_with("tools.")).count();
-    assert!(super::all_values().count() - of_tools + statistics <= ferrostep_settings::MAX_VALUES);
+    // Those of a second tool and of play fit where not all of the others differ from the profile's; M500 says it where they do not.
+    let optional = ["tools.", "backlash."];
+    let of_parts =
+        super::all_values().filter(|(setting, _)| optional.iter().any(|part| setting.name.starts_with(part)));
+    assert!(super::all_values().count() - of_parts.count() + statistics <= ferrostep_settings::MAX_VALUES);
 }

@@ -1,6 +1,7 @@
 //! The settings that a machine keeps, and where each lives.
 
 use ferrostep_hal_shim::Heater;
+use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::{AxisShaper, EvenSpacing, Limits, PressureAdvance, SecondSlope, ShaperKind};
 use ferrostep_tmc2209::DriverSettings;
 
@@ -18,11 +19,14 @@ pub(crate) trait Parts: Copy + core::fmt::Debug + PartialEq + 'static {
     type Models: Part;
     /// Several tools.
     type Tools: Part;
+    /// Play of the drives.
+    type Backlash: Part;
 }
 
-impl<M: Part, T: Part> Parts for (M, T) {
+impl<M: Part, T: Part, L: Part> Parts for (M, T, L) {
     type Models = M;
     type Tools = T;
+    type Backlash = L;
 }
 
 /// The settings of a further tool.
@@ -49,6 +53,8 @@ pub(crate) struct Values<M: Parts> {
     pub home_offset_10nm: [i64; 3],
     /// M852.
     pub skew_factors: [f64; 3],
+    /// M425, of a machine whose profile says of play.
+    pub backlash: <M::Backlash as Part>::Of<Option<Backlash>>,
     /// Of a machine with a probe.
     pub probe_offset_10nm: Option<[i64; 3]>,
     /// What a filament change draws out and pushes in (M603).
@@ -82,6 +88,7 @@ impl<M: Parts> Values<M> {
             retraction: profile.retraction,
             home_offset_10nm: [0; 3],
             skew_factors: profile.skew.factors(),
+            backlash: M::Backlash::of(profile.backlash),
             probe_offset_10nm: has_probe.then_some(profile.safe_homing.probe_offset_10nm),
             filament_10nm: profile.pause.filament_10nm(),
             shapers: profile.motion.shapers,
@@ -91,6 +98,11 @@ impl<M: Parts> Values<M> {
             models: M::Models::of(profile.control_models),
             tool: M::Tools::of(tool_of_profile(profile, has_heaters)),
         }
+    }
+
+    /// The play of the drives.
+    pub(super) fn backlash(&mut self) -> Option<&mut Backlash> {
+        M::Backlash::get_mut(&mut self.backlash)?.as_mut()
     }
 
     /// The settings of T1.

@@ -19,6 +19,7 @@ mod names {
     pub const inf: f64 = f64::INFINITY;
 
     pub use ferrostep_hal_shim::SpareConnector::*;
+    pub use ferrostep_planner::backlash::Backlash;
     pub use ferrostep_planner::surface::MeshInterpolation::*;
     pub use ferrostep_planner::{
         AccelerationProfile::*, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation::*, Kinematics::*, Limits,

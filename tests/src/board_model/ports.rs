@@ -26,6 +26,7 @@ impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
     type Tools = ferrostep_printer::Present;
+    type Backlash = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine<'a, M>) -> T) -> T {

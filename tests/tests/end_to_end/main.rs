@@ -4,6 +4,7 @@
 
 mod accelerations;
 mod against_klipper;
+mod backlash;
 mod bad_input;
 mod bad_words;
 mod bltouch;

@@ -6,6 +6,7 @@ use core::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, PinCommand, Reply};
 use ferrostep_hal_shim::{Clock, FanOutput, Heater, ServoPulses};
+use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::surface::NoBed;
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
@@ -64,6 +65,7 @@ pub struct Rig {
     enabled: Cell<u8>,
     choice: Cell<MotionChoice>,
     limits: Cell<Limits>,
+    backlash: Cell<Backlash>,
     extruder_steps_per_mm: Cell<StepsPerMm>,
     /// Moves wait since the machine last stood still.
     is_moving: Cell<bool>,
@@ -92,6 +94,7 @@ impl Rig {
             profile,
             choice: Cell::new(profile.motion),
             limits: Cell::new(profile.limits),
+            backlash: Cell::new(profile.backlash.unwrap_or(Backlash::NONE)),
             extruder_steps_per_mm: Cell::new(profile.steps_per_mm[3]),
             is_moving: Cell::new(false),
             sensors: [const { Cell::new(Sensor::Good) }; 3],
@@ -218,6 +221,16 @@ impl Motion for RigMotion<'_> {
     type Servo = crate::Present;
     type ZMotors = crate::Present;
     type Tools = crate::Present;
+    type Backlash = crate::Present;
+
+    fn backlash(&self) -> Backlash {
+        self.0.backlash.get()
+    }
+
+    fn set_backlash(&mut self, backlash: &Backlash) {
+        self.0.backlash.set(*backlash);
+    }
+
     type SupplySignal = crate::Present;
 
     fn send_servo_pulses(&mut self, pulses: ServoPulses) {

@@ -1,0 +1,125 @@
+//! The play of a drive is taken up where its motor turns.
+//!
+//! A nut, a gear or a belt leaves its axis some play: after a reversal the motor turns by that much before the axis follows. The steps
+//! that make up for it join the motor's own on their way to the step queue ([`BacklashStage`]), behind the ones that follow the bed:
+//! no block is split, look-ahead plans as ever, and every step of the plan comes when it would without them.
+
+mod changes;
+mod stage;
+
+use core::fmt::Debug;
+
+pub use stage::BacklashStage;
+
+use crate::kinematics::{Geometry, Kinematics};
+use crate::limits::Limits;
+use crate::passing::PassedEntries;
+use crate::step_queue::{Notice, StepEntry};
+
+/// The play of the drives of X, Y and Z, and how it is taken up: Marlin's M425.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Backlash {
+    /// By how far an axis' motor turns after a reversal before the axis follows, mm, 0 to [`Self::MAX_MM`].
+    pub play_mm: [f64; 3],
+    /// Which part of it is taken up, 0 to 1.
+    pub correction: f64,
+    /// The way on which that happens, mm, those of X, Y and Z added, 0 to [`Self::MAX_SMOOTHING_MM`]; with 0 it is the shortest one.
+    pub smoothing_mm: f64,
+}
+
+impl Backlash {
+    /// None.
+    pub const NONE: Self = Self { play_mm: [0.0; 3], correction: 1.0, smoothing_mm: Self::SMOOTHING_MM };
+
+    /// The largest play of an axis, mm. What has more is to be mended.
+    pub const MAX_MM: f64 = 2.0;
+
+    /// The longest way, mm.
+    pub const MAX_SMOOTHING_MM: f64 = 100.0;
+
+    /// The way where nothing else is asked for, mm: Marlin's `BACKLASH_SMOOTHING_MM`.
+    pub const SMOOTHING_MM: f64 = 3.0;
+
+    /// The first axis with play whose motor moves another axis, too, of a machine with these kinematics: what its motor does at a
+    /// reversal of the other axis has nothing to do with it.
+    pub fn shared_axis(&self, kinematics: Kinematics) -> Option<usize> {
+        (0..3).zip(self.play_mm).find(|(axis, mm)| *mm > 0.0 && kinematics.shares_motors(*axis)).map(|(axis, _)| axis)
+    }
+}
+
+/// What takes up the play between the planner and the step queue: [`BacklashStage`], or nothing ([`NoBacklash`]) in an image of a
+/// machine without play.
+pub trait BacklashCorrection: Debug {
+    /// Whether there is anything.
+    const PRESENT: bool;
+
+    /// Nothing has play.
+    fn new(geometry: &Geometry, limits: &Limits) -> Self;
+
+    /// The play.
+    fn backlash(&self) -> Backlash;
+
+    /// Sets the play, at standstill; [`Self::stand`] comes next.
+    fn set(&mut self, backlash: &Backlash);
+
+    /// Sets the limits of the machine: a motor takes up play at a part of its axis' largest speed.
+    fn set_limits(&mut self, _limits: &Limits) {}
+
+    /// The motors stand, nothing waits, and so many steps of each have been issued: what was handed on beyond those did not happen.
+    /// Returns how many steps of each motor are for its play.
+    fn stand(&mut self, issued: [u64; 4], directions: u8) -> [i64; 3];
+
+    /// The motors' positions are counted anew, without those steps.
+    fn redefined(&mut self) {}
+
+    /// Takes entries; `false`: they may pass as they are.
+    fn take(&mut self, entries: &[StepEntry]) -> bool;
+
+    /// Takes a notice behind the entries; `false`: it may pass.
+    fn take_notice(&mut self, notice: &Notice) -> bool;
+
+    /// Whether something waits for [`Self::work`].
+    fn is_waiting(&self) -> bool;
+
+    /// What comes next of that which waits: entries for `out`, which is empty, or a notice behind them. Towards a sensor play is taken
+    /// up `at_once`.
+    fn work(&mut self, at_once: bool, out: &mut PassedEntries) -> Option<Notice>;
+}
+
+/// No play, and no memory for any.
+#[derive(Clone, Copy, Debug)]
+pub struct NoBacklash;
+
+impl BacklashCorrection for NoBacklash {
+    const PRESENT: bool = false;
+
+    fn new(_: &Geometry, _: &Limits) -> Self {
+        Self
+    }
+
+    fn backlash(&self) -> Backlash {
+        Backlash::NONE
+    }
+
+    fn set(&mut self, _: &Backlash) {}
+
+    fn stand(&mut self, _: [u64; 4], _: u8) -> [i64; 3] {
+        [0; 3]
+    }
+
+    fn take(&mut self, _: &[StepEntry]) -> bool {
+        false
+    }
+
+    fn take_notice(&mut self, _: &Notice) -> bool {
+        false
+    }
+
+    fn is_waiting(&self) -> bool {
+        false
+    }
+
+    fn work(&mut self, _: bool, _: &mut PassedEntries) -> Option<Notice> {
+        None
+    }
+}

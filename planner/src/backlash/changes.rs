@@ -1,0 +1,58 @@
+//! The last steps at which a motor turned or took up play, for the case that they never happen.
+
+/// How many are remembered. Seldom do more wait in the step queue; if a stop drops more, the oldest of them count as made, and the
+/// place is wrong by these steps, at most by the play.
+const MANY: usize = 64;
+
+/// What a step was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// The first one that was seen.
+    Began,
+    /// The first one after a reversal.
+    Turned,
+    /// One that takes up play.
+    TookUp,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Remembered {
+    /// Which step of the motor it was, modulo 2^32.
+    step: u32,
+    motor: u8,
+    change: Change,
+}
+
+/// The last changes, in their order.
+#[derive(Debug)]
+pub(super) struct Changes {
+    ring: [Option<Remembered>; MANY],
+    /// How many there were, modulo 2^32.
+    count: u32,
+}
+
+impl Changes {
+    /// None.
+    pub(super) const NONE: Self = Self { ring: [None; MANY], count: 0 };
+
+    /// The step number `step` of a motor is this.
+    pub(super) fn note(&mut self, motor: usize, step: u32, change: Change) {
+        if let Some(place) = self.ring.get_mut(self.count as usize % MANY) {
+            *place = Some(Remembered { step, motor: motor as u8, change });
+        }
+        self.count = self.count.wrapping_add(1);
+    }
+
+    /// Takes the last one that has not happened, of motors that have made so many steps; forgets those after it.
+    pub(super) fn take_undone(&mut self, made: [u32; 3]) -> Option<(usize, Change)> {
+        for _ in 0..MANY {
+            self.count = self.count.wrapping_sub(1);
+            let Remembered { step, motor, change } = self.ring.get_mut(self.count as usize % MANY)?.take()?;
+            let motor = usize::from(motor);
+            if made.get(motor).is_some_and(|made| step.wrapping_sub(*made) as i32 > 0) {
+                return Some((motor, change));
+            }
+        }
+        None
+    }
+}

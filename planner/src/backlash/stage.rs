@@ -1,0 +1,394 @@
+//! Steps for the play of a drive join the events on their way to the step queue.
+
+use super::changes::{Change, Changes};
+use super::{Backlash, BacklashCorrection};
+use crate::kinematics::Geometry;
+use crate::limits::Limits;
+use crate::passing::{PassedEntries, Waiting};
+use crate::step_queue::{Notice, StepEntry, StepKind};
+use crate::time_units::TICKS_PER_SECOND;
+
+/// Units of 10 nm in a millimetre.
+const MM: f64 = 100_000.0;
+
+/// A motor takes up play at most at this part of its axis' highest speed: it begins from any speed with one step, and after a
+/// reversal that is near standstill.
+const PART_OF_SPEED: f64 = 0.25;
+
+/// A motor and its play.
+#[derive(Clone, Copy, Debug)]
+struct Drive {
+    /// Steps of the play, as far as it is corrected.
+    play: i32,
+    /// Length of a step, 10 nm.
+    step_10nm: u32,
+    /// The way between two steps that take up play, 10 nm.
+    way_10nm: i32,
+    /// The time between two of them, at least, ticks.
+    least_ticks: u32,
+    /// Which way its last step went: 1 or -1; 0: none was seen.
+    side: i32,
+    /// How many steps the motor is to be ahead of the plan, and how many it is.
+    wanted: i32,
+    made: i32,
+    /// The way until the next step that takes up play; below 0 it is over.
+    left_10nm: i32,
+    /// The time since the last one.
+    since_ticks: u32,
+    /// Steps handed on, modulo 2^32.
+    steps: u32,
+}
+
+impl Drive {
+    const NONE: Self = Self {
+        play: 0,
+        step_10nm: 0,
+        way_10nm: 0,
+        least_ticks: 0,
+        side: 0,
+        wanted: 0,
+        made: 0,
+        left_10nm: 0,
+        since_ticks: u32::MAX,
+        steps: 0,
+    };
+
+    /// Whether play is to be taken up the way it goes.
+    fn is_behind(&self) -> bool {
+        self.wanted.wrapping_sub(self.made).signum() == self.side && self.side != 0
+    }
+
+    /// Whether a step that does so is due in so many ticks.
+    fn is_due(&self, ticks: u32, at_once: bool) -> bool {
+        let since_ticks = self.since_ticks.saturating_add(ticks);
+        self.is_behind() && (at_once || self.left_10nm <= 0) && since_ticks >= self.least_ticks
+    }
+}
+
+/// Between the planner, or the bed's stage, and the step queue.
+#[derive(Debug)]
+pub struct BacklashStage {
+    backlash: Backlash,
+    geometry: Geometry,
+    drives: [Drive; 3],
+    is_on: bool,
+    /// The direction signals by the plan, and as they are: a motor that still takes up play turns with its next step.
+    planned: u8,
+    actual: u8,
+    changes: Changes,
+    waiting: Waiting,
+}
+
+impl BacklashCorrection for BacklashStage {
+    const PRESENT: bool = true;
+
+    fn new(geometry: &Geometry, limits: &Limits) -> Self {
+        let mut stage = Self {
+            backlash: Backlash::NONE,
+            geometry: *geometry,
+            drives: [Drive::NONE; 3],
+            is_on: false,
+            planned: 0,
+            actual: 0,
+            changes: Changes::NONE,
+            waiting: Waiting::NONE,
+        };
+        stage.set_limits(limits);
+        stage
+    }
+
+    fn backlash(&self) -> Backlash {
+        self.backlash
+    }
+
+    #[inline(never)]
+    fn set(&mut self, backlash: &Backlash) {
+        self.backlash = *backlash;
+        let Backlash { play_mm, correction, smoothing_mm } = *backlash;
+        for (drive, (mm, steps)) in self.drives.iter_mut().zip(play_mm.into_iter().zip(self.geometry.steps_per_mm)) {
+            let per_mm = steps.to_f64();
+            // The casts saturate.
+            drive.play = (mm * correction * per_mm + 0.5) as i32;
+            drive.step_10nm = (MM / per_mm) as u32;
+            drive.way_10nm = if drive.play > 0 { (smoothing_mm * MM / f64::from(drive.play)) as i32 } else { 0 };
+            if !self.is_on {
+                // Where it has gone meanwhile was not seen.
+                (drive.side, drive.wanted) = (0, drive.made);
+            }
+        }
+        // What has begun is brought to its end without play, too.
+        self.is_on = self.drives.iter().any(|drive| drive.play > 0 || drive.wanted != drive.made);
+    }
+
+    #[inline(never)]
+    fn set_limits(&mut self, limits: &Limits) {
+        let axes = self.geometry.steps_per_mm.into_iter().zip(limits.max_feed_mm_per_s);
+        for (drive, (steps, speed)) in self.drives.iter_mut().zip(axes) {
+            // The cast saturates.
+            drive.least_ticks = (f64::from(TICKS_PER_SECOND) / (steps.to_f64() * speed * PART_OF_SPEED)) as u32;
+        }
+    }
+
+    #[inline(never)]
+    fn stand(&mut self, issued: [u64; 4], directions: u8) -> [i64; 3] {
+        let [x, y, z, _] = issued.map(|steps| steps as u32);
+        while let Some((motor, change)) = self.changes.take_undone([x, y, z]) {
+            let Some(drive) = self.drives.get_mut(motor) else { continue };
+            match change {
+                Change::Began => drive.side = 0,
+                Change::TookUp => drive.made = drive.made.wrapping_sub(drive.side),
+                Change::Turned => {
+                    drive.wanted = drive.wanted.wrapping_sub(drive.side.wrapping_mul(drive.play));
+                    drive.side = drive.side.wrapping_neg();
+                }
+            }
+        }
+        for (drive, steps) in self.drives.iter_mut().zip([x, y, z]) {
+            drive.steps = steps;
+        }
+        self.waiting = Waiting::NONE;
+        (self.planned, self.actual) = (directions, directions);
+        self.drives.map(|drive| drive.made.into())
+    }
+
+    fn redefined(&mut self) {
+        for drive in &mut self.drives {
+            drive.wanted = drive.wanted.wrapping_sub(drive.made);
+            drive.made = 0;
+        }
+    }
+
+    fn take(&mut self, entries: &[StepEntry]) -> bool {
+        if self.is_on {
+            self.waiting.take(entries);
+        }
+        self.is_on
+    }
+
+    fn take_notice(&mut self, notice: &Notice) -> bool {
+        if self.is_on {
+            self.waiting.take_notice(notice);
+        }
+        self.is_on
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.waiting.is_any()
+    }
+
+    // Once in the image, for the planner's task alone.
+    #[inline(never)]
+    fn work(&mut self, at_once: bool, out: &mut PassedEntries) -> Option<Notice> {
+        while let Some(entry) = self.waiting.entry() {
+            if !out.has_room() {
+                return None;
+            }
+            self.pass(entry, at_once, out);
+        }
+        if !out.all().is_empty() {
+            return None;
+        }
+        self.waiting.next_notice().map(|notice| self.with_correction(notice))
+    }
+}
+
+/// Which way a motor steps with these direction signals.
+fn way(directions: u8, motor: usize) -> i32 {
+    if directions >> motor & 1 == 0 { 1 } else { -1 }
+}
+
+impl BacklashStage {
+    /// Adds an entry, or the first events of it.
+    fn pass(&mut self, entry: StepEntry, at_once: bool, out: &mut PassedEntries) {
+        match entry.kind() {
+            StepKind::Directions { directions } => {
+                self.planned = directions;
+                self.turn_to(directions ^ (directions ^ self.actual) & self.behind(), out);
+                self.waiting.pass_entry();
+            }
+            StepKind::Wait { interval_ticks } => {
+                self.let_pass(interval_ticks, 0);
+                out.push(entry);
+                self.waiting.pass_entry();
+            }
+            StepKind::Stair { interval_ticks, axes, added, .. } => {
+                let left = self.waiting.events_left();
+                let sure = self.sure_events(interval_ticks, axes, added, left, at_once);
+                if sure == 0 {
+                    let axes = if left == 1 { axes ^ added } else { axes };
+                    self.pass_one(interval_ticks, axes, at_once, out);
+                } else {
+                    let added = if sure == left { added } else { 0 };
+                    self.pass_some(interval_ticks, sure, axes, added, out);
+                }
+            }
+        }
+    }
+
+    /// Sets the direction signals.
+    fn turn_to(&mut self, directions: u8, out: &mut PassedEntries) {
+        if directions != self.actual {
+            self.actual = directions;
+            out.push(StepEntry::directions(directions));
+        }
+    }
+
+    /// The motors that have play to take up.
+    fn behind(&self) -> u8 {
+        let drives = self.drives.iter().zip(0..);
+        drives.filter(|(drive, _)| drive.play > 0 && drive.is_behind()).fold(0, |mask, (_, motor)| mask | 1 << motor)
+    }
+
+    /// Which way a motor's next step of the plan goes.
+    fn way_of(&self, motor: usize) -> i32 {
+        way(self.planned, motor)
+    }
+
+    /// How many of an entry's next `left` events can pass as they are: in none of them a motor turns or takes up play.
+    fn sure_events(&self, interval_ticks: u32, axes: u8, added: u8, left: u16, at_once: bool) -> u16 {
+        let mut sure = left;
+        let way_10nm = self.way_10nm(axes).max(1);
+        for (motor, drive) in self.drives.iter().enumerate() {
+            let steps_at = |axes: u8| axes >> motor & 1 == 1;
+            if drive.side != self.way_of(motor) && drive.play > 0 {
+                // It turns with its first step.
+                if steps_at(axes) && (left > 1 || !steps_at(added)) {
+                    return 0;
+                }
+                if steps_at(axes | added) {
+                    sure = sure.min(left.wrapping_sub(1));
+                }
+            }
+            if drive.is_behind() {
+                let by_way = if at_once { 0 } else { (drive.left_10nm.max(0) as u32).div_ceil(way_10nm) };
+                let time_left = drive.least_ticks.saturating_sub(drive.since_ticks);
+                let by_time = time_left.div_ceil(interval_ticks.max(1)).saturating_sub(1);
+                // It is due in the event after these.
+                sure = sure.min(by_way.max(by_time).min(u16::MAX.into()) as u16);
+            }
+        }
+        sure
+    }
+
+    /// The way of an event of these motors, those of X, Y and Z added.
+    fn way_10nm(&self, axes: u8) -> u32 {
+        let ways = self.drives.iter().enumerate();
+        ways.filter(|(motor, _)| axes >> motor & 1 == 1).map(|(_, drive)| drive.step_10nm).sum()
+    }
+
+    /// Time and way go on for the motors that have play to take up.
+    fn let_pass(&mut self, ticks: u32, way_10nm: u32) {
+        for drive in &mut self.drives {
+            drive.since_ticks = drive.since_ticks.saturating_add(ticks);
+            drive.left_10nm = drive.left_10nm.saturating_sub_unsigned(way_10nm);
+        }
+    }
+
+    /// So many more steps of these motors are handed on.
+    fn count(&mut self, axes: u8, steps: u16) {
+        for (motor, drive) in self.drives.iter_mut().enumerate() {
+            if axes >> motor & 1 == 1 {
+                drive.steps = drive.steps.wrapping_add(steps.into());
+            }
+        }
+    }
+
+    /// Adds events in which nothing turns and nothing is due.
+    fn pass_some(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8, out: &mut PassedEntries) {
+        let last = axes ^ added;
+        self.count(axes, count.wrapping_sub(1));
+        self.count(last, 1);
+        let ways_10nm = self.way_10nm(axes).saturating_mul(u32::from(count).saturating_sub(1));
+        self.let_pass(interval_ticks.saturating_mul(count.into()), ways_10nm.saturating_add(self.way_10nm(last)));
+        let entry = if count == 1 {
+            StepEntry::stair(interval_ticks, 1, last, 0)
+        } else {
+            StepEntry::stair(interval_ticks, count, axes, added)
+        };
+        if let Some(entry) = entry {
+            out.push(entry);
+        }
+        self.waiting.pass_events(count);
+    }
+
+    /// Adds an event, with the steps that are due.
+    fn pass_one(&mut self, interval_ticks: u32, axes: u8, at_once: bool, out: &mut PassedEntries) {
+        self.turn(axes);
+        self.turn_to(self.actual ^ (self.actual ^ self.planned) & axes, out);
+        let (mut interval_ticks, beside) = (interval_ticks, self.due(interval_ticks, at_once) & !axes);
+        // A motor that steps in this event has its other step in the middle of the time before. Without room for one there, it is left
+        // to a later event.
+        let half = interval_ticks / 2;
+        let has_room = half >= self.geometry.minimum_event_interval_ticks.max(1);
+        let early = if has_room { self.due(half, at_once) & axes } else { 0 };
+        if early != 0 {
+            out.push(StepEntry::event(half, early));
+            interval_ticks = interval_ticks.wrapping_sub(half);
+            self.let_pass(half, 0);
+            self.take_up(early);
+        }
+        self.let_pass(interval_ticks, self.way_10nm(axes));
+        self.take_up(beside);
+        self.count(axes, 1);
+        out.push(StepEntry::event(interval_ticks, axes | beside));
+        self.waiting.pass_events(1);
+    }
+
+    /// Notes which of the motors that step now go another way than before.
+    fn turn(&mut self, axes: u8) {
+        for motor in 0..3 {
+            let way = self.way_of(motor);
+            let Some(drive) = self.drives.get_mut(motor) else { continue };
+            if axes >> motor & 1 == 0 || drive.side == way {
+                continue;
+            }
+            let change = if drive.side == 0 { Change::Began } else { Change::Turned };
+            self.changes.note(motor, drive.steps.wrapping_add(1), change);
+            if change == Change::Turned {
+                drive.wanted = drive.wanted.wrapping_add(way.wrapping_mul(drive.play));
+                drive.left_10nm = drive.way_10nm / 2;
+            }
+            drive.side = way;
+        }
+    }
+
+    /// The motors of which a step is due in so many ticks.
+    fn due(&self, ticks: u32, at_once: bool) -> u8 {
+        let mut due = 0;
+        for (motor, drive) in self.drives.iter().enumerate() {
+            // Of a motor without play the signal may be another one by now, before the first step that way.
+            if drive.is_due(ticks, at_once) && way(self.actual, motor) == drive.side {
+                due |= 1 << motor;
+            }
+        }
+        due
+    }
+
+    /// These motors make a step that takes up play.
+    fn take_up(&mut self, axes: u8) {
+        for (motor, drive) in self.drives.iter_mut().enumerate() {
+            if axes >> motor & 1 == 0 {
+                continue;
+            }
+            drive.steps = drive.steps.wrapping_add(1);
+            drive.made = drive.made.wrapping_add(drive.side);
+            // The next one is due this far from where this one was.
+            drive.left_10nm = drive.left_10nm.saturating_add(drive.way_10nm);
+            drive.since_ticks = 0;
+            self.changes.note(motor, drive.steps, Change::TookUp);
+        }
+    }
+
+    /// Where the motors are when a block ends: the planner does not know of these steps.
+    fn with_correction(&self, notice: Notice) -> Notice {
+        match notice {
+            Notice::BlockEnded { tick, mut motor_steps } => {
+                for (steps, drive) in motor_steps.iter_mut().zip(&self.drives) {
+                    *steps = steps.wrapping_add(drive.made.into());
+                }
+                Notice::BlockEnded { tick, motor_steps }
+            }
+            other => other,
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! What stages between the planner and the step queue share: entries that wait for such a stage, and entries that it hands on.
+
+use crate::event_buffer::{EventBuffer, MAX_ENTRIES};
+use crate::step_queue::{Notice, StepEntry};
+
+/// Entries handed on together: few, since they are on the caller's stack.
+const AT_ONCE: usize = 16;
+
+/// The most entries that one event needs: a change of direction before it, and a step in the middle of its interval.
+const MAX_FOR_EVENT: usize = 3;
+
+/// Notices behind the entries that wait: the ends of a move and of a block, of one call of the planner.
+const NOTICES: usize = 4;
+
+/// A few entries that leave a stage.
+#[derive(Clone, Copy, Debug)]
+pub struct PassedEntries {
+    buffer: EventBuffer<AT_ONCE>,
+}
+
+impl PassedEntries {
+    /// Empty.
+    pub const NONE: Self = Self { buffer: EventBuffer::NONE };
+
+    /// All of them.
+    pub fn all(&self) -> &[StepEntry] {
+        self.buffer.all()
+    }
+
+    /// Whether another event fits, whatever it needs.
+    pub(crate) fn has_room(&self) -> bool {
+        self.all().len() + MAX_FOR_EVENT <= AT_ONCE
+    }
+
+    pub(crate) fn push(&mut self, entry: StepEntry) {
+        self.buffer.push(entry);
+    }
+}
+
+/// Entries, and notices behind them, that wait for a stage: at most what one call of the planner makes.
+#[derive(Debug)]
+pub(crate) struct Waiting {
+    entries: EventBuffer<MAX_ENTRIES>,
+    /// How many of these are done, and how many events of the next one.
+    done: usize,
+    events_done: u16,
+    notices: [Option<Notice>; NOTICES],
+}
+
+impl Waiting {
+    /// Nothing.
+    pub(crate) const NONE: Self =
+        Self { entries: EventBuffer::NONE, done: 0, events_done: 0, notices: [None; NOTICES] };
+
+    /// Adds entries; nothing waits but what the same call of the planner has made.
+    pub(crate) fn take(&mut self, entries: &[StepEntry]) {
+        for entry in entries {
+            self.entries.push(*entry);
+        }
+    }
+
+    /// Adds a notice behind the entries.
+    pub(crate) fn take_notice(&mut self, notice: &Notice) {
+        if let Some(free) = self.notices.iter_mut().find(|notice| notice.is_none()) {
+            *free = Some(*notice);
+        }
+    }
+
+    /// Whether anything waits.
+    pub(crate) fn is_any(&self) -> bool {
+        self.done < self.entries.all().len() || self.notices.iter().any(Option::is_some)
+    }
+
+    /// The entry that comes next.
+    pub(crate) fn entry(&self) -> Option<StepEntry> {
+        self.entries.all().get(self.done).copied()
+    }
+
+    /// How many events of it are left.
+    pub(crate) fn events_left(&self) -> u16 {
+        self.entry().map_or(0, StepEntry::count).wrapping_sub(self.events_done)
+    }
+
+    /// So many events of it are done.
+    pub(crate) fn pass_events(&mut self, events: u16) {
+        if events < self.events_left() {
+            self.events_done = self.events_done.wrapping_add(events);
+        } else {
+            self.pass_entry();
+        }
+    }
+
+    /// All of it is done.
+    pub(crate) fn pass_entry(&mut self) {
+        (self.done, self.events_done) = (self.done + 1, 0);
+        if self.done >= self.entries.all().len() {
+            self.entries.clear();
+            self.done = 0;
+        }
+    }
+
+    /// Takes the notice that comes next, when no entry waits.
+    pub(crate) fn next_notice(&mut self) -> Option<Notice> {
+        self.notices.iter_mut().find_map(Option::take)
+    }
+}

@@ -1,0 +1,22 @@
+//! An axis that its motor moves with play.
+
+/// The play operator, the textbook's model of a drive with backlash (A. Visintin, Differential Models of Hysteresis, Springer 1994,
+/// section III.2): the axis stays until the motor reaches the other side of the play, and goes with it from there.
+#[derive(Clone, Copy, Debug)]
+pub struct Axis {
+    play: i64,
+    /// Where the axis is: from the motor's place down to the play below it.
+    pub place: i64,
+}
+
+impl Axis {
+    /// The motor stands at 0 and has come from above.
+    pub fn new(play: i64) -> Self {
+        Self { play, place: 0 }
+    }
+
+    /// The motor goes to a place.
+    pub fn follow(&mut self, motor: i64) {
+        self.place = self.place.clamp(motor - self.play, motor);
+    }
+}
