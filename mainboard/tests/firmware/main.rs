@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod accelerometer;
+mod backlash;
 mod bad_input;
 mod bench;
 mod black_box;

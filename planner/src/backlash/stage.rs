@@ -11,8 +11,13 @@ use crate::time_units::TICKS_PER_SECOND;
 /// Units of 10 nm in a millimetre.
 const MM: f64 = 100_000.0;
 
-/// A motor takes up play at most at this part of its axis' highest speed: it begins from any speed with one step, and after a
-/// reversal that is near standstill.
+/// Bits of X and Y in an axis mask.
+const XY: u8 = 0b11;
+
+/// Index of Z.
+const Z: usize = 2;
+
+/// A motor takes up play at most at this part of its axis' highest speed, since it gets that speed with one step.
 const PART_OF_SPEED: f64 = 0.25;
 
 /// A motor and its play.
@@ -75,6 +80,10 @@ pub struct BacklashStage {
     /// The direction signals by the plan, and as they are: a motor that still takes up play turns with its next step.
     planned: u8,
     actual: u8,
+    /// The motors go towards a sensor.
+    seeks: bool,
+    /// Z has stepped since X and Y did.
+    z_moves_alone: bool,
     changes: Changes,
     waiting: Waiting,
 }
@@ -90,6 +99,8 @@ impl BacklashCorrection for BacklashStage {
             is_on: false,
             planned: 0,
             actual: 0,
+            seeks: false,
+            z_moves_alone: false,
             changes: Changes::NONE,
             waiting: Waiting::NONE,
         };
@@ -178,12 +189,13 @@ impl BacklashCorrection for BacklashStage {
 
     // Once in the image, for the planner's task alone.
     #[inline(never)]
-    fn work(&mut self, at_once: bool, out: &mut PassedEntries) -> Option<Notice> {
+    fn work(&mut self, seeks: bool, out: &mut PassedEntries) -> Option<Notice> {
+        self.seeks = seeks;
         while let Some(entry) = self.waiting.entry() {
             if !out.has_room() {
                 return None;
             }
-            self.pass(entry, at_once, out);
+            self.pass(entry, out);
         }
         if !out.all().is_empty() {
             return None;
@@ -199,7 +211,7 @@ fn way(directions: u8, motor: usize) -> i32 {
 
 impl BacklashStage {
     /// Adds an entry, or the first events of it.
-    fn pass(&mut self, entry: StepEntry, at_once: bool, out: &mut PassedEntries) {
+    fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries) {
         match entry.kind() {
             StepKind::Directions { directions } => {
                 self.planned = directions;
@@ -213,10 +225,10 @@ impl BacklashStage {
             }
             StepKind::Stair { interval_ticks, axes, added, .. } => {
                 let left = self.waiting.events_left();
-                let sure = self.sure_events(interval_ticks, axes, added, left, at_once);
+                let sure = self.sure_events(interval_ticks, axes, added, left);
                 if sure == 0 {
                     let axes = if left == 1 { axes ^ added } else { axes };
-                    self.pass_one(interval_ticks, axes, at_once, out);
+                    self.pass_one(interval_ticks, axes, out);
                 } else {
                     let added = if sure == left { added } else { 0 };
                     self.pass_some(interval_ticks, sure, axes, added, out);
@@ -239,13 +251,18 @@ impl BacklashStage {
         drives.filter(|(drive, _)| drive.play > 0 && drive.is_behind()).fold(0, |mask, (_, motor)| mask | 1 << motor)
     }
 
+    /// Whether a motor takes up play as fast as it may: towards a sensor, and Z while it moves alone, so that a line begins at its height.
+    fn is_at_once(&self, motor: usize) -> bool {
+        self.seeks || motor == Z && self.z_moves_alone
+    }
+
     /// Which way a motor's next step of the plan goes.
     fn way_of(&self, motor: usize) -> i32 {
         way(self.planned, motor)
     }
 
     /// How many of an entry's next `left` events can pass as they are: in none of them a motor turns or takes up play.
-    fn sure_events(&self, interval_ticks: u32, axes: u8, added: u8, left: u16, at_once: bool) -> u16 {
+    fn sure_events(&self, interval_ticks: u32, axes: u8, added: u8, left: u16) -> u16 {
         let mut sure = left;
         let way_10nm = self.way_10nm(axes).max(1);
         for (motor, drive) in self.drives.iter().enumerate() {
@@ -260,7 +277,8 @@ impl BacklashStage {
                 }
             }
             if drive.is_behind() {
-                let by_way = if at_once { 0 } else { (drive.left_10nm.max(0) as u32).div_ceil(way_10nm) };
+                let by_way =
+                    if self.is_at_once(motor) { 0 } else { (drive.left_10nm.max(0) as u32).div_ceil(way_10nm) };
                 let time_left = drive.least_ticks.saturating_sub(drive.since_ticks);
                 let by_time = time_left.div_ceil(interval_ticks.max(1)).saturating_sub(1);
                 // It is due in the event after these.
@@ -286,6 +304,9 @@ impl BacklashStage {
 
     /// So many more steps of these motors are handed on.
     fn count(&mut self, axes: u8, steps: u16) {
+        if axes & (XY | 1 << Z) != 0 {
+            self.z_moves_alone = axes & XY == 0;
+        }
         for (motor, drive) in self.drives.iter_mut().enumerate() {
             if axes >> motor & 1 == 1 {
                 drive.steps = drive.steps.wrapping_add(steps.into());
@@ -312,15 +333,15 @@ impl BacklashStage {
     }
 
     /// Adds an event, with the steps that are due.
-    fn pass_one(&mut self, interval_ticks: u32, axes: u8, at_once: bool, out: &mut PassedEntries) {
+    fn pass_one(&mut self, interval_ticks: u32, axes: u8, out: &mut PassedEntries) {
         self.turn(axes);
         self.turn_to(self.actual ^ (self.actual ^ self.planned) & axes, out);
-        let (mut interval_ticks, beside) = (interval_ticks, self.due(interval_ticks, at_once) & !axes);
+        let (mut interval_ticks, beside) = (interval_ticks, self.due(interval_ticks) & !axes);
         // A motor that steps in this event has its other step in the middle of the time before. Without room for one there, it is left
         // to a later event.
         let half = interval_ticks / 2;
         let has_room = half >= self.geometry.minimum_event_interval_ticks.max(1);
-        let early = if has_room { self.due(half, at_once) & axes } else { 0 };
+        let early = if has_room { self.due(half) & axes } else { 0 };
         if early != 0 {
             out.push(StepEntry::event(half, early));
             interval_ticks = interval_ticks.wrapping_sub(half);
@@ -353,11 +374,11 @@ impl BacklashStage {
     }
 
     /// The motors of which a step is due in so many ticks.
-    fn due(&self, ticks: u32, at_once: bool) -> u8 {
+    fn due(&self, ticks: u32) -> u8 {
         let mut due = 0;
         for (motor, drive) in self.drives.iter().enumerate() {
             // Of a motor without play the signal may be another one by now, before the first step that way.
-            if drive.is_due(ticks, at_once) && way(self.actual, motor) == drive.side {
+            if drive.is_due(ticks, self.is_at_once(motor)) && way(self.actual, motor) == drive.side {
                 due |= 1 << motor;
             }
         }

@@ -30,7 +30,8 @@ impl Since {
     /// until its motor has gone on by the play.
     fn is_far(&self, play: i64, backlash: &Backlash) -> bool {
         // The last step may be late by some events: where two of them are near each other, none fits between.
-        let far_10nm = (backlash.smoothing_mm * MM as f64) as i64 + 20_000;
+        // A stop may have undone the first of them, and the way to the next one is whole then.
+        let far_10nm = (1.1 * backlash.smoothing_mm * MM as f64) as i64 + 20_000;
         self.way_10nm > far_10nm && self.events > 2 * play + 5 && (self.was_in_place || self.steps > play)
     }
 }

@@ -104,8 +104,8 @@ impl Bench {
         Self { stage, ledger: StepLedger::default(), seen: Seen::default(), entries: Vec::new(), miscounts: 0 }
     }
 
-    /// Passes portions; towards a sensor if `at_once`.
-    pub fn run(&mut self, portions: &[Portion], at_once: bool) {
+    /// Passes portions; `seeks`: of a move towards a sensor.
+    pub fn run(&mut self, portions: &[Portion], seeks: bool) {
         for Portion { entries, notices } in portions {
             if !self.stage.take(entries) {
                 entries.iter().for_each(|entry| self.play(*entry));
@@ -117,7 +117,7 @@ impl Bench {
             }
             while self.stage.is_waiting() {
                 let mut out = PassedEntries::NONE;
-                let notice = self.stage.work(at_once, &mut out);
+                let notice = self.stage.work(seeks, &mut out);
                 out.all().iter().for_each(|entry| self.play(*entry));
                 notice.into_iter().for_each(|notice| self.note(notice));
             }

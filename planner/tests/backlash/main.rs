@@ -4,4 +4,5 @@
 mod axis;
 mod follows;
 mod machine;
+mod picture;
 mod stops;

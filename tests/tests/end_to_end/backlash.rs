@@ -56,12 +56,12 @@ fn steps(event: &StepEvent) -> [i64; 3] {
 }
 
 /// Each axis stays until its motor has gone through the play, and goes with it from there. Returns in how many thousandths of the
-/// plan's events of X, Y and Z the axis was off by more than a step, and by how many steps at most.
+/// plan's events of X and Y each was off by more than a step, and by how many steps at most.
 fn off(plan: &[StepEvent], motors: &[StepEvent]) -> [(usize, i64); 3] {
     let play = [0, 1, 2].map(|axis| (PLAY_MM[axis] * STEPS_PER_MM[axis]).round() as i64);
     // Homing has left the axes where a motor pulls them backwards.
     let (mut wanted, mut motor, mut axes) = ([0; 3], [0; 3], [0; 3]);
-    let (mut all, mut off, mut most) = ([0; 3], [0; 3], [0; 3]);
+    let (mut all, mut off, mut most) = (0, [0; 3], [0; 3]);
     let mut motors = motors.iter().peekable();
     for event in plan {
         while let Some(made) = motors.next_if(|made| made.tick <= event.tick) {
@@ -70,22 +70,26 @@ fn off(plan: &[StepEvent], motors: &[StepEvent]) -> [(usize, i64); 3] {
                 axes[axis] = i64::clamp(axes[axis], motor[axis] - play[axis], motor[axis]);
             }
         }
-        for (axis, by) in steps(event).into_iter().enumerate().filter(|(_, by)| *by != 0) {
-            wanted[axis] += by;
-            let away = i64::abs(axes[axis] - wanted[axis]);
-            all[axis] += 1;
-            off[axis] += usize::from(away > 1);
-            most[axis] = most[axis].max(away);
+        let by = steps(event);
+        for axis in 0..3 {
+            wanted[axis] += by[axis];
+            // While X and Y go nowhere nothing is printed.
+            if by[0] != 0 || by[1] != 0 {
+                let away = i64::abs(axes[axis] - wanted[axis]);
+                off[axis] += usize::from(away > 1);
+                most[axis] = most[axis].max(away);
+            }
         }
+        all += usize::from(by[0] != 0 || by[1] != 0);
     }
     assert!(motors.next().is_none());
-    [0, 1, 2].map(|axis| (off[axis] * 1000 / usize::max(all[axis], 1), most[axis]))
+    [0, 1, 2].map(|axis| (off[axis] * 1000 / all, most[axis]))
 }
 
 /// Two files of slicers: uncorrected the axes are off by their play half of the time, corrected on the way after a reversal only.
 #[test]
 fn prints_are_where_they_are_to_be() {
-    for (name, most) in [("cube-slic3r.gcode.gz", [60, 60, 10]), ("gyroid.gcode.gz", [220, 220, 10])] {
+    for (name, most) in [("cube-slic3r.gcode.gz", 80), ("gyroid.gcode.gz", 120)] {
         let (job, directory) = (repository().join("examples").join(name), directory());
         let [plain, corrected] = ["plain", "corrected"].map(|name| directory.path().join(name));
         let one = print(&job, "", &plain).json();
@@ -95,11 +99,9 @@ fn prints_are_where_they_are_to_be() {
         println!("{name}: off by more than a step in {uncorrected:?} of 1000 events without, {left:?} with");
         for axis in 0..2 {
             assert!(uncorrected[axis].0 > 400, "{name}: {uncorrected:?}");
-            assert!(left[axis].0 < most[axis], "{name}: {left:?}");
+            assert!(left[axis].0 < most, "{name}: {left:?}");
         }
-        // What is printed takes no longer by it, and nothing of the plan has changed.
-        assert_eq!(one["motion_time_s"], other["motion_time_s"]);
-        assert_eq!((&one["miscounts"], &other["miscounts"]), (&0.into(), &0.into()));
+        assert_eq!(one["motion_time_s"], other["motion_time_s"], "a print takes no longer by it");
     }
 }
 
