@@ -393,8 +393,8 @@ impl BacklashStage {
             }
             drive.steps = drive.steps.wrapping_add(1);
             drive.made = drive.made.wrapping_add(drive.side);
-            // The next one is due this far from where this one was.
-            drive.left_10nm = drive.left_10nm.saturating_add(drive.way_10nm);
+            // The next one is due this far from where this one was, or from here if it comes early.
+            drive.left_10nm = drive.left_10nm.min(0).saturating_add(drive.way_10nm);
             drive.since_ticks = 0;
             self.changes.note(motor, drive.steps, Change::TookUp);
         }
