@@ -56,6 +56,10 @@ pub struct ToolChange {
     pub prime_10nm: i64,
     /// How fast it pushes both.
     pub prime_10nm_per_s: i64,
+    /// The macro whose lines come before it. It and the next one are called with `FROM` and `TO`, the numbers of the tools.
+    pub before: Option<&'static str>,
+    /// The macro whose lines come after it.
+    pub after: Option<&'static str>,
 }
 
 /// The tools beside T0, and how they are changed.
