@@ -304,6 +304,8 @@ pub enum Command<'a> {
     StealthChop {
         /// Which motors; for a query, none means all.
         motors: AxisFlags,
+        /// T: whose motor E is; without it the selected tool's.
+        tool: Option<u8>,
         /// S.
         on: Option<bool>,
     },

@@ -80,6 +80,8 @@ pub struct DriverWords {
     pub z: Option<u16>,
     /// E.
     pub e: Option<u16>,
+    /// T: whose motor E is; without it the selected tool's.
+    pub tool: Option<u8>,
 }
 
 impl DriverWords {

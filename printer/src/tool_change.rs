@@ -95,7 +95,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     ///
     /// # Errors
     /// There is none with this number.
-    fn tool(&self, tool: Option<u8>) -> Result<u8, CommandError> {
+    pub(crate) fn tool(&self, tool: Option<u8>) -> Result<u8, CommandError> {
         match tool {
             None => Ok(self.selected_tool()),
             Some(tool) if self.has_tool(tool.into()) => Ok(tool),

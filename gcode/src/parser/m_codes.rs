@@ -424,14 +424,15 @@ fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>
     if on.is_some() && motors.is_empty() {
         return Err(ParseError::WordsExpected { command: "M569", words: "X, Y, Z or E" });
     }
-    Ok(Command::StealthChop { motors, on })
+    Ok(Command::StealthChop { motors, tool: words.tool(b'T'), on })
 }
 
 /// M906 and M914.
 fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<DriverWords, ParseError> {
     let mut words = code.words(remarks)?;
+    let tool = words.tool(b'T');
     let mut number = |letter| words.whole_up_to(letter, high);
-    Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')? })
+    Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')?, tool })
 }
 
 /// M106 and M107. Slicers write powers such as 252.45, which are rounded.

@@ -60,7 +60,8 @@ fn given<const N: usize>(words: [(char, Option<Decimal>); N]) -> Words {
 
 fn drivers(words: DriverWords) -> Words {
     let numbers = words.all().map(|number| number.map(|number| whole(number.into())));
-    ['X', 'Y', 'Z', 'E'].into_iter().zip(numbers).filter(|(_, number)| number.is_some()).collect()
+    let tool = [('T', number_of(words.tool))];
+    ['X', 'Y', 'Z', 'E'].into_iter().zip(numbers).chain(tool).filter(|(_, number)| number.is_some()).collect()
 }
 
 fn switch(value: Option<bool>) -> Option<Decimal> {
@@ -239,7 +240,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::ReportFirmware => (115, vec![]),
         Command::ReportEndStops => (119, vec![]),
         Command::ReportDrivers => (122, vec![]),
-        Command::StealthChop { motors, on } => (569, [flags(motors), given([('S', switch(on))])].concat()),
+        Command::StealthChop { motors, tool, on } => {
+            (569, [flags(motors), given([('T', number_of(tool)), ('S', switch(on))])].concat())
+        }
         Command::DriverCurrent(words) => (906, drivers(words)),
         Command::StallThreshold(words) => (914, drivers(words)),
         Command::ReceiveJob { size, silence_s } => {
@@ -348,13 +351,14 @@ fn any_flags() -> impl Strategy<Value = AxisFlags> {
 }
 
 fn any_drivers(high: u16) -> impl Strategy<Value = DriverWords> {
-    [of(0..=high), of(0..=high), of(0..=high), of(0..=high)].prop_map(|[x, y, z, e]| DriverWords { x, y, z, e })
+    ([of(0..=high), of(0..=high), of(0..=high), of(0..=high)], of(any_tool()))
+        .prop_map(|([x, y, z, e], tool)| DriverWords { x, y, z, e, tool })
 }
 
 fn any_stealth_chop() -> impl Strategy<Value = Command<'static>> {
-    (any_flags(), of(any::<bool>()))
-        .prop_filter("S needs a motor", |(motors, on)| on.is_none() || !motors.is_empty())
-        .prop_map(|(motors, on)| Command::StealthChop { motors, on })
+    (any_flags(), of(any_tool()), of(any::<bool>()))
+        .prop_filter("S needs a motor", |(motors, _, on)| on.is_none() || !motors.is_empty())
+        .prop_map(|(motors, tool, on)| Command::StealthChop { motors, tool, on })
 }
 
 fn any_gains() -> impl Strategy<Value = Command<'static>> {

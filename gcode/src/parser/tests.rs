@@ -426,15 +426,19 @@ fn pauses() {
 fn motor_drivers() {
     reads("M122", Command::ReportDrivers);
     let x = AxisFlags { x: true, ..AxisFlags::default() };
-    reads("M569 S1 X", Command::StealthChop { motors: x, on: Some(true) });
-    reads("M569 X S0", Command::StealthChop { motors: x, on: Some(false) });
-    reads("M569", Command::StealthChop { motors: AxisFlags::default(), on: None });
-    reads("M569 X", Command::StealthChop { motors: x, on: None });
+    reads("M569 S1 X", Command::StealthChop { motors: x, tool: None, on: Some(true) });
+    reads("M569 X S0", Command::StealthChop { motors: x, tool: None, on: Some(false) });
+    reads("M569", Command::StealthChop { motors: AxisFlags::default(), tool: None, on: None });
+    reads("M569 X", Command::StealthChop { motors: x, tool: None, on: None });
     reads("M906", Command::DriverCurrent(DriverWords::default()));
     let currents = DriverWords { x: Some(800), e: Some(3000), ..DriverWords::default() };
     reads("M906 X800 E3000", Command::DriverCurrent(currents));
     let thresholds = DriverWords { y: Some(255), z: Some(0), ..DriverWords::default() };
     reads("M914 Y255 Z0", Command::StallThreshold(thresholds));
+    let of_second = DriverWords { e: Some(700), tool: Some(1), ..DriverWords::default() };
+    reads("M906 T1 E700", Command::DriverCurrent(of_second));
+    let e = AxisFlags { e: true, ..AxisFlags::default() };
+    reads("M569 S0 T1 E", Command::StealthChop { motors: e, tool: Some(1), on: Some(false) });
     assert_eq!(thresholds.all(), [None, Some(255), Some(0), None]);
     assert_eq!(refused("M569 S1"), "M569: expected X, Y, Z or E");
     assert_eq!(refused("M569 S2 X"), "S: 2 is out of range, expected 0 to 1");

@@ -57,6 +57,8 @@ const STEPS: [f64; 2] = [1.0, 10_000.0];
 const LENGTHS: [f64; 2] = [0.0, 100.0];
 /// The slowest and the fastest feed of M207 and M208.
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
+/// mA.
+const CURRENT: [f64; 2] = [0.0, 3000.0];
 const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
 const OFFSET: [f64; 2] = [-(LARGEST_OFFSET_10NM as f64) / MM, LARGEST_OFFSET_10NM as f64 / MM];
@@ -240,7 +242,7 @@ impl<M: Parts> Group<M> {
             code: "M906",
             heading: "echo:; Stepper driver current:",
             axes: None,
-            settings: &[setting("drivers.*.current_ma", AXES, [0.0, 3000.0], |values, motor| {
+            settings: &[setting("drivers.*.current_ma", AXES, CURRENT, |values, motor| {
                 values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Whole(&mut driver.current_ma))
             })],
         },
@@ -392,6 +394,22 @@ impl<M: Parts> Group<M> {
                     |values, _| values.tool()?.advance.get_mut(3).map(Place::Optional),
                 ),
             ],
+        },
+        Self {
+            code: "M906 T1",
+            heading: "echo:; Stepper driver current of T1:",
+            axes: None,
+            settings: &[setting("tools.t1.driver.current_ma", "E", CURRENT, |values, _| {
+                values.tool()?.driver.as_mut().map(|driver| Place::Whole(&mut driver.current_ma))
+            })],
+        },
+        Self {
+            code: "M569 T1",
+            heading: "echo:; Driver stepping mode of T1:",
+            axes: Some("E"),
+            settings: &[setting("tools.t1.driver.stealth_chop", "S", [0.0, 1.0], |values, _| {
+                values.tool()?.driver.as_mut().map(|driver| Place::Switch(&mut driver.stealth_chop))
+            })],
         },
         Self {
             code: "M301 E1",

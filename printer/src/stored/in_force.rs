@@ -2,8 +2,9 @@
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
+use ferrostep_tmc2209::{SECOND_EXTRUDER, motor_name};
 
-use super::values::{Values, advance_of};
+use super::values::{ToolValues, Values, advance_of};
 use super::{PartsOf, Stored};
 use crate::axis_names::AXIS_NAMES;
 use crate::part::Part;
@@ -35,6 +36,12 @@ impl<P: Ports> Printer<'_, P> {
                 tool.advance = other.advance;
                 mend("tools.t1.pressure_advance", ' ');
             }
+        }
+        if let (Some(ToolValues { driver: Some(driver), .. }), Some(other)) = (values.tool(), of_profile.tool())
+            && self.drivers.is_some_and(|drivers| drivers.check(SECOND_EXTRUDER, driver).is_err())
+        {
+            *driver = other.driver.unwrap_or(*driver);
+            mend("tools.t1.driver", ' ');
         }
         for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
             if !is_possible(shaper, smooth_time_s) {
@@ -105,12 +112,15 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     fn put_drivers_in_force(&mut self, values: &Values<PartsOf<P>>) {
         let Some(bank) = self.drivers else { return };
-        for (motor, settings) in values.drivers.iter().enumerate() {
+        let of_tool = match <P::Motion as Motion>::Tools::get(&values.tool) {
+            Some(Some(ToolValues { driver: Some(driver), .. })) => Some((SECOND_EXTRUDER, *driver)),
+            _ => None,
+        };
+        let usual = values.drivers.iter().enumerate().filter_map(|(motor, settings)| Some((motor, (*settings)?)));
+        for (motor, settings) in usual.chain(of_tool) {
             let before = bank.report(motor).map(|report| report.settings);
-            if let Some(settings) = settings.filter(|settings| Some(*settings) != before)
-                && bank.set(motor, settings).is_err()
-            {
-                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", AXIS_NAMES[motor]));
+            if Some(settings) != before && bank.set(motor, settings).is_err() {
+                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", motor_name(motor)));
             }
         }
     }

@@ -36,6 +36,8 @@ pub(crate) struct ToolValues {
     pub advance: [Option<f64>; 4],
     /// Of the heater of its own nozzle.
     pub gains: Option<PidGains>,
+    /// Of its motor, where that can be set.
+    pub driver: Option<DriverSettings>,
 }
 
 /// All of them, of the running machine or of a profile.
@@ -133,6 +135,7 @@ fn tool_of_profile(profile: &Profile, has_heaters: bool) -> Option<ToolValues> {
         offset_10nm: tool.offset_10nm,
         advance: advance_numbers(&tool.advance),
         gains: tool.heater.filter(|_| has_heaters).map(|heater| heater.settings.gains),
+        driver: tool.driver,
     })
 }
 

@@ -506,18 +506,21 @@ fn macros_come_before_and_after_a_change() {
 #[test]
 fn a_macro_that_fails_ends_the_change() {
     let failing = "[macro.FAIL]\ngcode = '''\nM118 #begun\nM104 S{HOT=99}9\nM118 #never\n'''\n\
-        [macro.GO]\ngcode = '''\nT1\nM118 #never\n'''\n[macro.QUIET]\ngcode = \"G4 P1\"\n";
+        [macro.SWITCH]\ngcode = '''\nT1\nM118 #never\n'''\n[macro.QUIET]\ngcode = \"G4 P1\"\n";
     for (before, after, selected) in [("FAIL", "QUIET", 0), ("QUIET", "FAIL", 1)] {
         let machine = machine(&with_macros(before, after, failing));
         let mut host = Conversation::new(&machine);
         run(&mut host, WARM);
-        for line in ["T1", "GO"] {
+        for line in ["T1", "SWITCH"] {
             host.say("T0 S1");
             let said = host.say(line);
             let place =
                 said.iter().position(|said| said.contains("FAIL, line 2: \"M104 S999\" ends the macro")).unwrap();
             assert_eq!(said[place + 1], format!("Active Extruder: {selected}"), "{said:?}");
-            assert_eq!(said.iter().any(|said| said.contains("GO, line 1: \"T1\" ends the macro")), line == "GO");
+            assert_eq!(
+                said.iter().any(|said| said.contains("SWITCH, line 1: \"T1\" ends the macro")),
+                line == "SWITCH"
+            );
             assert!(marks(&said).contains(&"#begun") && !marks(&said).contains(&"#never"), "{said:?}");
             assert_eq!(said.last().unwrap(), "ok");
             host.finish();
