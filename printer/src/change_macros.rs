@@ -26,6 +26,7 @@ pub(crate) struct ChangeMacros {
     call: Option<Call<'static>>,
     /// The line between the macros has been written.
     is_written: bool,
+    has_ended: bool,
 }
 
 /// The changes with macros that one line of a host or a file causes; nothing on a machine with one tool.
@@ -49,8 +50,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Whether a change is at work.
     pub(crate) fn is_changing(changes: &Changes<P>) -> bool {
-        let is_at_work = |change: &ChangeMacros| change.call.is_some() || !change.is_written;
-        ToolsPart::<P>::get(changes).is_some_and(|change| change.as_ref().is_some_and(is_at_work))
+        ToolsPart::<P>::get(changes).is_some_and(|change| change.as_ref().is_some_and(|change| !change.has_ended))
     }
 
     /// Begins a change if a command calls for one that has macros, and that can begin. Without moves (S1, or before all axes are homed)
@@ -77,7 +77,7 @@ impl<P: Ports> Printer<'_, P> {
         if !moves || !has_macros || tool == self.selected_tool() || self.may_change(tool).is_err() {
             return None;
         }
-        Some(ChangeMacros { tool, call: self.call_at_change(change.before, tool), is_written: false })
+        Some(ChangeMacros { tool, call: self.call_at_change(change.before, tool), is_written: false, has_ended: false })
     }
 
     fn call_at_change(&self, name: Option<&'static str>, tool: u8) -> Option<Call<'static>> {
@@ -109,6 +109,7 @@ impl<P: Ports> Printer<'_, P> {
             change.call = None;
         }
         if change.is_written {
+            change.has_ended = true;
             return Ok(NextOfChange::Ended);
         }
         change.is_written = true;

@@ -162,6 +162,8 @@ struct FurtherNozzle {
     channel: Option<Channel>,
     /// It is that of the selected tool.
     is_selected: bool,
+    /// What blows at it.
+    fan: FanOutput,
 }
 
 /// Heaters of every machine, but for those of further tools: the first ones in the order of their index.
@@ -174,7 +176,7 @@ pub struct HeatControl<M: Part = Present, T: Part = Present> {
     channels: [Option<Channel>; USUAL],
     further: T::Of<FurtherNozzle>,
     /// In force for the heaters that it has models of.
-    models: M::Of<Models>,
+    models: M::Of<Models<T>>,
     fault: Option<HeatFault>,
     fan_table: FanTable,
     fans: FanControl,
@@ -205,8 +207,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         let further = if T::PRESENT { channel(Heater::Nozzle1) } else { None };
         Self {
             channels,
-            further: T::of(FurtherNozzle { channel: further, is_selected: false }),
-            models: M::of(Models::NONE),
+            further: T::of(FurtherNozzle { channel: further, is_selected: false, fan: FanOutput::Part }),
+            models: M::of(Models::none()),
             fault: None,
             fan_table,
             fans: FanControl::new(),
@@ -230,11 +232,11 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
         let mut demand = self.fan_demand;
-        if channels::<T>(&mut self.channels, &mut self.further)
-            .any(|(_, channel)| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
-            || self.models().is_some_and(Models::wants_fan)
-        {
-            demand.powers[FanOutput::Part.index()] = u8::MAX;
+        let wanting = channels::<T>(&mut self.channels, &mut self.further)
+            .find(|(_, channel)| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+            .map(|(heater, _)| heater);
+        if let Some(heater) = wanting.or_else(|| self.models().and_then(Models::wants_fan)) {
+            demand.powers[self.fan_at(heater).index()] = u8::MAX;
         }
         let heated = Heated {
             nozzle_celsius: self.hottest_nozzle(),
@@ -244,15 +246,17 @@ impl<M: Part, T: Part> HeatControl<M, T> {
             is_halted: self.is_halted || self.fault.is_some(),
             has_supply: self.has_supply(),
         };
-        let fan_power = self.fans.update(&self.fan_table, &demand, &heated, board);
+        let part_power = self.fans.update(&self.fan_table, &demand, &heated, board);
         match self.fault {
             Some(_) => self.halt(),
             None => {
-                let melts = !self.has_nozzles() || self.nozzle() == Heater::Nozzle;
+                let melting = self.nozzle();
+                let power_at_further = self.fans.power(self.fan_at(Heater::Nozzle1));
                 for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
                     let (celsius, power) = (channel.celsius, channel.power);
+                    let fan_power = if heater == Heater::Nozzle1 { power_at_further } else { part_power };
                     let modelled = M::get_mut(&mut self.models).and_then(|models| {
-                        models.power(heater, celsius?, &mut channel.target, power, (fan_power, melts))
+                        models.power(heater, celsius?, &mut channel.target, power, (fan_power, heater == melting))
                     });
                     match modelled {
                         Some(power) => channel.power = power,
@@ -318,7 +322,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    fn models(&self) -> Option<&Models> {
+    fn models(&self) -> Option<&Models<T>> {
         M::get(&self.models)
     }
 
@@ -328,21 +332,36 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
+    /// The fan that blows at a heater.
+    fn fan_at(&self, heater: Heater) -> FanOutput {
+        match T::get(&self.further) {
+            Some(further) if heater == Heater::Nozzle1 => further.fan,
+            _ => FanOutput::Part,
+        }
+    }
+
+    /// The second nozzle has this fan for what it prints, in the place of the first one's.
+    pub fn set_nozzle_fan(&mut self, fan: FanOutput) {
+        if let Some(further) = T::get_mut(&mut self.further) {
+            further.fan = fan;
+        }
+    }
+
     /// The model that controls a heater; `None` if a PID loop does.
     pub fn model(&self, heater: Heater) -> Option<HeaterModel> {
         self.models()?.model(heater)
     }
 
-    /// Lets models control the nozzle's and the bed's heater, where there are any.
-    pub fn set_models(&mut self, models: &[Option<HeaterModel>; 2]) {
-        for (heater, model) in Heater::ALL.into_iter().zip(models) {
-            if let Some(model) = model {
-                self.set_model(heater, *model);
+    /// Lets models control the heaters that have one.
+    pub fn set_models(&mut self, model: impl Fn(Heater) -> Option<HeaterModel>) {
+        for heater in Heater::ALL {
+            if let Some(model) = model(heater) {
+                self.set_model(heater, model);
             }
         }
     }
 
-    /// Lets a model control the nozzle or the bed from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
+    /// Lets a model control a nozzle or the bed from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
         if let Some(models) = M::get_mut(&mut self.models) {
             models.set_model(heater, model);

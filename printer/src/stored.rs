@@ -237,6 +237,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             offset_10nm: of_tool.offset_10nm,
             advance: advance_numbers(&of_tool.advance),
             gains: (self.equipment.heaters && self.heating.has_nozzles()).then(|| self.heating.gains(Heater::Nozzle1)),
+            model: self.heating.model(Heater::Nozzle1),
             driver: self.live_driver(SECOND_EXTRUDER),
         })
     }

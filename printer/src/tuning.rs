@@ -55,6 +55,15 @@ fn tell_step(replies: &impl Replies, ended: u8, of: u8) {
     replies.say(format_args!(" part: {ended}/{of}"));
 }
 
+/// The profile's table of a heater.
+pub(crate) const fn table_of(heater: Heater) -> &'static str {
+    match heater {
+        Heater::Nozzle => "nozzle",
+        Heater::Nozzle1 => "tools.t1.nozzle",
+        Heater::Bed | Heater::Chamber => "bed",
+    }
+}
+
 impl<P: Ports> Printer<'_, P> {
     /// M301, M304.
     pub(crate) fn heater_gains(&mut self, heater: Heater, words: &GainWords) -> Result<(), CommandError> {
@@ -175,7 +184,7 @@ impl<P: Ports> Printer<'_, P> {
         };
         let settings = self.heater_settings(heater)?;
         let highest = |margin| settings.max_target_celsius.min(settings.max_celsius - margin);
-        if heater == Heater::Nozzle && self.has_model(heater) {
+        if heater.is_nozzle() && self.has_model(heater) {
             margin = STEP_MARGIN_CELSIUS;
             usual = STEP_CELSIUS.min(highest(margin).into());
         }
@@ -187,11 +196,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Reports gains that have been found, as Marlin does and as the profile has them.
     #[inline(never)]
     fn tuned(&mut self, heater: Heater, gains: &PidGains, uses: bool) {
-        let (name, marlins_name) = match heater {
-            Heater::Nozzle => ("nozzle", ""),
-            Heater::Nozzle1 => ("tools.t1.nozzle", ""),
-            Heater::Bed | Heater::Chamber => ("bed", "bed"),
-        };
+        let (name, marlins_name) = (table_of(heater), if heater.is_nozzle() { "" } else { "bed" });
         self.replies.send(Reply::Text("PID Autotune finished!"));
         for (letter, gain) in [('p', gains.proportional), ('i', gains.integral), ('d', gains.derivative)] {
             self.replies.say(format_args!("#define DEFAULT_{marlins_name}K{letter} {}", marlins(gain)));
@@ -200,7 +205,7 @@ impl<P: Ports> Printer<'_, P> {
         let [p, i, d, f] =
             [gains.proportional, gains.integral, gains.derivative, gains.fan].map(|gain| Real::short(gain, 6));
         self.replies.say(format_args!("echo:{name}: proportional = {p}, integral = {i}, derivative = {d}"));
-        if matches!(heater, Heater::Nozzle | Heater::Nozzle1) {
+        if heater.is_nozzle() {
             self.replies.say(format_args!("echo:{name}: fan_gain = {f}"));
         }
         if uses {

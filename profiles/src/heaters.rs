@@ -141,9 +141,11 @@ pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
     Some(ChamberSettings { thermistor, heater, settings })
 }
 
-/// The nozzle of a further tool: what it does not say is as T0's.
-pub(crate) fn further_nozzle(table: &Section<'_>, first: &HeaterSettings) -> HeaterSettings {
-    heater_of(table, "tools.t1.nozzle", &Kind { watch: first.watch, mass: first.mass, base: Some(first), ..NOZZLE })
+/// The nozzle of a further tool, and the model that controls it if one does: of its settings what it does not say is as T0's.
+pub(crate) fn further_nozzle(table: &Section<'_>, first: &HeaterSettings) -> (HeaterSettings, Option<HeaterModel>) {
+    const NAME: &str = "tools.t1.nozzle";
+    let kind = Kind { watch: first.watch, mass: first.mass, base: Some(first), ..NOZZLE };
+    (heater_of(table, NAME, &kind), control_model(&table.apart(), NAME))
 }
 
 /// Nozzle and bed, each with the model that controls it if one does.

@@ -154,7 +154,8 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
             table.refuse(key, format!("another one: {} is the chamber's", connector.name()));
         }
     }
-    Some(ToolHeater { heater, thermistor, settings: settings.unwrap_or(*first.nozzle) })
+    let (settings, control_model) = settings.unwrap_or((*first.nozzle, None));
+    Some(ToolHeater { heater, thermistor, settings, control_model })
 }
 
 /// The fan that blows at what it prints.

@@ -56,6 +56,13 @@ impl<P: Ports> Printer<'_, P> {
             *model = self.profile.control_models[Heater::Nozzle.index()].unwrap_or(*model);
             mend("nozzle.control_model", ' ');
         }
+        if <P::Heating as Heating>::Models::PRESENT
+            && let Some(ToolValues { model: Some(model), .. }) = values.tool()
+            && !model.is_possible()
+        {
+            *model = self.profile.control_model(Heater::Nozzle1).unwrap_or(*model);
+            mend("tools.t1.nozzle.control_model", ' ');
+        }
         if values.pressure_advance().check().is_err() {
             values.advance = of_profile.advance;
             mend("pressure_advance", ' ');
@@ -135,6 +142,9 @@ impl<P: Ports> Printer<'_, P> {
             (extruder_steps_per_mm, pressure_advance) = self.put_tools_in_force(first, second, of_tool.offset_10nm);
             if let Some(gains) = of_tool.gains {
                 self.heating.set_gains(Heater::Nozzle1, gains);
+            }
+            if let Some(model) = of_tool.model {
+                self.heating.set_model(Heater::Nozzle1, model);
             }
         }
         // At standstill it cannot fail.

@@ -11,7 +11,7 @@ use std::vec::Vec;
 use std::{format, vec};
 
 use ferrostep_gcode::Reply;
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
 use crate::heat::{
@@ -33,11 +33,19 @@ pub(crate) struct World {
 
 impl World {
     pub(crate) fn new() -> Self {
+        Self::with(|_| {})
+    }
+
+    /// With another profile.
+    pub(crate) fn with(change: impl FnOnce(&mut crate::profile::Profile)) -> Self {
         let rig = Rig::new(|profile| {
             profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
+            change(profile);
         });
         let mut heaters = rig.profile.virtual_heaters();
-        let control = HeatControl::new(rig.profile.heaters(), rig.profile.fans, &mut heaters);
+        let mut control: HeatControl = HeatControl::new(rig.profile.heaters(), rig.profile.fans, &mut heaters);
+        control.set_models(|heater| rig.profile.control_model(heater));
+        control.set_nozzle_fan(rig.profile.tool_fan());
         let heat = RefCell::new((control, heaters));
         Self { heat, now_ms: Cell::new(0), signals: Signals::new(), texts: RefCell::default(), rig }
     }
@@ -48,6 +56,10 @@ impl World {
 
     pub(crate) fn change(&mut self, change: impl FnOnce(&mut crate::profile::Profile)) {
         change(&mut self.rig.profile);
+    }
+
+    pub(crate) fn profile(&self) -> &crate::profile::Profile {
+        &self.rig.profile
     }
 
     pub(crate) fn signals(&self) -> &Signals {
@@ -73,6 +85,10 @@ impl World {
         self.heat.borrow().0.model(heater)
     }
 
+    pub(crate) fn fan_power(&self, output: FanOutput) -> u8 {
+        self.heat.borrow().0.fan(output).power
+    }
+
     pub(crate) fn target(&self, heater: Heater) -> f32 {
         self.heat.borrow().0.status(heater).target_celsius
     }
@@ -91,6 +107,18 @@ impl Heating for Warm<'_> {
     }
     fn status(&self, heater: Heater) -> HeaterStatus {
         self.0.heat.borrow().0.status(heater)
+    }
+    fn has_nozzles(&self) -> bool {
+        self.0.heat.borrow().0.has_nozzles()
+    }
+    fn nozzle(&self) -> Heater {
+        self.0.heat.borrow().0.nozzle()
+    }
+    fn select_nozzle(&mut self, heater: Heater) {
+        self.0.heat.borrow_mut().0.select_nozzle(heater);
+    }
+    fn chamber_is_heated(&self) -> Option<bool> {
+        self.0.heat.borrow().0.chamber_is_heated()
     }
     fn all_off(&mut self) {
         self.0.heat.borrow_mut().0.all_off();

@@ -1,42 +1,17 @@
 //! M569, M906 and M914 of the second extruder's motor.
 
-use ferrostep_planner::{PressureAdvance, StepsPerMm};
 use ferrostep_tmc2209::{MOST_MOTORS, SECOND_EXTRUDER};
 
 use super::*;
-use crate::tools::{FurtherTool, ToolChange, Tools};
-use crate::z_motors::Kept;
+use crate::tools::FurtherTool;
+use crate::tools::tests::{SECOND, two as two_tools};
 
-fn tools(driver: Option<DriverSettings>) -> Kept<Tools> {
-    let change = ToolChange {
-        lift_10nm: 0,
-        travel_10nm_per_s: 100 * MM,
-        retract_10nm: 0,
-        retract_10nm_per_s: MM,
-        prime_10nm: 0,
-        prime_10nm_per_s: MM,
-        before: None,
-        after: None,
-    };
-    let tool = FurtherTool {
-        socket: "e1",
-        is_inverted: false,
-        offset_10nm: [20 * MM, 0, 0],
-        steps_per_mm: StepsPerMm::nearest(95.0),
-        advance: PressureAdvance::NONE,
-        driver,
-        heater: None,
-        fan: None,
-    };
-    Kept(Box::leak(Box::new(Tools { further: [Some(tool)], change })))
-}
-
-/// Two tools, and drivers of all motors but the second and third further ones of Z.
+/// Two tools, and drivers of all motors.
 fn two() -> (Rig, Bank<MOST_MOTORS>) {
     let rig = Rig::new(|profile| {
         usual(profile);
         profile.drivers = [Some(DRIVER); 4];
-        profile.tools = Some(tools(Some(DRIVER)));
+        profile.tools = two_tools(FurtherTool { driver: Some(DRIVER), ..SECOND });
     });
     (rig, Bank([const { Cell::new(DRIVER) }; MOST_MOTORS]))
 }
