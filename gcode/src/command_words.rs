@@ -69,6 +69,17 @@ pub struct RetractionWords {
     pub lift: Option<Decimal>,
 }
 
+/// The heater that M303 tunes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TunedHeater {
+    /// That of a nozzle: of the selected tool's without a number.
+    Nozzle(Option<u8>),
+    /// E-1 or H0: the bed's.
+    Bed,
+    /// E-2: the chamber's.
+    Chamber,
+}
+
 /// A whole number for each motor that is named (M906, M914). On a CoreXY machine X and Y name the motors A and B.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriverWords {

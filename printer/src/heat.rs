@@ -136,7 +136,12 @@ impl Channel {
             (Some(_), _) if !self.settings.is_heated => 0.0,
             (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
             (Some(celsius), Loop::Relay(relay)) => {
-                let power = relay.power(celsius, self.target);
+                let longest = if self.settings.is_warmed_by_others {
+                    relay::MAX_HALF_CYCLE_OF_CHAMBER_SAMPLES
+                } else {
+                    relay::MAX_HALF_CYCLE_SAMPLES
+                };
+                let power = relay.power(celsius, self.target, longest);
                 if relay.has_ended() {
                     self.target = 0.0;
                 }

@@ -36,6 +36,7 @@ impl<P: Ports> Printer<'_, P> {
                 remarks.add(Remark::NoEffect(b'D'));
             }
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
+            Command::ChamberGains(_) if !self.has_chamber() => remarks.add(Remark::NoChamber),
             Command::SetChamber(_) | Command::WaitChamber(_)
                 if self.profile.chamber.is_none() && !asks_for_cold(command) =>
             {

@@ -5,7 +5,8 @@ use proptest::prelude::*;
 
 use crate::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords,
-    GainWords, LineReader, PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, Units, WaitTarget, parse,
+    GainWords, LineReader, PrintClockCommand, RetractionWords, ShaperWords, SkewCommand, TunedHeater, Units,
+    WaitTarget, parse,
 };
 use crate::{PinCommand, SettingsCommand, SupplyCommand};
 
@@ -221,10 +222,18 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::FlowPercent(tool, percent) => (221, given([('T', number_of(tool)), ('S', percent)])),
         Command::NozzleGains(tool, words) => (301, [given([('E', number_of(tool))]), gains(words)].concat()),
         Command::BedGains(words) => (304, gains(words)),
-        Command::Autotune { of_bed, tool, target, cycles, uses } => (
+        Command::ChamberGains(words) => (309, gains(words)),
+        Command::Autotune { of, target, cycles, uses } => (
             303,
             given([
-                ('E', if of_bed { Some(whole(-1)) } else { number_of(tool) }),
+                (
+                    'E',
+                    match of {
+                        TunedHeater::Nozzle(tool) => number_of(tool),
+                        TunedHeater::Bed => Some(whole(-1)),
+                        TunedHeater::Chamber => Some(whole(-2)),
+                    },
+                ),
                 ('S', target),
                 ('C', cycles.map(|cycles| whole(cycles.into()))),
                 ('U', uses.then_some(whole(1))),
@@ -362,24 +371,26 @@ fn any_stealth_chop() -> impl Strategy<Value = Command<'static>> {
 }
 
 fn any_gains() -> impl Strategy<Value = Command<'static>> {
-    (of(any_number()), of(any_number()), of(any_number()), of(any_number()), any::<bool>()).prop_map(
-        |(proportional, integral, derivative, fan, of_bed)| {
+    (of(any_number()), of(any_number()), of(any_number()), of(any_number()), 0..3_u8).prop_map(
+        |(proportional, integral, derivative, fan, heater)| {
             let words = GainWords { proportional, integral, derivative, fan };
-            if of_bed { Command::BedGains(GainWords { fan: None, ..words }) } else { Command::NozzleGains(None, words) }
+            let unfanned = GainWords { fan: None, ..words };
+            match heater {
+                0 => Command::NozzleGains(None, words),
+                1 => Command::BedGains(unfanned),
+                _ => Command::ChamberGains(unfanned),
+            }
         },
     )
 }
 
+fn any_tuned_heater() -> impl Strategy<Value = TunedHeater> {
+    prop_oneof![of(any_tool()).prop_map(TunedHeater::Nozzle), Just(TunedHeater::Bed), Just(TunedHeater::Chamber)]
+}
+
 fn any_autotune() -> impl Strategy<Value = Command<'static>> {
-    (any::<bool>(), of(any_tool()), of(not_negative()), of(0..=20_u8), any::<bool>()).prop_map(
-        |(of_bed, tool, target, cycles, uses)| Command::Autotune {
-            of_bed,
-            tool: if of_bed { None } else { tool },
-            target,
-            cycles,
-            uses,
-        },
-    )
+    (any_tuned_heater(), of(not_negative()), of(0..=20_u8), any::<bool>())
+        .prop_map(|(of, target, cycles, uses)| Command::Autotune { of, target, cycles, uses })
 }
 
 /// As M593 sets it: of one axis, or of both alike.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{
     ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, FeedWords, GainWords, PinCommand, PrintClockCommand, Remarks,
-    RetractionWords, SupplyCommand, Units, WaitTarget,
+    RetractionWords, SupplyCommand, TunedHeater, Units, WaitTarget,
 };
 
 pub(super) fn number(text: &str) -> Decimal {
@@ -165,21 +165,18 @@ fn gains_of_heaters_and_their_search() {
     reads("M304", Command::BedGains(GainWords::default()));
     reads("M301 E1 P22", Command::NozzleGains(Some(1), GainWords { proportional: some("22"), ..GainWords::default() }));
     assert!(refused("M301 Pnan").contains("nan"), "{}", refused("M301 Pnan"));
-    let tune = |of_bed, tool, target: Option<&str>, cycles, uses| Command::Autotune {
-        of_bed,
-        tool,
-        target: target.and_then(some),
-        cycles,
-        uses,
-    };
-    reads("M303", tune(false, None, None, None, false));
-    reads("M303 E0 S215 C8", tune(false, Some(0), Some("215"), Some(8), false));
-    reads("M303 E-1 S60 U", tune(true, None, Some("60"), None, true));
-    reads("M303 E-1 S60 U0", tune(true, None, Some("60"), None, false));
-    reads("M303 H0 S60 U1", tune(true, None, Some("60"), None, true));
-    reads("M303 H1 S60", tune(false, None, Some("60"), None, false));
-    reads("M303 E1", tune(false, Some(1), None, None, false));
-    for text in ["M303 E-2", "M303 H2", "M303 E0 H0"] {
+    reads("M309 P0.5 I0.01 D20", Command::ChamberGains(gains("0.5", "0.01", "20", None)));
+    let tune =
+        |of, target: Option<&str>, cycles, uses| Command::Autotune { of, target: target.and_then(some), cycles, uses };
+    reads("M303", tune(TunedHeater::Nozzle(None), None, None, false));
+    reads("M303 E0 S215 C8", tune(TunedHeater::Nozzle(Some(0)), Some("215"), Some(8), false));
+    reads("M303 E-1 S60 U", tune(TunedHeater::Bed, Some("60"), None, true));
+    reads("M303 E-1 S60 U0", tune(TunedHeater::Bed, Some("60"), None, false));
+    reads("M303 H0 S60 U1", tune(TunedHeater::Bed, Some("60"), None, true));
+    reads("M303 H1 S60", tune(TunedHeater::Nozzle(None), Some("60"), None, false));
+    reads("M303 E1", tune(TunedHeater::Nozzle(Some(1)), None, None, false));
+    reads("M303 E-2 S50", tune(TunedHeater::Chamber, Some("50"), None, false));
+    for text in ["M303 E-3", "M303 H2", "M303 E0 H0"] {
         assert!(refused(text).contains("E0 or H1 (nozzle), E-1 or H0 (bed)"), "{text}: {}", refused(text));
     }
     assert_eq!(refused("M303 C21"), "C: 21 is out of range, expected 0 to 20");

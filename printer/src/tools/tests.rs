@@ -11,16 +11,18 @@ use crate::z_motors::Kept;
 const MM: i64 = 100_000;
 
 /// A motor beside T0's, which pushes into the same nozzle.
-pub(crate) const SECOND: FurtherTool = FurtherTool {
-    socket: "e1",
-    is_inverted: false,
-    offset_10nm: [20 * MM, 0, 0],
-    steps_per_mm: StepsPerMm::nearest(95.0),
-    advance: PressureAdvance::NONE,
-    driver: None,
-    heater: None,
-    fan: None,
-};
+pub(crate) fn second() -> FurtherTool {
+    FurtherTool {
+        socket: "e1",
+        is_inverted: false,
+        offset_10nm: [20 * MM, 0, 0],
+        steps_per_mm: StepsPerMm::nearest(95.0),
+        advance: PressureAdvance::NONE,
+        driver: None,
+        heater: None,
+        fan: None,
+    }
+}
 
 /// Two tools, and a change that moves no filament.
 pub(crate) fn two(second: FurtherTool) -> Option<Kept<Tools>> {

@@ -3,7 +3,7 @@
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
 
 use super::*;
-use crate::tools::tests::{SECOND, two};
+use crate::tools::tests::{second, two};
 use crate::tools::{FurtherTool, ToolHeater};
 
 /// T0 is held by a PID loop; T1 has a nozzle, a fan and perhaps a model of its own.
@@ -14,7 +14,7 @@ fn world(control_model: Option<HeaterModel>) -> World {
         let heater = Some(ToolHeater { heater: connector, thermistor: connector, settings, control_model });
         profile.fans[FanOutput::Fan2.index()] =
             Some(crate::fans::FanSettings { name: "right", ..crate::fans::FanSettings::PART });
-        profile.tools = two(FurtherTool { heater, fan: Some(FanOutput::Fan2.index() as u8), ..SECOND });
+        profile.tools = two(FurtherTool { heater, fan: Some(FanOutput::Fan2.index() as u8), ..second() });
     })
 }
 

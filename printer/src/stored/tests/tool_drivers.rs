@@ -4,14 +4,14 @@ use ferrostep_tmc2209::{MOST_MOTORS, SECOND_EXTRUDER};
 
 use super::*;
 use crate::tools::FurtherTool;
-use crate::tools::tests::{SECOND, two as two_tools};
+use crate::tools::tests::{second, two as two_tools};
 
 /// Two tools, and drivers of all motors.
 fn two() -> (Rig, Bank<MOST_MOTORS>) {
     let rig = Rig::new(|profile| {
         usual(profile);
         profile.drivers = [Some(DRIVER); 4];
-        profile.tools = two_tools(FurtherTool { driver: Some(DRIVER), ..SECOND });
+        profile.tools = two_tools(FurtherTool { driver: Some(DRIVER), ..second() });
     });
     (rig, Bank([const { Cell::new(DRIVER) }; MOST_MOTORS]))
 }
