@@ -19,7 +19,7 @@ const MAX_LINES: usize = 512;
 const TRIAL: &str = "1";
 /// The keys that name macros at a change of the tool, and what they may be.
 const KEYS_AT_CHANGE: [&str; 2] = ["tools.before_change", "tools.after_change"];
-pub(crate) const A_MACRO: &str = "the name of a macro: give the profile a table [macro.NAME]";
+pub(crate) const A_MACRO: &str = "the name of a macro, as in [macro.NAME]";
 /// With what these are called.
 const WORDS_AT_CHANGE: [&str; 2] = ["FROM", "TO"];
 

@@ -129,7 +129,7 @@ fn a_change_of_the_tool_has_macros_that_know_both_tools() {
 fn a_macro_at_a_change_that_cannot_be_one_is_refused() {
     let change =
         |line: &str| format!("[macro.WIPE]\ngcode = \"CLEAN\"\n[macro.CLEAN]\ngcode = '''\nG28\n{line}\n'''\n");
-    let no_macro = "the name of a macro: give the profile a table [macro.NAME]";
+    let no_macro = "the name of a macro, as in [macro.NAME]";
     let changes = |line: &str| format!("a macro that does not change the tool itself: its line CLEAN:2 is \"{line}\"");
     let activate = "ACTIVATE_EXTRUDER EXTRUDER=extruder1";
     for (macros, expected) in [
