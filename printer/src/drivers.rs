@@ -7,8 +7,10 @@ use ferrostep_tmc2209::{
 };
 
 use crate::error::CommandError;
+use crate::part::Part;
 use crate::ports::{MotorDrivers, Ports, Replies};
 use crate::printer::Printer;
+use crate::tool_change::ToolsPart;
 
 /// How often a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
@@ -94,11 +96,7 @@ impl<P: Ports> Printer<'_, P> {
             return Ok(false);
         };
         let changes = values.iter().flatten().any(Option::is_some);
-        // E is one motor: that of the tool, or of a query without T each extruder's.
-        let extruder = match tool {
-            None if !changes => None,
-            tool => Some(if self.tool(tool)? == 0 { FIRST_EXTRUDER } else { SECOND_EXTRUDER }),
-        };
+        let extruder = if ToolsPart::<P>::PRESENT { self.extruder_of(tool, changes)? } else { None };
         if changes {
             change(drivers, setting, values, extruder.unwrap_or(FIRST_EXTRUDER))?;
         } else {
@@ -117,6 +115,15 @@ impl<P: Ports> Printer<'_, P> {
             }
         }
         Ok(changes)
+    }
+
+    /// The motor that E is, of several tools: that of the tool; `None`: each extruder's, of a query without T.
+    #[inline(never)]
+    fn extruder_of(&self, tool: Option<u8>, changes: bool) -> Result<Option<usize>, CommandError> {
+        match tool {
+            None if !changes => Ok(None),
+            tool => Ok(Some(if self.tool(tool)? == 0 { FIRST_EXTRUDER } else { SECOND_EXTRUDER })),
+        }
     }
 }
 

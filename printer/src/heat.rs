@@ -3,162 +3,36 @@
 //! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
 //! sets the power of every heater and fan. Nothing else sets one.
 
+mod channel;
 mod filament_speed;
 mod gains;
 mod model;
 mod modelled;
 mod pid;
 mod relay;
+mod report;
 pub mod safety;
 mod sample_time;
 mod step_response;
 mod thermometer;
 mod tuning_rule;
 
-use core::fmt;
-
-use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 
 use crate::fans::{FanControl, FanDemand, FanTable, Heated};
 use crate::part::{Part, Present};
 use crate::profile::HeaterSettings;
+use channel::{Channel, Loop};
 pub use gains::PidGains;
 pub use model::HeaterModel;
 use modelled::Models;
-use pid::Pid;
 use relay::Relay;
 pub use relay::{RelayFindings, RelayProgress};
-use safety::{Safety, Trip};
+pub use report::{FanStatus, HeatFault, HeaterStatus};
+use safety::Safety;
 pub use sample_time::SAMPLE_MS;
 pub use step_response::{StepProgress, hottest_start};
-use thermometer::{MEDIAN_OF, Thermometer};
 pub use tuning_rule::gains_by_relay;
-
-/// A heater as a report shows it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct HeaterStatus {
-    /// Temperature, degrees Celsius.
-    pub celsius: f32,
-    /// Target, degrees Celsius; 0 = off.
-    pub target_celsius: f32,
-    /// Power, 0 to 1.
-    pub power: f32,
-}
-
-/// A fan as a report shows it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FanStatus {
-    /// Power, 0 to 255.
-    pub power: u8,
-    /// Turns a minute over the last seconds; `None` without a tachometer.
-    pub rpm: Option<u16>,
-}
-
-/// Why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeatFault {
-    /// The heater.
-    pub heater: Heater,
-    /// What has failed.
-    pub trip: Trip,
-}
-
-impl fmt::Display for HeatFault {
-    /// The line that hosts take for a thermal error; `kill() called` must follow it.
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self.heater {
-            Heater::Nozzle => "E0",
-            Heater::Bed => "bed",
-            Heater::Chamber => "chamber",
-            Heater::Nozzle1 => "E1",
-        };
-        write!(out, "Error:{}, system stopped! Heater_ID: {name}", self.trip)?;
-        match self.trip {
-            Trip::Sensor(_) => Ok(()),
-            Trip::TooHot(celsius)
-            | Trip::TooCold(celsius)
-            | Trip::HeatingFailed(celsius)
-            | Trip::Runaway(celsius)
-            | Trip::RisesUnpowered(celsius)
-            | Trip::StaysHotUnpowered(celsius)
-            | Trip::Frozen(celsius) => write!(out, " (temp: {})", Real::fixed(celsius, 2)),
-        }
-    }
-}
-
-/// What works out a heater's power.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Loop {
-    /// It holds its target.
-    Pid(Pid),
-    /// It is tuned (M303).
-    Relay(Relay),
-}
-
-/// One heater.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Channel {
-    settings: HeaterSettings,
-    thermometer: Thermometer,
-    safety: Safety,
-    control: Loop,
-    /// The last temperature, degrees Celsius; `None` if there has never been one.
-    celsius: Option<f32>,
-    target: f32,
-    power: f32,
-}
-
-impl Channel {
-    fn new(settings: HeaterSettings, readings: [u16; MEDIAN_OF]) -> Self {
-        let thermometer = Thermometer::new(settings.thermistor, readings);
-        // Without a temperature the first sample trips.
-        let celsius = thermometer.celsius().ok();
-        let (safety, control) = (Safety::new(), Loop::Pid(Pid::new()));
-        Self { settings, thermometer, safety, control, celsius, target: 0.0, power: 0.0 }
-    }
-
-    /// Takes a sample; the power stays.
-    fn sample(&mut self, reading: u16) -> Result<(), Trip> {
-        self.thermometer.add(reading);
-        let celsius = self.thermometer.celsius();
-        self.celsius = celsius.ok().or(self.celsius);
-        let is_tuned = matches!(self.control, Loop::Relay(_));
-        // A thermometer alone has no heater that could fail to reach its target.
-        let target = if self.settings.is_heated { self.target } else { 0.0 };
-        self.safety.check(&self.settings, celsius, target, self.power, is_tuned)
-    }
-
-    /// Works out the power for the next sample. A heater without a temperature has none.
-    fn control(&mut self, fan_power: u8) {
-        self.power = match (self.celsius, &mut self.control) {
-            (None, _) => 0.0,
-            (Some(_), _) if !self.settings.is_heated => 0.0,
-            (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
-            (Some(celsius), Loop::Relay(relay)) => {
-                let longest = if self.settings.is_warmed_by_others {
-                    relay::MAX_HALF_CYCLE_OF_CHAMBER_SAMPLES
-                } else {
-                    relay::MAX_HALF_CYCLE_SAMPLES
-                };
-                let power = relay.power(celsius, self.target, longest);
-                if relay.has_ended() {
-                    self.target = 0.0;
-                }
-                power
-            }
-        };
-    }
-
-    fn off(&mut self) {
-        self.target = 0.0;
-        self.power = 0.0;
-        match &mut self.control {
-            Loop::Pid(pid) => pid.reset(),
-            Loop::Relay(_) => self.control = Loop::Pid(Pid::new()),
-        }
-    }
-}
 
 /// Nozzles of further tools.
 #[derive(Clone, Copy, Debug, PartialEq)]
