@@ -57,10 +57,14 @@ pub const HAS_OUTPUTS: bool = {
 pub type SupplyPart = PartIf<HAS_SUPPLY>;
 
 /// Heaters may be controlled by a model.
-const HAS_MODELS: bool = PROFILE.control_models[0].is_some() || PROFILE.control_models[1].is_some();
+const HAS_MODELS: bool = MELTS_BY_MODEL || PROFILE.control_model(Heater::Bed).is_some();
 
-/// The nozzle's model wants to know how fast filament is melted. The bench melts none.
-const MELTS_FILAMENT: bool = PROFILE.control_models[0].is_some() && !VIRTUAL_SENSORS;
+/// A nozzle is.
+const MELTS_BY_MODEL: bool =
+    PROFILE.control_model(Heater::Nozzle).is_some() || PROFILE.control_model(Heater::Nozzle1).is_some();
+
+/// A nozzle's model wants to know how fast filament is melted. The bench melts none.
+const MELTS_FILAMENT: bool = MELTS_BY_MODEL && !VIRTUAL_SENSORS;
 
 /// Models of heaters, or none, in an image.
 pub type ModelsPart = PartIf<HAS_MODELS>;
@@ -137,7 +141,10 @@ impl Heat {
         Self(Parts::start(profile, converters, clock).map(|mut parts| {
             let mut control = HeatControl::new(profile.heaters(), profile.fans, &mut parts);
             if HAS_MODELS {
-                control.set_models(&profile.control_models);
+                control.set_models(|heater| profile.control_model(heater));
+            }
+            if HAS_NOZZLES {
+                control.set_nozzle_fan(profile.tool_fan());
             }
             if let Some(supply) = profile.power_supply {
                 control.set_supply(supply.on_at_start);

@@ -311,7 +311,7 @@ fn check_chamber(board: &Board, profile: &Profile, profile_name: &str) -> Result
 
 /// The thermistor and the heater of a further tool are the board's.
 fn check_nozzle(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
-    let Some(ToolHeater { thermistor, heater, settings }) = profile.tool_heater() else { return Ok(()) };
+    let Some(ToolHeater { thermistor, heater, settings, .. }) = profile.tool_heater() else { return Ok(()) };
     let refuse = |key: &str, value: &str, what: &str, names: Vec<&str>| {
         let expected = format!("{what} of the board {}: {}", board.name, names.join(", "));
         Err(refuse(profile_name, &format!("tools.t1.{key}"), value, &expected))

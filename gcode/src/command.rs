@@ -2,7 +2,7 @@
 
 use crate::command_words::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
-    PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,
+    PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, TunedHeater, Units, WaitTarget,
 };
 use crate::{BedCommand, CardCommand, Decimal, PinCommand, SkewCommand, SupplyCommand, TowerWords};
 
@@ -248,12 +248,12 @@ pub enum Command<'a> {
     NozzleGains(Option<u8>, GainWords),
     /// M304: gains of the bed's heater.
     BedGains(GainWords),
+    /// M309: gains of the chamber's heater.
+    ChamberGains(GainWords),
     /// M303: finds the gains of a heater.
     Autotune {
-        /// E-1 or H0: the bed's.
-        of_bed: bool,
-        /// E: of which tool.
-        tool: Option<u8>,
+        /// E, H: which heater.
+        of: TunedHeater,
         /// S, degrees Celsius.
         target: Option<Decimal>,
         /// C.
@@ -306,6 +306,8 @@ pub enum Command<'a> {
     StealthChop {
         /// Which motors; for a query, none means all.
         motors: AxisFlags,
+        /// T: whose motor E is; without it the selected tool's.
+        tool: Option<u8>,
         /// S.
         on: Option<bool>,
     },

@@ -69,6 +69,17 @@ pub struct RetractionWords {
     pub lift: Option<Decimal>,
 }
 
+/// The heater that M303 tunes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TunedHeater {
+    /// That of a nozzle: of the selected tool's without a number.
+    Nozzle(Option<u8>),
+    /// E-1 or H0: the bed's.
+    Bed,
+    /// E-2: the chamber's.
+    Chamber,
+}
+
 /// A whole number for each motor that is named (M906, M914). On a CoreXY machine X and Y name the motors A and B.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriverWords {
@@ -80,6 +91,8 @@ pub struct DriverWords {
     pub z: Option<u16>,
     /// E.
     pub e: Option<u16>,
+    /// T: whose motor E is; without it the selected tool's.
+    pub tool: Option<u8>,
 }
 
 impl DriverWords {

@@ -34,7 +34,7 @@ pub use card_command::{CardCommand, InterruptedPrint};
 pub use command::Command;
 pub use command_words::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
-    PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, Units, WaitTarget,
+    PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, TunedHeater, Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};

@@ -37,6 +37,11 @@ impl Heater {
         self as usize
     }
 
+    /// Whether it is the hot end of a tool.
+    pub const fn is_nozzle(self) -> bool {
+        matches!(self, Self::Nozzle | Self::Nozzle1)
+    }
+
     /// Its name in texts: `nozzle`, `bed`, `chamber`, `nozzle1`.
     pub const fn name(self) -> &'static str {
         match self {

@@ -68,7 +68,9 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         }
         Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
         Command::PressureAdvance(_, words) if *words == AdvanceWords::default() => WhileHalted::Works,
-        Command::NozzleGains(_, words) | Command::BedGains(words) if *words == GainWords::default() => {
+        Command::NozzleGains(_, words) | Command::BedGains(words) | Command::ChamberGains(words)
+            if *words == GainWords::default() =>
+        {
             WhileHalted::Works
         }
         Command::DisableMotors(_) | Command::HeatersOff | Command::Supply(SupplyCommand::Off { .. }) => {

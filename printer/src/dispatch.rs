@@ -255,6 +255,8 @@ impl<P: Ports> Printer<'_, P> {
                 self.heater_gains(nozzle, words)?;
             }
             Command::BedGains(ref words) => self.heater_gains(Heater::Bed, words)?,
+            Command::ChamberGains(ref words) if self.has_chamber() => self.heater_gains(Heater::Chamber, words)?,
+            Command::ChamberGains(_) => {}
             Command::HeatersOff => {
                 self.nozzles_off()?;
                 self.set_temperature(Heater::Bed, 0.0)?;
@@ -376,11 +378,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::WaitChamber(target) if self.has_chamber() => {
                 return waiting(Waiting::Heat(Heater::Chamber, target));
             }
-            Command::Autotune { of_bed, tool, target, cycles, uses } => {
-                if self.is_for_no_tool(tool) {
-                    return Err(CommandError::InvalidTool(tool.unwrap_or_default().into()));
-                }
-                let heater = if of_bed { Heater::Bed } else { self.nozzle_of(tool)? };
+            Command::Autotune { of, target, cycles, uses } => {
+                let heater = self.tuned_heater(of)?;
                 return waiting(Waiting::Autotune { heater, target, cycles, uses });
             }
             Command::HeaterModel { text, .. } if !<P::Heating as Heating>::Models::PRESENT => {

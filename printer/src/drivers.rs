@@ -7,8 +7,10 @@ use ferrostep_tmc2209::{
 };
 
 use crate::error::CommandError;
+use crate::part::Part;
 use crate::ports::{MotorDrivers, Ports, Replies};
 use crate::printer::Printer;
+use crate::tool_change::ToolsPart;
 
 /// How often a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
@@ -61,7 +63,14 @@ impl<P: Ports> Printer<'_, P> {
     // Not inlined: in the future of the commands that wait it would take much room.
     #[inline(never)]
     pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
-        let (code, setting, values) = match *command {
+        let (code, setting, values, tool) = match *command {
+            Command::StealthChop { tool, .. }
+            | Command::DriverCurrent(DriverWords { tool, .. })
+            | Command::StallThreshold(DriverWords { tool, .. })
+                if self.is_for_no_tool(tool) =>
+            {
+                return Ok(false);
+            }
             // M17 too: until its driver is set, a motor's current is what the chip has after a reset.
             Command::Linear { .. }
             | Command::Arc { .. }
@@ -71,14 +80,15 @@ impl<P: Ports> Printer<'_, P> {
             | Command::SelectTool { tool: Some(1..), .. }
             | Command::EnableMotors(_) => return Ok(true),
             Command::Bed(bed) => return Ok(self.has_bed() && bed.probes()),
-            Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS),
-            Command::StealthChop { motors, on } => {
+            Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS, None),
+            Command::StealthChop { motors, tool, on } => {
                 let named = [motors.x, motors.y, motors.z, motors.e];
-                let value = named.map(|named| (named || motors.is_empty()).then_some(on.map(u16::from)));
-                ("M569", Setting::Chopper, value)
+                let value = named.map(|named| named.then_some(on.map(u16::from)));
+                let value = if motors.is_empty() { queried(tool) } else { value };
+                ("M569", Setting::Chopper, value, tool)
             }
-            Command::DriverCurrent(words) => ("M906", Setting::Current, values(words)),
-            Command::StallThreshold(words) => ("M914", Setting::StallThreshold, values(words)),
+            Command::DriverCurrent(words) => ("M906", Setting::Current, values(words), words.tool),
+            Command::StallThreshold(words) => ("M914", Setting::StallThreshold, values(words), words.tool),
             _ => return Ok(false),
         };
         let Some(drivers) = self.drivers else {
@@ -86,19 +96,34 @@ impl<P: Ports> Printer<'_, P> {
             return Ok(false);
         };
         let changes = values.iter().flatten().any(Option::is_some);
+        let extruder = if ToolsPart::<P>::PRESENT { self.extruder_of(tool, changes)? } else { None };
         if changes {
-            change(drivers, setting, values)?;
+            change(drivers, setting, values, extruder.unwrap_or(FIRST_EXTRUDER))?;
         } else {
             for motor in 0..MOST_MOTORS {
                 // What Z has, all its motors have.
-                let of = if motor == SECOND_EXTRUDER { 3 } else { 2 };
+                let of = if motor == SECOND_EXTRUDER { FIRST_EXTRUDER } else { 2 };
                 let is_named = values.get(motor).or(values.get(of)).is_some_and(Option::is_some);
-                if is_named && let Some(report) = drivers.report(motor) {
+                let is_other =
+                    matches!(motor, FIRST_EXTRUDER | SECOND_EXTRUDER) && extruder.is_some_and(|it| it != motor);
+                if is_named
+                    && !is_other
+                    && let Some(report) = drivers.report(motor)
+                {
                     setting.say(motor_name(motor), &report, self.replies);
                 }
             }
         }
         Ok(changes)
+    }
+
+    /// The motor that E is, of several tools: that of the tool; `None`: each extruder's, of a query without T.
+    #[inline(never)]
+    fn extruder_of(&self, tool: Option<u8>, changes: bool) -> Result<Option<usize>, CommandError> {
+        match tool {
+            None if !changes => Ok(None),
+            tool => Ok(Some(if self.tool(tool)? == 0 { FIRST_EXTRUDER } else { SECOND_EXTRUDER })),
+        }
     }
 }
 
@@ -114,17 +139,26 @@ enum Setting {
 /// For each motor: `None` if the command does not name it, else the value to set, or `None` for a query.
 type Values = [Option<Option<u16>>; 4];
 
+/// The motor of the first extruder.
+const FIRST_EXTRUDER: usize = 3;
+
 const ALL_MOTORS: Values = [Some(None); 4];
 
-/// Without words a command asks for all motors.
+/// Without words a command asks for all motors, with T alone for that extruder's.
 fn values(words: DriverWords) -> Values {
-    if words == DriverWords::default() { ALL_MOTORS } else { words.all().map(|value| value.map(Some)) }
+    let all = words.all();
+    if all == [None; 4] { queried(words.tool) } else { all.map(|value| value.map(Some)) }
 }
 
-/// Changes all drivers that the command names, or none of them.
-fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values) -> Result<(), CommandError> {
+/// What a query without motors asks for.
+fn queried(tool: Option<u8>) -> Values {
+    if tool.is_some() { [None, None, None, Some(None)] } else { ALL_MOTORS }
+}
+
+/// Changes all drivers that the command names, or none of them. E is the motor `extruder`.
+fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values, extruder: usize) -> Result<(), CommandError> {
     for is_set in [false, true] {
-        for (motor, value) in values.iter().enumerate() {
+        for (motor, value) in [0, 1, 2, extruder].into_iter().zip(&values) {
             let (Some(Some(value)), Some(report)) = (value, drivers.report(motor)) else { continue };
             let mut settings = report.settings;
             match setting {

@@ -3,157 +3,36 @@
 //! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
 //! sets the power of every heater and fan. Nothing else sets one.
 
+mod channel;
 mod filament_speed;
 mod gains;
 mod model;
 mod modelled;
 mod pid;
 mod relay;
+mod report;
 pub mod safety;
 mod sample_time;
 mod step_response;
 mod thermometer;
 mod tuning_rule;
 
-use core::fmt;
-
-use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 
 use crate::fans::{FanControl, FanDemand, FanTable, Heated};
 use crate::part::{Part, Present};
 use crate::profile::HeaterSettings;
+use channel::{Channel, Loop};
 pub use gains::PidGains;
 pub use model::HeaterModel;
 use modelled::Models;
-use pid::Pid;
 use relay::Relay;
 pub use relay::{RelayFindings, RelayProgress};
-use safety::{Safety, Trip};
+pub use report::{FanStatus, HeatFault, HeaterStatus};
+use safety::Safety;
 pub use sample_time::SAMPLE_MS;
 pub use step_response::{StepProgress, hottest_start};
-use thermometer::{MEDIAN_OF, Thermometer};
 pub use tuning_rule::gains_by_relay;
-
-/// A heater as a report shows it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct HeaterStatus {
-    /// Temperature, degrees Celsius.
-    pub celsius: f32,
-    /// Target, degrees Celsius; 0 = off.
-    pub target_celsius: f32,
-    /// Power, 0 to 1.
-    pub power: f32,
-}
-
-/// A fan as a report shows it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FanStatus {
-    /// Power, 0 to 255.
-    pub power: u8,
-    /// Turns a minute over the last seconds; `None` without a tachometer.
-    pub rpm: Option<u16>,
-}
-
-/// Why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeatFault {
-    /// The heater.
-    pub heater: Heater,
-    /// What has failed.
-    pub trip: Trip,
-}
-
-impl fmt::Display for HeatFault {
-    /// The line that hosts take for a thermal error; `kill() called` must follow it.
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self.heater {
-            Heater::Nozzle => "E0",
-            Heater::Bed => "bed",
-            Heater::Chamber => "chamber",
-            Heater::Nozzle1 => "E1",
-        };
-        write!(out, "Error:{}, system stopped! Heater_ID: {name}", self.trip)?;
-        match self.trip {
-            Trip::Sensor(_) => Ok(()),
-            Trip::TooHot(celsius)
-            | Trip::TooCold(celsius)
-            | Trip::HeatingFailed(celsius)
-            | Trip::Runaway(celsius)
-            | Trip::RisesUnpowered(celsius)
-            | Trip::StaysHotUnpowered(celsius)
-            | Trip::Frozen(celsius) => write!(out, " (temp: {})", Real::fixed(celsius, 2)),
-        }
-    }
-}
-
-/// What works out a heater's power.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Loop {
-    /// It holds its target.
-    Pid(Pid),
-    /// It is tuned (M303).
-    Relay(Relay),
-}
-
-/// One heater.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Channel {
-    settings: HeaterSettings,
-    thermometer: Thermometer,
-    safety: Safety,
-    control: Loop,
-    /// The last temperature, degrees Celsius; `None` if there has never been one.
-    celsius: Option<f32>,
-    target: f32,
-    power: f32,
-}
-
-impl Channel {
-    fn new(settings: HeaterSettings, readings: [u16; MEDIAN_OF]) -> Self {
-        let thermometer = Thermometer::new(settings.thermistor, readings);
-        // Without a temperature the first sample trips.
-        let celsius = thermometer.celsius().ok();
-        let (safety, control) = (Safety::new(), Loop::Pid(Pid::new()));
-        Self { settings, thermometer, safety, control, celsius, target: 0.0, power: 0.0 }
-    }
-
-    /// Takes a sample; the power stays.
-    fn sample(&mut self, reading: u16) -> Result<(), Trip> {
-        self.thermometer.add(reading);
-        let celsius = self.thermometer.celsius();
-        self.celsius = celsius.ok().or(self.celsius);
-        let is_tuned = matches!(self.control, Loop::Relay(_));
-        // A thermometer alone has no heater that could fail to reach its target.
-        let target = if self.settings.is_heated { self.target } else { 0.0 };
-        self.safety.check(&self.settings, celsius, target, self.power, is_tuned)
-    }
-
-    /// Works out the power for the next sample. A heater without a temperature has none.
-    fn control(&mut self, fan_power: u8) {
-        self.power = match (self.celsius, &mut self.control) {
-            (None, _) => 0.0,
-            (Some(_), _) if !self.settings.is_heated => 0.0,
-            (Some(celsius), Loop::Pid(pid)) => pid.power(&self.settings.gains, celsius, self.target, fan_power),
-            (Some(celsius), Loop::Relay(relay)) => {
-                let power = relay.power(celsius, self.target);
-                if relay.has_ended() {
-                    self.target = 0.0;
-                }
-                power
-            }
-        };
-    }
-
-    fn off(&mut self) {
-        self.target = 0.0;
-        self.power = 0.0;
-        match &mut self.control {
-            Loop::Pid(pid) => pid.reset(),
-            Loop::Relay(_) => self.control = Loop::Pid(Pid::new()),
-        }
-    }
-}
 
 /// Nozzles of further tools.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -162,6 +41,8 @@ struct FurtherNozzle {
     channel: Option<Channel>,
     /// It is that of the selected tool.
     is_selected: bool,
+    /// What blows at it.
+    fan: FanOutput,
 }
 
 /// Heaters of every machine, but for those of further tools: the first ones in the order of their index.
@@ -174,7 +55,7 @@ pub struct HeatControl<M: Part = Present, T: Part = Present> {
     channels: [Option<Channel>; USUAL],
     further: T::Of<FurtherNozzle>,
     /// In force for the heaters that it has models of.
-    models: M::Of<Models>,
+    models: M::Of<Models<T>>,
     fault: Option<HeatFault>,
     fan_table: FanTable,
     fans: FanControl,
@@ -205,8 +86,8 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         let further = if T::PRESENT { channel(Heater::Nozzle1) } else { None };
         Self {
             channels,
-            further: T::of(FurtherNozzle { channel: further, is_selected: false }),
-            models: M::of(Models::NONE),
+            further: T::of(FurtherNozzle { channel: further, is_selected: false, fan: FanOutput::Part }),
+            models: M::of(Models::none()),
             fault: None,
             fan_table,
             fans: FanControl::new(),
@@ -230,11 +111,11 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         let told = self.fault.is_some();
         self.fault = self.fault.or(found);
         let mut demand = self.fan_demand;
-        if channels::<T>(&mut self.channels, &mut self.further)
-            .any(|(_, channel)| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
-            || self.models().is_some_and(Models::wants_fan)
-        {
-            demand.powers[FanOutput::Part.index()] = u8::MAX;
+        let wanting = channels::<T>(&mut self.channels, &mut self.further)
+            .find(|(_, channel)| matches!(&channel.control, Loop::Relay(relay) if relay.wants_fan()))
+            .map(|(heater, _)| heater);
+        if let Some(heater) = wanting.or_else(|| self.models().and_then(Models::wants_fan)) {
+            demand.powers[self.fan_at(heater).index()] = u8::MAX;
         }
         let heated = Heated {
             nozzle_celsius: self.hottest_nozzle(),
@@ -244,15 +125,17 @@ impl<M: Part, T: Part> HeatControl<M, T> {
             is_halted: self.is_halted || self.fault.is_some(),
             has_supply: self.has_supply(),
         };
-        let fan_power = self.fans.update(&self.fan_table, &demand, &heated, board);
+        let part_power = self.fans.update(&self.fan_table, &demand, &heated, board);
         match self.fault {
             Some(_) => self.halt(),
             None => {
-                let melts = !self.has_nozzles() || self.nozzle() == Heater::Nozzle;
+                let melting = self.nozzle();
+                let power_at_further = self.fans.power(self.fan_at(Heater::Nozzle1));
                 for (heater, channel) in channels::<T>(&mut self.channels, &mut self.further) {
                     let (celsius, power) = (channel.celsius, channel.power);
+                    let fan_power = if heater == Heater::Nozzle1 { power_at_further } else { part_power };
                     let modelled = M::get_mut(&mut self.models).and_then(|models| {
-                        models.power(heater, celsius?, &mut channel.target, power, (fan_power, melts))
+                        models.power(heater, celsius?, &mut channel.target, power, (fan_power, heater == melting))
                     });
                     match modelled {
                         Some(power) => channel.power = power,
@@ -318,7 +201,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    fn models(&self) -> Option<&Models> {
+    fn models(&self) -> Option<&Models<T>> {
         M::get(&self.models)
     }
 
@@ -328,21 +211,36 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
+    /// The fan that blows at a heater.
+    fn fan_at(&self, heater: Heater) -> FanOutput {
+        match T::get(&self.further) {
+            Some(further) if heater == Heater::Nozzle1 => further.fan,
+            _ => FanOutput::Part,
+        }
+    }
+
+    /// The second nozzle has this fan for what it prints, in the place of the first one's.
+    pub fn set_nozzle_fan(&mut self, fan: FanOutput) {
+        if let Some(further) = T::get_mut(&mut self.further) {
+            further.fan = fan;
+        }
+    }
+
     /// The model that controls a heater; `None` if a PID loop does.
     pub fn model(&self, heater: Heater) -> Option<HeaterModel> {
         self.models()?.model(heater)
     }
 
-    /// Lets models control the nozzle's and the bed's heater, where there are any.
-    pub fn set_models(&mut self, models: &[Option<HeaterModel>; 2]) {
-        for (heater, model) in Heater::ALL.into_iter().zip(models) {
-            if let Some(model) = model {
-                self.set_model(heater, *model);
+    /// Lets models control the heaters that have one.
+    pub fn set_models(&mut self, model: impl Fn(Heater) -> Option<HeaterModel>) {
+        for heater in Heater::ALL {
+            if let Some(model) = model(heater) {
+                self.set_model(heater, model);
             }
         }
     }
 
-    /// Lets a model control the nozzle or the bed from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
+    /// Lets a model control a nozzle or the bed from the next [`Self::update`] on, or changes it. The caller keeps it within its ranges.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
         if let Some(models) = M::get_mut(&mut self.models) {
             models.set_model(heater, model);

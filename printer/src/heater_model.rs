@@ -9,6 +9,7 @@ use crate::part::Part;
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::in_range;
+use crate::tuning::table_of;
 
 /// A constant of a line, if it has one.
 fn set(constant: &mut f32, word: char, value: Option<Decimal>, [low, high]: [f64; 2]) -> Result<(), CommandError> {
@@ -47,7 +48,10 @@ impl<P: Ports> Printer<'_, P> {
                 return Err(CommandError::HeaterControl("M306 has words that cannot be read: nothing has changed"));
             }
         };
-        let heater = if words.of_bed { Heater::Bed } else { Heater::Nozzle };
+        if self.is_for_no_tool(words.tool) {
+            return Err(CommandError::InvalidTool(words.tool.unwrap_or_default().into()));
+        }
+        let heater = if words.of_bed { Heater::Bed } else { self.nozzle_of(words.tool)? };
         let Some(before) = self.heating.model(heater) else {
             return Err(CommandError::HeaterControl(
                 "M306: a PID loop controls this heater: M301, M303 and M304, or give it a control_model in the profile",
@@ -61,7 +65,7 @@ impl<P: Ports> Printer<'_, P> {
         set(&mut model.capacity_j_per_k, 'C', words.capacity, HeaterModel::CAPACITY_J_PER_K)?;
         set(&mut model.sensor_per_s, 'R', words.sensor, HeaterModel::SENSOR_PER_S)?;
         set(&mut model.loss_w_per_k, 'A', words.loss, HeaterModel::LOSS_W_PER_K)?;
-        if heater == Heater::Nozzle {
+        if heater.is_nozzle() {
             let [_, most] = HeaterModel::LOSS_W_PER_K;
             set(&mut model.fanned_loss_w_per_k, 'F', words.fanned_loss, HeaterModel::LOSS_W_PER_K)?;
             // The fan does not warm.
@@ -72,7 +76,7 @@ impl<P: Ports> Printer<'_, P> {
         } else {
             model.fanned_loss_w_per_k = model.loss_w_per_k;
         }
-        if words == (HeaterModelWords { of_bed: words.of_bed, ..HeaterModelWords::default() }) {
+        if words == (HeaterModelWords { of_bed: words.of_bed, tool: words.tool, ..HeaterModelWords::default() }) {
             self.report_model(heater, &model);
         } else {
             self.heating.set_model(heater, model);
@@ -84,10 +88,11 @@ impl<P: Ports> Printer<'_, P> {
     fn report_model(&self, heater: Heater, model: &HeaterModel) {
         let [p, c, r, a, f, h] = shown(model);
         match heater {
-            Heater::Nozzle => self.replies.say(format_args!("echo:M306 E0 P{p} C{c} R{r} A{a} F{f} H{h}")),
-            Heater::Bed | Heater::Chamber | Heater::Nozzle1 => {
-                self.replies.say(format_args!("echo:M306 E-1 P{p} C{c} R{r} A{a}"))
+            Heater::Nozzle | Heater::Nozzle1 => {
+                let extruder = u8::from(heater == Heater::Nozzle1);
+                self.replies.say(format_args!("echo:M306 E{extruder} P{p} C{c} R{r} A{a} F{f} H{h}"));
             }
+            Heater::Bed | Heater::Chamber => self.replies.say(format_args!("echo:M306 E-1 P{p} C{c} R{r} A{a}")),
         }
     }
 
@@ -108,11 +113,11 @@ impl<P: Ports> Printer<'_, P> {
         };
         self.replies.send(Reply::Text("MPC Autotune finished!"));
         self.report_model(heater, &model);
-        let name = if heater == Heater::Nozzle { "nozzle" } else { "bed" };
+        let name = table_of(heater);
         let [power, capacity, sensor, loss, fanned, filament] = shown(&model);
         self.replies.say(format_args!("echo:[{name}.control_model]: power_w = {power}, capacity_j_per_k = {capacity}"));
         self.replies.say(format_args!("echo:[{name}.control_model]: loss_w_per_k = {loss}, sensor_per_s = {sensor}"));
-        if heater == Heater::Nozzle {
+        if heater.is_nozzle() {
             self.replies.say(format_args!(
                 "echo:[{name}.control_model]: fanned_loss_w_per_k = {fanned}, filament_j_per_k_mm = {filament}"
             ));

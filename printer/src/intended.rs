@@ -1,7 +1,7 @@
 //! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that have an effect on other machines
 //! only.
 
-use ferrostep_gcode::{AxisWords, BedCommand, Command, Decimal, Remark, Remarks, WaitTarget};
+use ferrostep_gcode::{AxisWords, BedCommand, Command, Decimal, DriverWords, Remark, Remarks, WaitTarget};
 
 use crate::error::CommandError;
 use crate::ports::{Motion, Ports};
@@ -37,6 +37,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             Command::Backlash(_) if !self.has_backlash() => remarks.add(Remark::NoBacklash),
             Command::Supply(_) if !self.has_supply() => remarks.add(Remark::NoSupply),
+            Command::ChamberGains(_) if !self.has_chamber() => remarks.add(Remark::NoChamber),
             Command::SetChamber(_) | Command::WaitChamber(_)
                 if self.profile.chamber.is_none() && !asks_for_cold(command) =>
             {
@@ -50,7 +51,14 @@ impl<P: Ports> Printer<'_, P> {
             Command::FlowPercent(tool, _) | Command::PressureAdvance(tool, _) if self.is_for_no_tool(*tool) => {
                 remarks.add(Remark::OtherTool);
             }
-            Command::StepsPerMm(tool, _) if self.is_for_no_tool(*tool) => remarks.add(Remark::OtherTool),
+            Command::StepsPerMm(tool, _)
+            | Command::StealthChop { tool, .. }
+            | Command::DriverCurrent(DriverWords { tool, .. })
+            | Command::StallThreshold(DriverWords { tool, .. })
+                if self.is_for_no_tool(*tool) =>
+            {
+                remarks.add(Remark::OtherTool);
+            }
             Command::ToolOffset { .. } if !self.profile.has_tools() => remarks.add(Remark::OtherTool),
             Command::SetOutput { .. } if !self.has_outputs() => remarks.add(Remark::NoOutputs),
             Command::SetLight { .. } if !self.has_light() => remarks.add(Remark::NoLight),

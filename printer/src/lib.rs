@@ -19,6 +19,7 @@ mod black_box;
 mod bltouch;
 mod button;
 mod card;
+mod change_macros;
 mod command_kind;
 mod debounce;
 mod dispatch;

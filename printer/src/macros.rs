@@ -16,7 +16,7 @@ const NO_PLACE: &str = "0";
 pub(crate) type MacroLine = heapless::String<MACRO_LINE>;
 
 /// A macro that is called.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Call<'a> {
     name: &'static str,
     /// The parameters, each with its default.
@@ -60,6 +60,13 @@ fn find<'a>(macros: &'static str, text: &'a str) -> Option<Call<'a>> {
         }
     }
     None
+}
+
+impl<'a> Call<'a> {
+    /// The same with these words.
+    pub fn with(self, words: &'a str) -> Self {
+        Self { words, ..self }
+    }
 }
 
 impl Call<'_> {

@@ -1,6 +1,6 @@
 //! The machine as numbers, from a profile file or a board's constants.
 
-use ferrostep_hal_shim::{Heater, SpareConnector};
+use ferrostep_hal_shim::{FanOutput, Heater, SpareConnector};
 use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::surface::MeshInterpolation;
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
@@ -15,7 +15,7 @@ use crate::fans::FanTable;
 use crate::heat::{HeaterModel, PidGains};
 use crate::power_loss::SupplySignal;
 use crate::skew::Skew;
-use crate::tools::{ToolHeater, Tools};
+use crate::tools::{FurtherTool, ToolHeater, Tools};
 use crate::z_motors::{Kept, ZAlignment, ZMotors};
 
 /// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
@@ -510,6 +510,26 @@ impl Profile {
             Some(Kept(tools)) => tools.own_heater(),
             None => None,
         }
+    }
+
+    /// The model that controls a heater; `None` if a PID loop does.
+    pub const fn control_model(&self, heater: Heater) -> Option<HeaterModel> {
+        let [nozzle, bed] = self.control_models;
+        match heater {
+            Heater::Nozzle => nozzle,
+            Heater::Bed => bed,
+            Heater::Chamber => None,
+            Heater::Nozzle1 => match self.tool_heater() {
+                Some(tool) => tool.control_model,
+                None => None,
+            },
+        }
+    }
+
+    /// The fan that blows at what the second tool prints.
+    pub fn tool_fan(&self) -> FanOutput {
+        let tool = self.tools.and_then(|Kept(tools)| tools.get(1));
+        tool.map_or(FanOutput::Part, FurtherTool::part_fan)
     }
 
     /// This machine's heaters on the virtual board, cold.

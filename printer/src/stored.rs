@@ -14,7 +14,7 @@ use ferrostep_gcode::{Reply, SettingsCommand};
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::MotionChoice;
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
-use ferrostep_tmc2209::DriverSettings;
+use ferrostep_tmc2209::{DriverSettings, SECOND_EXTRUDER};
 
 use crate::part::{Part, Present};
 use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
@@ -195,7 +195,12 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The settings of the drivers that can be set.
     fn live_drivers(&self) -> [Option<DriverSettings>; 4] {
-        [0, 1, 2, 3].map(|motor| Some(self.drivers?.report(motor)?.settings))
+        [0, 1, 2, 3].map(|motor| self.live_driver(motor))
+    }
+
+    /// The settings of a motor's driver, if it can be set.
+    fn live_driver(&self, motor: usize) -> Option<DriverSettings> {
+        Some(self.drivers?.report(motor)?.settings)
     }
 
     /// The settings in force.
@@ -237,11 +242,19 @@ impl<'a, P: Ports> Printer<'a, P> {
             offset_10nm: of_tool.offset_10nm,
             advance: advance_numbers(&of_tool.advance),
             gains: (self.equipment.heaters && self.heating.has_nozzles()).then(|| self.heating.gains(Heater::Nozzle1)),
+            model: self.heating.model(Heater::Nozzle1),
+            driver: self.live_driver(SECOND_EXTRUDER),
         })
     }
 
     fn profile_values(&self) -> Values<PartsOf<P>> {
-        Values::of_profile(self.profile, &self.live_drivers(), self.equipment.heaters)
+        let mut values = Values::of_profile(self.profile, &self.live_drivers(), self.equipment.heaters);
+        if let Some(tool) = values.tool()
+            && self.live_driver(SECOND_EXTRUDER).is_none()
+        {
+            tool.driver = None;
+        }
+        values
     }
 
     /// M503.

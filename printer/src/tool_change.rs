@@ -32,7 +32,7 @@ const OF_FIRST: &str = "M218: T0's nozzle is where all offsets begin: set T1's";
 const WITH_FIRST: &str = "a prepared job is for T0: send T0 first";
 
 /// Whether the machine may have several tools.
-type ToolsPart<P> = <<P as Ports>::Motion as Motion>::Tools;
+pub(crate) type ToolsPart<P> = <<P as Ports>::Motion as Motion>::Tools;
 
 /// A change whose end has been found possible. Places are the carriage's, as the G-code would ask for them with T0.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +47,7 @@ struct Change {
 
 impl<'a, P: Ports> Printer<'a, P> {
     /// The tools beside T0.
-    fn further_tools(&self) -> Option<&'a Tools> {
+    pub(crate) fn further_tools(&self) -> Option<&'a Tools> {
         if !ToolsPart::<P>::PRESENT {
             return None;
         }
@@ -95,7 +95,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     ///
     /// # Errors
     /// There is none with this number.
-    fn tool(&self, tool: Option<u8>) -> Result<u8, CommandError> {
+    pub(crate) fn tool(&self, tool: Option<u8>) -> Result<u8, CommandError> {
         match tool {
             None => Ok(self.selected_tool()),
             Some(tool) if self.has_tool(tool.into()) => Ok(tool),
@@ -242,7 +242,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.replies.say(format_args!("echo:Active Extruder: {tool}"));
     }
 
-    fn may_change(&self, tool: u8) -> Result<(), CommandError> {
+    /// Refuses a change that cannot begin.
+    pub(crate) fn may_change(&self, tool: u8) -> Result<(), CommandError> {
         if !self.has_tool(tool.into()) {
             return Err(CommandError::Tool(NO_SUCH_TOOL));
         }

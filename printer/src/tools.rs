@@ -4,6 +4,7 @@ use ferrostep_hal_shim::{FanOutput, Heater, SpareConnector};
 use ferrostep_planner::{PressureAdvance, StepsPerMm};
 use ferrostep_tmc2209::DriverSettings;
 
+use crate::heat::HeaterModel;
 use crate::profile::HeaterSettings;
 
 /// The most tools that a machine may have. Each further one needs its heater in [`Heater`], too.
@@ -18,6 +19,8 @@ pub struct ToolHeater {
     pub thermistor: SpareConnector,
     /// Range and control.
     pub settings: HeaterSettings,
+    /// The model that controls it; `None`: a PID loop does.
+    pub control_model: Option<HeaterModel>,
 }
 
 /// A further tool: T1.
@@ -56,6 +59,10 @@ pub struct ToolChange {
     pub prime_10nm: i64,
     /// How fast it pushes both.
     pub prime_10nm_per_s: i64,
+    /// The macro whose lines come before it. It and the next one are called with `FROM` and `TO`, the numbers of the tools.
+    pub before: Option<&'static str>,
+    /// The macro whose lines come after it.
+    pub after: Option<&'static str>,
 }
 
 /// The tools beside T0, and how they are changed.
@@ -98,3 +105,6 @@ impl Tools {
         }
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

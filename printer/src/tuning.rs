@@ -1,6 +1,6 @@
-//! M301, M303 and M304: the gains of heaters, and how they are found. Of a heater with a model M303 finds that ([`crate::heater_model`]).
+//! M301, M303, M304 and M309: the gains of heaters, and how they are found. Of a heater with a model M303 finds that ([`crate::heater_model`]).
 
-use ferrostep_gcode::{Decimal, GainWords, Real, Reply};
+use ferrostep_gcode::{Decimal, GainWords, Real, Reply, TunedHeater};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
@@ -16,6 +16,8 @@ pub(crate) const FULL_POWER: f64 = 255.0;
 /// Targets and cycles where M303 has none: Marlin's.
 const NOZZLE_CELSIUS: f64 = 150.0;
 const BED_CELSIUS: f64 = 70.0;
+/// Marlin's, 35, is too near to a warm room.
+const CHAMBER_CELSIUS: f64 = 50.0;
 const CYCLES: u8 = 5;
 const MIN_CYCLES: u8 = 3;
 
@@ -55,8 +57,18 @@ fn tell_step(replies: &impl Replies, ended: u8, of: u8) {
     replies.say(format_args!(" part: {ended}/{of}"));
 }
 
+/// The profile's table of a heater.
+pub(crate) const fn table_of(heater: Heater) -> &'static str {
+    match heater {
+        Heater::Nozzle => "nozzle",
+        Heater::Nozzle1 => "tools.t1.nozzle",
+        Heater::Bed => "bed",
+        Heater::Chamber => "chamber",
+    }
+}
+
 impl<P: Ports> Printer<'_, P> {
-    /// M301, M304.
+    /// M301, M304, M309.
     pub(crate) fn heater_gains(&mut self, heater: Heater, words: &GainWords) -> Result<(), CommandError> {
         self.needs(self.equipment.heaters, "heaters")?;
         if self.has_model(heater) {
@@ -84,7 +96,31 @@ impl<P: Ports> Printer<'_, P> {
         match heater {
             Heater::Nozzle => self.replies.say(format_args!("echo:M301 P{p} I{i} D{d} F{f}")),
             Heater::Nozzle1 => self.replies.say(format_args!("echo:M301 E1 P{p} I{i} D{d} F{f}")),
-            Heater::Bed | Heater::Chamber => self.replies.say(format_args!("echo:M304 P{p} I{i} D{d}")),
+            Heater::Bed => self.replies.say(format_args!("echo:M304 P{p} I{i} D{d}")),
+            Heater::Chamber => self.replies.say(format_args!("echo:M309 P{p} I{i} D{d}")),
+        }
+    }
+
+    /// The heater that M303 names.
+    pub(crate) fn tuned_heater(&self, of: TunedHeater) -> Result<Heater, CommandError> {
+        match of {
+            TunedHeater::Nozzle(tool) if self.is_for_no_tool(tool) => {
+                Err(CommandError::InvalidTool(tool.unwrap_or_default().into()))
+            }
+            TunedHeater::Nozzle(tool) => self.nozzle_of(tool),
+            TunedHeater::Bed => Ok(Heater::Bed),
+            TunedHeater::Chamber => self.heated_chamber(),
+        }
+    }
+
+    /// The chamber, if it has a heater.
+    fn heated_chamber(&self) -> Result<Heater, CommandError> {
+        match self.heating.chamber_is_heated() {
+            Some(true) => Ok(Heater::Chamber),
+            Some(false) => Err(CommandError::HeaterControl(
+                "the chamber has no heater of its own that could be tuned: the bed warms it",
+            )),
+            None => Err(CommandError::NotEquipped(Heater::Chamber.name())),
         }
     }
 
@@ -171,11 +207,12 @@ impl<P: Ports> Printer<'_, P> {
     fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
         let (mut usual, mut margin, has_fan) = match heater {
             Heater::Nozzle | Heater::Nozzle1 => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
-            Heater::Bed | Heater::Chamber => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
+            Heater::Bed => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
+            Heater::Chamber => (CHAMBER_CELSIUS, BED_MARGIN_CELSIUS, false),
         };
         let settings = self.heater_settings(heater)?;
         let highest = |margin| settings.max_target_celsius.min(settings.max_celsius - margin);
-        if heater == Heater::Nozzle && self.has_model(heater) {
+        if heater.is_nozzle() && self.has_model(heater) {
             margin = STEP_MARGIN_CELSIUS;
             usual = STEP_CELSIUS.min(highest(margin).into());
         }
@@ -187,11 +224,8 @@ impl<P: Ports> Printer<'_, P> {
     /// Reports gains that have been found, as Marlin does and as the profile has them.
     #[inline(never)]
     fn tuned(&mut self, heater: Heater, gains: &PidGains, uses: bool) {
-        let (name, marlins_name) = match heater {
-            Heater::Nozzle => ("nozzle", ""),
-            Heater::Nozzle1 => ("tools.t1.nozzle", ""),
-            Heater::Bed | Heater::Chamber => ("bed", "bed"),
-        };
+        let name = table_of(heater);
+        let marlins_name = if heater.is_nozzle() { "" } else { name };
         self.replies.send(Reply::Text("PID Autotune finished!"));
         for (letter, gain) in [('p', gains.proportional), ('i', gains.integral), ('d', gains.derivative)] {
             self.replies.say(format_args!("#define DEFAULT_{marlins_name}K{letter} {}", marlins(gain)));
@@ -200,7 +234,7 @@ impl<P: Ports> Printer<'_, P> {
         let [p, i, d, f] =
             [gains.proportional, gains.integral, gains.derivative, gains.fan].map(|gain| Real::short(gain, 6));
         self.replies.say(format_args!("echo:{name}: proportional = {p}, integral = {i}, derivative = {d}"));
-        if matches!(heater, Heater::Nozzle | Heater::Nozzle1) {
+        if heater.is_nozzle() {
             self.replies.say(format_args!("echo:{name}: fan_gain = {f}"));
         }
         if uses {

@@ -113,7 +113,7 @@ const CHAMBER: Kind<'static> = Kind {
     watch: HeaterWatch::CHAMBER,
     mass: HeatedMass::CHAMBER,
     mass_in_words: "200 W on 4000 J/K, and what the bed loses",
-    // Full power up to 2 degrees below the target: air is slow, and a chamber has no autotune.
+    // Full power up to 2 degrees below the target: air is slow.
     control: Some(Control {
         gains: PidGains { proportional: 0.5, integral: 0.001, derivative: 0.0, fan: 0.0 },
         window_celsius: 2.0,
@@ -141,9 +141,11 @@ pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
     Some(ChamberSettings { thermistor, heater, settings })
 }
 
-/// The nozzle of a further tool: what it does not say is as T0's.
-pub(crate) fn further_nozzle(table: &Section<'_>, first: &HeaterSettings) -> HeaterSettings {
-    heater_of(table, "tools.t1.nozzle", &Kind { watch: first.watch, mass: first.mass, base: Some(first), ..NOZZLE })
+/// The nozzle of a further tool, and the model that controls it if one does: of its settings what it does not say is as T0's.
+pub(crate) fn further_nozzle(table: &Section<'_>, first: &HeaterSettings) -> (HeaterSettings, Option<HeaterModel>) {
+    const NAME: &str = "tools.t1.nozzle";
+    let kind = Kind { watch: first.watch, mass: first.mass, base: Some(first), ..NOZZLE };
+    (heater_of(table, NAME, &kind), control_model(&table.apart(), NAME))
 }
 
 /// Nozzle and bed, each with the model that controls it if one does.
@@ -260,23 +262,20 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> Heater
 
 /// The gains of a heater's control loop.
 fn gains(heater: &Section<'_>, kind: &Kind<'_>) -> PidGains {
-    let gain = |key, range, about: [&'static str; 2], default: fn(&PidGains) -> f32| {
-        let (field, [found, set]) = (heater.number(key, range), about);
+    let gain = |key, range, about: &'static str, default: fn(&PidGains) -> f32| {
+        let field = heater.number(key, range);
         match (&kind.control, kind.base) {
-            (Some(control), _) => field.or(default(&control.gains).into(), set) as f32,
-            (None, Some(base)) => field.optional(OF_FIRST, found).map_or(default(&base.gains), |gain| gain as f32),
-            (None, None) => field.required(found) as f32,
+            (Some(control), _) => field.or(default(&control.gains).into(), about) as f32,
+            (None, Some(base)) => field.optional(OF_FIRST, about).map_or(default(&base.gains), |gain| gain as f32),
+            (None, None) => field.required(about) as f32,
         }
     };
     PidGains {
-        proportional: gain(
-            "proportional",
-            PROPORTIONAL,
-            ["PID gain; power is 0 to 1 (M303 finds it)", "PID gain; power is 0 to 1"],
-            |gains| gains.proportional,
-        ),
-        integral: gain("integral", INTEGRAL, ["PID gain (M303)", "PID gain"], |gains| gains.integral),
-        derivative: gain("derivative", DERIVATIVE, ["PID gain (M303)", "PID gain"], |gains| gains.derivative),
+        proportional: gain("proportional", PROPORTIONAL, "PID gain; power is 0 to 1 (M303 finds it)", |gains| {
+            gains.proportional
+        }),
+        integral: gain("integral", INTEGRAL, "PID gain (M303)", |gains| gains.integral),
+        derivative: gain("derivative", DERIVATIVE, "PID gain (M303)", |gains| gains.derivative),
         fan: match kind.base {
             Some(base) => {
                 heater.number("fan_gain", FAN).optional(OF_FIRST, FAN_GAIN).map_or(base.gains.fan, |gain| gain as f32)

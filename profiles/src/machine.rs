@@ -163,7 +163,8 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         extrusion: extrusion::extrusion(&apart),
         drivers: drivers.map(|driver| driver.map(|driver| driver.settings)),
     };
-    (profile, [name, model_names, macros::macros(&apart)], budget_of_error)
+    let at_change = tools.map_or([None; 2], |tools| [tools.0.change.before, tools.0.change.after]);
+    (profile, [name, model_names, macros::macros(&apart, at_change)], budget_of_error)
 }
 
 /// What slicers call the machine.

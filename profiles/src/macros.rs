@@ -17,6 +17,11 @@ const MAX_DEPTH: usize = 8;
 const MAX_LINES: usize = 512;
 /// What a parameter without a default is, where its line is read for a trial.
 const TRIAL: &str = "1";
+/// The keys that name macros at a change of the tool, and what they may be.
+const KEYS_AT_CHANGE: [&str; 2] = ["tools.before_change", "tools.after_change"];
+pub(crate) const A_MACRO: &str = "the name of a macro, as in [macro.NAME]";
+/// With what these are called.
+const WORDS_AT_CHANGE: [&str; 2] = ["FROM", "TO"];
 
 /// A macro as it stands in the file.
 struct Macro<'r> {
@@ -53,10 +58,17 @@ impl Flat {
             _ => Ok(()),
         }
     }
+
+    /// What a parameter is where its line is read for a trial.
+    fn trial(&self, key: &str) -> String {
+        let known = self.parameters.iter().find(|(known, _)| known == key);
+        known.and_then(|(_, default)| default.clone()).unwrap_or_else(|| TRIAL.to_owned())
+    }
 }
 
-/// The macros in the form that the printer reads; nothing where one is wrong, which is noted.
-pub(crate) fn macros(keys: &Section<'_>) -> String {
+/// The macros in the form that the printer reads; nothing where one is wrong, which is noted. `at_change` are the names of those before
+/// and after a change of the tool.
+pub(crate) fn macros(keys: &Section<'_>, at_change: [Option<&str>; 2]) -> String {
     let sections = keys.named_sections(
         "macro",
         "NAME",
@@ -72,6 +84,12 @@ pub(crate) fn macros(keys: &Section<'_>) -> String {
             Macro { section, name, lines }
         })
         .collect();
+    let at_change = || KEYS_AT_CHANGE.into_iter().zip(at_change).filter_map(|(key, name)| Some((key, name?)));
+    for (key, name) in at_change() {
+        if !macros.iter().any(|one| one.name.eq_ignore_ascii_case(name)) {
+            keys.refuse(key, A_MACRO);
+        }
+    }
     if macros.is_empty() {
         return String::new();
     }
@@ -81,8 +99,11 @@ pub(crate) fn macros(keys: &Section<'_>) -> String {
     let mut done = BTreeMap::new();
     let mut text = String::new();
     for one in &macros {
-        let Some(flat) = flatten(one, &macros, &mut Vec::new(), &mut done) else { return String::new() };
+        let Some(mut flat) = flatten(one, &macros, &mut Vec::new(), &mut done) else { return String::new() };
         check_lines(one, &flat);
+        for (key, _) in at_change().filter(|(_, name)| one.name.eq_ignore_ascii_case(name)) {
+            check_at_change(keys, key, &mut flat);
+        }
         let _ = write!(text, "#{}", one.name);
         for (key, default) in &flat.parameters {
             let _ = match default {
@@ -243,14 +264,33 @@ fn flatten<'m>(
     Some(flat)
 }
 
+/// Checks a macro that a change of the tool calls with FROM and TO, both of which it then knows.
+fn check_at_change(keys: &Section<'_>, shown: &str, flat: &mut Flat) {
+    for key in WORDS_AT_CHANGE {
+        if !flat.parameters.iter().any(|(known, _)| known == key) {
+            flat.parameters.push((key.to_owned(), Some("0".to_owned())));
+        }
+    }
+    let is_given = |key: &str| WORDS_AT_CHANGE.contains(&key);
+    if let Some((key, _)) = flat.parameters.iter().find(|(key, default)| default.is_none() && !is_given(key)) {
+        keys.refuse(
+            shown,
+            format!("a macro that needs no words but FROM and TO: this one needs {key}=, give it a default"),
+        );
+    }
+    let changes_tool = |line: &str| {
+        let trial = replaced(line, |key| flat.trial(key));
+        matches!(parse(&trial), Ok(Command::SelectTool { tool: Some(_), .. }))
+    };
+    if let Some((place, line)) = flat.lines.iter().find(|(_, line)| changes_tool(line)) {
+        keys.refuse(shown, format!("a macro that does not change the tool itself: its line {place} is \"{line}\""));
+    }
+}
+
 /// Reads each line for a trial, with the defaults. Lines of other macros have been read there; here their words may be others.
 fn check_lines(one: &Macro<'_>, flat: &Flat) {
-    let value = |key: &str| {
-        let known = flat.parameters.iter().find(|(known, _)| known == key);
-        known.and_then(|(_, default)| default.clone()).unwrap_or_else(|| TRIAL.to_owned())
-    };
     for (place, line) in &flat.lines {
-        let trial = replaced(line, value);
+        let trial = replaced(line, |key| flat.trial(key));
         let expected = match parse(&trial) {
             _ if trial.len() > MACRO_LINE => format!("at most {MACRO_LINE} characters"),
             Err(error) => format!("what can be executed: {error}"),

@@ -9,6 +9,7 @@ use ferrostep_printer::{
 };
 
 use crate::axes::units_10nm;
+use crate::macros::A_MACRO;
 use crate::z_motors::SOCKETS;
 use crate::{drivers, heaters, motion};
 
@@ -67,6 +68,12 @@ pub(crate) fn tools(keys: &Section<'_>, first: &First<'_>) -> Option<Kept<Tools>
             "filament that a tool pushes when it is selected, beyond what it had drawn back",
         ),
         prime_10nm_per_s: length("prime_mm_per_s", FILAMENT_SPEED, 20.0, "how fast it pushes both"),
+        before: name_of_macro(
+            &table,
+            "before_change",
+            "a [macro](tools.md#macros-at-a-change) whose lines come before it",
+        ),
+        after: name_of_macro(&table, "after_change", "a macro whose lines come after it"),
     };
     let mut further = [None; MAX_TOOLS - 1];
     for (tool, name) in further.iter_mut().zip(TABLES) {
@@ -74,6 +81,12 @@ pub(crate) fn tools(keys: &Section<'_>, first: &First<'_>) -> Option<Kept<Tools>
     }
     // A profile is kept for ever.
     Some(Kept(Box::leak(Box::new(Tools { further, change }))))
+}
+
+/// The name of a macro, which a profile has for ever. [`macros`](crate::macros) checks it.
+fn name_of_macro(table: &Section<'_>, key: &'static str, about: &'static str) -> Option<&'static str> {
+    let name = table.text(key, A_MACRO, |name| !name.is_empty()).optional("none", about)?;
+    Some(Box::leak(name.into_boxed_str()))
 }
 
 fn further_tool(table: &Section<'_>, name: &'static str, first: &First<'_>) -> FurtherTool {
@@ -141,7 +154,8 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
             table.refuse(key, format!("another one: {} is the chamber's", connector.name()));
         }
     }
-    Some(ToolHeater { heater, thermistor, settings: settings.unwrap_or(*first.nozzle) })
+    let (settings, control_model) = settings.unwrap_or((*first.nozzle, None));
+    Some(ToolHeater { heater, thermistor, settings, control_model })
 }
 
 /// The fan that blows at what it prints.

@@ -29,7 +29,8 @@ impl DeskHeat {
         let mut heaters = profile.virtual_heaters();
         // The first temperatures are there before the first command.
         let mut control: HeatControl = HeatControl::new(profile.heaters(), profile.fans, &mut heaters);
-        control.set_models(&profile.control_models);
+        control.set_models(|heater| profile.control_model(heater));
+        control.set_nozzle_fan(profile.tool_fan());
         if let Some(supply) = profile.power_supply {
             control.set_supply(supply.on_at_start);
             heaters.set_supply(supply.on_at_start);

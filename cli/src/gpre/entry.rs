@@ -50,6 +50,7 @@ impl Passed {
                     | Command::WaitChamber(_)
                     | Command::NozzleGains(..)
                     | Command::BedGains(_)
+                    | Command::ChamberGains(_)
                     | Command::MotionChoice { .. }
                     | Command::InputShaper { .. }
                     | Command::PressureAdvance(..)

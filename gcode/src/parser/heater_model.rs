@@ -9,6 +9,8 @@ use crate::{Decimal, ParseError};
 pub struct HeaterModelWords {
     /// E-1: of the bed.
     pub of_bed: bool,
+    /// E: of this extruder's nozzle; without it of the selected one's.
+    pub tool: Option<u8>,
     /// T: the constants are to be found.
     pub tunes: bool,
     /// P: power of the heater at full, W.
@@ -37,10 +39,12 @@ impl HeaterModelWords {
         let tunes = words.has(b'T');
         let [power, capacity, sensor, loss, fanned_loss, filament] = b"PCRAFH".map(|letter| words.value(letter));
         drop(words);
-        let model = Self { of_bed: extruder == Some(-1), tunes, power, capacity, sensor, loss, fanned_loss, filament };
-        let only_tunes = Self { of_bed: model.of_bed, tunes, ..Self::default() };
-        if !remarks.is_empty() || !matches!(extruder, None | Some(0 | -1)) || tunes && model != only_tunes {
-            let words = "E0 (nozzle) or E-1 (bed), with T alone or with P, C, R, A, F, H and their numbers";
+        let (of_bed, tool) = (extruder == Some(-1), extruder.and_then(|extruder| u8::try_from(extruder).ok()));
+        let model = Self { of_bed, tool, tunes, power, capacity, sensor, loss, fanned_loss, filament };
+        let only_tunes = Self { of_bed, tool, tunes, ..Self::default() };
+        let is_known = extruder.is_none() || of_bed || tool.is_some();
+        if !remarks.is_empty() || !is_known || tunes && model != only_tunes {
+            let words = "E0 or E1 (nozzle) or E-1 (bed), with T alone or with P, C, R, A, F, H and their numbers";
             return Err(ParseError::WordsExpected { command: "M306", words });
         }
         Ok(model)
@@ -59,6 +63,7 @@ mod tests {
         let Ok(Command::HeaterModel { words, .. }) = parse(line) else { panic!("{line}") };
         let number = |text: &str| Some(Decimal::parse(text.as_bytes()).unwrap());
         let model = HeaterModelWords {
+            tool: Some(0),
             power: number("40"),
             capacity: number("16.7"),
             sensor: number("0.22"),
@@ -71,11 +76,13 @@ mod tests {
         assert_eq!(HeaterModelWords::read(""), Ok(HeaterModelWords::default()));
         let tuned = HeaterModelWords { of_bed: true, tunes: true, ..HeaterModelWords::default() };
         assert_eq!(HeaterModelWords::read(" E-1 T"), Ok(tuned));
+        let second = HeaterModelWords { tool: Some(1), tunes: true, ..HeaterModelWords::default() };
+        assert_eq!(HeaterModelWords::read(" E1 T"), Ok(second));
     }
 
     #[test]
     fn other_words_are_refused() {
-        for words in [" E1 P40", " E-2", " T P40", " X3", " P", " Pnan", " 40", " T S1"] {
+        for words in [" E-2", " T P40", " X3", " P", " Pnan", " 40", " T S1"] {
             assert!(HeaterModelWords::read(words).is_err(), "{words}");
         }
     }

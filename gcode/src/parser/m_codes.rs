@@ -5,7 +5,7 @@ use super::pressure_advance;
 use crate::remarks::{Remark, Remarks};
 use crate::{
     AxisWords, BacklashWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords, GainWords, ParseError,
-    PrintClockCommand, RetractionWords, SettingsCommand, SkewCommand, SupplyCommand, WaitTarget,
+    PrintClockCommand, RetractionWords, SettingsCommand, SkewCommand, SupplyCommand, TunedHeater, WaitTarget,
 };
 
 /// Maximum interval of M113 and M155, seconds.
@@ -204,7 +204,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let (tool, [x, y, z]) = (words.tool(b'T'), b"XYZ".map(|axis| words.value(axis)));
             Ok(Command::ToolOffset { tool, offset: AxisWords { x, y, z, e: None } })
         }
-        301 | 304 => gains(code, remarks),
+        301 | 304 | 309 => gains(code, remarks),
         303 => autotune(code, remarks),
         306 => Ok(Command::HeaterModel { text: code.text.trim_matches([' ', '\t']), words: code.rest }),
         // ANCHOR: m302
@@ -292,7 +292,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
     }
 }
 
-/// M301 and M304. C and L of M301, what the filament takes, have no effect; its H is RepRapFirmware's, 0 is the bed.
+/// M301, M304 and M309. C and L of M301, what the filament takes, have no effect; its H is RepRapFirmware's, 0 is the bed.
 fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let mut is_nozzle = code.number == 301;
@@ -308,21 +308,29 @@ fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     let [proportional, integral, derivative] = b"PID".map(|letter| words.value(letter));
     let fan = if is_nozzle { words.value(b'F') } else { None };
     let gains = GainWords { proportional, integral, derivative, fan };
-    Ok(if is_nozzle { Command::NozzleGains(tool, gains) } else { Command::BedGains(gains) })
+    Ok(match code.number {
+        309 => Command::ChamberGains(gains),
+        _ if is_nozzle => Command::NozzleGains(tool, gains),
+        _ => Command::BedGains(gains),
+    })
 }
 
-/// M303: E is Marlin's word, -1 is the bed, H RepRapFirmware's, 0 is the bed.
+/// M303: E is Marlin's word, -1 is the bed and -2 the chamber, H RepRapFirmware's, 0 is the bed.
 fn autotune<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
-    let (of_bed, tool) = match (words.whole(b'E'), words.whole(b'H')) {
-        (Some(tool @ 0..), None) => (false, Some(u8::try_from(tool).unwrap_or(u8::MAX))),
-        (None, Some(1) | None) => (false, None),
-        (Some(-1), None) | (None, Some(0)) => (true, None),
-        _ => return Err(ParseError::WordsExpected { command: "M303", words: "E0 or H1 (nozzle), E-1 or H0 (bed)" }),
+    let of = match (words.whole(b'E'), words.whole(b'H')) {
+        (Some(tool @ 0..), None) => TunedHeater::Nozzle(Some(u8::try_from(tool).unwrap_or(u8::MAX))),
+        (None, Some(1) | None) => TunedHeater::Nozzle(None),
+        (Some(-1), None) | (None, Some(0)) => TunedHeater::Bed,
+        (Some(-2), None) => TunedHeater::Chamber,
+        _ => {
+            let words = "E0 or H1 (nozzle), E-1 or H0 (bed), E-2 (chamber)";
+            return Err(ParseError::WordsExpected { command: "M303", words });
+        }
     };
     let cycles = words.whole_to(b'C', MAX_CYCLES)?;
     let uses = words.flag(b'U');
-    Ok(Command::Autotune { of_bed, tool, target: words.not_negative(b'S')?, cycles, uses })
+    Ok(Command::Autotune { of, target: words.not_negative(b'S')?, cycles, uses })
 }
 
 fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
@@ -429,14 +437,15 @@ fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>
     if on.is_some() && motors.is_empty() {
         return Err(ParseError::WordsExpected { command: "M569", words: "X, Y, Z or E" });
     }
-    Ok(Command::StealthChop { motors, on })
+    Ok(Command::StealthChop { motors, tool: words.tool(b'T'), on })
 }
 
 /// M906 and M914.
 fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<DriverWords, ParseError> {
     let mut words = code.words(remarks)?;
+    let tool = words.tool(b'T');
     let mut number = |letter| words.whole_up_to(letter, high);
-    Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')? })
+    Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')?, tool })
 }
 
 /// M106 and M107. Slicers write powers such as 252.45, which are rounded.

@@ -1,14 +1,12 @@
 //! A print of G-code from the card.
 
-use ferrostep_gcode::{
-    CardCommand, Checksum, Command, Line, LineError, LineReader, Remarks, Reply, parse_with_remarks,
-};
+use ferrostep_gcode::{CardCommand, Checksum, Command, Line, LineError, LineReader, Reply};
 
 use super::print::{Bytes, End, HostLines};
 use crate::error::{CommandError, Failure};
 use crate::filament::lays;
 use crate::ports::{Motion, Ports, Replies, temperatures};
-use crate::printer::{Printer, Source};
+use crate::printer::{Answer, Printer, Source};
 
 /// Most bytes taken from the card's task at once.
 const CHUNK_BYTES: usize = 64;
@@ -100,16 +98,35 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Executes a line's text without an `ok`, because no host has sent it.
     async fn execute_from_card(&mut self, number: u32, line_start: u32, text: &str) -> Result<(), Failure> {
-        let mut remarks = Remarks::NONE;
-        let command = parse_with_remarks(text, &mut remarks).map_err(Failure::Parse)?;
-        if !remarks.is_empty() {
-            self.remark(number, text, &remarks);
+        self.source = Source::Card;
+        // A pause must act within seconds.
+        self.motion.set_bounded_in_time(true);
+        self.signals.set_at_work(true);
+        if self.motion.take_switched_off() {
+            self.interpreter.modal.forget_home(0b1111);
         }
+        let outcome = self.execute_lines(number, text, Some(line_start)).await;
+        self.follow_height();
+        self.signals.set_at_work(self.is_paused());
+        self.note_paused();
+        outcome.map(|_| ()).map_err(|(failure, _)| failure)
+    }
+
+    /// What comes before a command of the card's file, whose line begins at `line_start`.
+    ///
+    /// # Errors
+    /// It is about the card.
+    pub(crate) fn begin_card_command(
+        &mut self,
+        number: u32,
+        line_start: u32,
+        command: &Command<'_>,
+    ) -> Result<Answer, CommandError> {
         match command {
             // An `ok` for M105 would make hosts lose count.
             Command::ReportTemperatures => {
                 self.replies.send(Reply::Temperatures(temperatures(&self.heating)));
-                return Ok(());
+                return Ok(Answer::Given);
             }
             Command::Card(
                 CardCommand::Pause
@@ -120,22 +137,12 @@ impl<P: Ports> Printer<'_, P> {
                 | CardCommand::KeepPlace(_),
             ) => {}
             Command::Card(_) | Command::ReceiveJob { .. } | Command::BlackBox { .. } => {
-                return Err(Failure::Command(CommandError::CardInUse));
+                return Err(CommandError::CardInUse);
             }
             _ => {}
         }
-        self.source = Source::Card;
-        // A pause must act within seconds.
-        self.motion.set_bounded_in_time(true);
-        self.signals.set_at_work(true);
-        if self.motion.take_switched_off() {
-            self.interpreter.modal.forget_home(0b1111);
-        }
-        self.keep_place(number, line_start, lays(&command));
-        let outcome = self.command_with_signs_of_life(&command).await;
-        self.follow_height();
-        self.signals.set_at_work(self.is_paused());
-        self.note_paused();
-        outcome.map(|_| ()).map_err(Failure::Command)
+        // A print that goes on begins with a whole line of the file, and so with the first line of a macro.
+        self.keep_place(number, line_start, lays(command) && !self.is_in_macro);
+        Ok(Answer::Ok)
     }
 }

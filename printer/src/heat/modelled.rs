@@ -5,34 +5,54 @@ use ferrostep_hal_shim::Heater;
 use super::filament_speed::FilamentSpeed;
 use super::model::{Cooling, HeaterModel, ModelLoop};
 use super::step_response::{StepProgress, StepResponse};
+use crate::part::Part;
 
-/// The nozzle's and the bed's models, one step response, and the filament.
+/// A heater that may be controlled by a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Models {
-    /// `None`: a PID loop controls the heater.
-    models: [Option<HeaterModel>; 2],
-    loops: [ModelLoop; 2],
+struct Modelled {
+    /// `None`: a PID loop controls it.
+    model: Option<HeaterModel>,
+    control: ModelLoop,
+}
+
+impl Modelled {
+    const NONE: Self = Self { model: None, control: ModelLoop::new() };
+}
+
+/// The models of the nozzle, the bed and, with several nozzles (`T`), the second one's; one step response, and the filament.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Models<T: Part> {
+    /// The nozzle's and the bed's, by their index.
+    usual: [Modelled; 2],
+    further: T::Of<Modelled>,
     step: Option<(Heater, StepResponse)>,
     filament: FilamentSpeed,
 }
 
-impl Models {
+impl<T: Part> Models<T> {
     /// None.
-    pub const NONE: Self =
-        Self { models: [None; 2], loops: [ModelLoop::new(); 2], step: None, filament: FilamentSpeed::NONE };
+    pub fn none() -> Self {
+        Self { usual: [Modelled::NONE; 2], further: T::of(Modelled::NONE), step: None, filament: FilamentSpeed::NONE }
+    }
+
+    fn of(&self, heater: Heater) -> Option<&Modelled> {
+        match heater {
+            Heater::Nozzle1 => T::get(&self.further),
+            _ => self.usual.get(heater.index()),
+        }
+    }
 
     /// The model that controls a heater.
     pub fn model(&self, heater: Heater) -> Option<HeaterModel> {
-        self.models.get(heater.index()).copied()?
+        self.of(heater)?.model
     }
 
-    /// Sets the model of the nozzle or the bed. The loop of another one begins anew: what it had found is that model's error.
+    /// Sets the model of a nozzle or the bed. The loop of another one begins anew: what it had found is that model's error.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
-        if let (Some(place), Some(control)) = (self.models.get_mut(heater.index()), self.loops.get_mut(heater.index()))
-            && *place != Some(model)
+        if let Some(place) = place::<T>(&mut self.usual, &mut self.further, heater)
+            && place.model != Some(model)
         {
-            *place = Some(model);
-            *control = ModelLoop::new();
+            *place = Modelled { model: Some(model), control: ModelLoop::new() };
         }
     }
 
@@ -51,9 +71,9 @@ impl Models {
         self.step = None;
     }
 
-    /// Whether a step response wants the part-cooling fan at full power.
-    pub fn wants_fan(&self) -> bool {
-        self.step.as_ref().is_some_and(|(_, step)| step.wants_fan())
+    /// The heater whose step response wants its part-cooling fan at full power.
+    pub fn wants_fan(&self) -> Option<Heater> {
+        self.step.as_ref().filter(|(_, step)| step.wants_fan()).map(|(heater, _)| *heater)
     }
 
     /// How far the step response of a heater has come.
@@ -71,8 +91,8 @@ impl Models {
         power: f32,
         (fan_power, melts): (u8, bool),
     ) -> Option<f32> {
-        let model = self.model(heater)?;
-        let control = self.loops.get_mut(heater.index())?;
+        let Modelled { model, control } = place::<T>(&mut self.usual, &mut self.further, heater)?;
+        let model = (*model)?;
         let Some((_, step)) = self.step.as_mut().filter(|(of, _)| *of == heater) else {
             let filament_mm_per_s = if melts { self.filament.mm_per_s() } else { 0.0 };
             let cooling = Cooling { fan_power, filament_mm_per_s };
@@ -84,5 +104,17 @@ impl Models {
             *control = ModelLoop::new();
         }
         Some(wanted)
+    }
+}
+
+/// The place of a heater's model.
+fn place<'a, T: Part>(
+    usual: &'a mut [Modelled; 2],
+    further: &'a mut T::Of<Modelled>,
+    heater: Heater,
+) -> Option<&'a mut Modelled> {
+    match heater {
+        Heater::Nozzle1 => T::get_mut(further),
+        _ => usual.get_mut(heater.index()),
     }
 }

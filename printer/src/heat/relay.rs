@@ -18,7 +18,9 @@ pub const HALF_WIDTH_CELSIUS: f32 = 0.25;
 const UNCOUNTED_CYCLES: u8 = 1;
 
 /// Longest time between two switchings, samples: 20 minutes, Marlin's.
-const MAX_HALF_CYCLE_SAMPLES: u32 = 20 * 60 * 100;
+pub const MAX_HALF_CYCLE_SAMPLES: u32 = 20 * 60 * 100;
+/// The same of a chamber, whose walls are warmed as well: an hour.
+pub const MAX_HALF_CYCLE_OF_CHAMBER_SAMPLES: u32 = 3 * MAX_HALF_CYCLE_SAMPLES;
 
 /// Times of several cycles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -67,7 +69,7 @@ pub enum RelayProgress {
     },
     /// It has ended.
     Found(RelayFindings),
-    /// A half of a cycle has taken more than 20 minutes, or the swing says nothing.
+    /// A half of a cycle has taken more than 20 minutes, of a chamber an hour, or the swing says nothing.
     Failed,
 }
 
@@ -133,8 +135,8 @@ impl Relay {
         self.has_fan && self.ended >= self.part() && !self.has_ended()
     }
 
-    /// Power for the next sample: 0 or 1.
-    pub fn power(&mut self, celsius: f32, target: f32) -> f32 {
+    /// Power for the next sample: 0 or 1. It fails where a half of a cycle takes more than `longest_samples`.
+    pub fn power(&mut self, celsius: f32, target: f32, longest_samples: u32) -> f32 {
         if self.has_ended() {
             return 0.0;
         }
@@ -145,7 +147,7 @@ impl Relay {
                 self.highest = celsius;
             }
             self.lowest = self.lowest.min(celsius);
-            self.has_failed = self.on > MAX_HALF_CYCLE_SAMPLES;
+            self.has_failed = self.on > longest_samples;
         } else {
             self.off += 1;
             self.highest = self.highest.max(celsius);
@@ -153,7 +155,7 @@ impl Relay {
                 self.end_cycle();
                 self.lowest = celsius;
             }
-            self.has_failed = self.off > MAX_HALF_CYCLE_SAMPLES;
+            self.has_failed = self.off > longest_samples;
         }
         f32::from(u8::from(self.is_on && !self.has_failed))
     }

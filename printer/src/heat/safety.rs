@@ -13,7 +13,7 @@
 //! | transistor failed closed | [`Trip::RisesUnpowered`], or [`Trip::TooHot`] | with the power at 0, a quarter of the watch period and 10 degrees |
 //! | the same, of a heater too weak to rise | [`Trip::StaysHotUnpowered`] | 10 minutes above 80 degrees without power |
 //! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
-//! | the same, while an autotune heats | [`Trip::Frozen`] | 5 s |
+//! | the same, while an autotune heats | [`Trip::Frozen`] | 5 s, of a chamber a minute |
 
 use core::fmt;
 
@@ -46,6 +46,9 @@ const POWER_THAT_SHOWS: f32 = 0.05;
 /// The longest time that a reading may stay the same while an autotune heats at full power: a nozzle of 5 degrees a second would
 /// become far too hot in the runaway period.
 const TUNED_MS: u32 = 5_000;
+/// The same of a chamber, whose air takes that long for a step of its reading where the heater hardly reaches the target, and becomes 3
+/// degrees warmer meanwhile.
+const TUNED_CHAMBER_MS: u32 = 60_000;
 
 /// A fault that a check has found; temperatures in degrees Celsius.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,7 +190,7 @@ impl Safety {
             self.check_unpowered(&settings.watch, celsius, power)?;
             self.check_cooling(celsius, power)?;
         }
-        self.check_same(&settings.watch, celsius, power, is_tuned)
+        self.check_same(settings, celsius, power, is_tuned)
     }
 
     /// A new target begins a new phase; [`Self::check_phase`] says in the same sample whether it is reached already. It gives
@@ -275,7 +278,7 @@ impl Safety {
 
     /// At the target the reading must change when the power does, and always in an autotune. On the way there the watch notices
     /// a frozen reading.
-    fn check_same(&mut self, watch: &HeaterWatch, celsius: f32, power: f32, is_tuned: bool) -> Result<(), Trip> {
+    fn check_same(&mut self, settings: &HeaterSettings, celsius: f32, power: f32, is_tuned: bool) -> Result<(), Trip> {
         let (same_celsius, same_power) = self.changed;
         if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {
             self.changed = (celsius, power);
@@ -283,7 +286,11 @@ impl Safety {
         } else if is_tuned || self.unanswered > 0 || (power - same_power).abs() >= POWER_THAT_SHOWS {
             self.unanswered = self.unanswered.saturating_add(1);
         }
-        let longest_ms = if is_tuned && power > 0.0 { TUNED_MS } else { watch.runaway_ms };
+        let longest_ms = match is_tuned && power > 0.0 {
+            true if settings.is_warmed_by_others => TUNED_CHAMBER_MS,
+            true => TUNED_MS,
+            false => settings.watch.runaway_ms,
+        };
         if self.unanswered >= longest_ms / SAMPLE_MS {
             return Err(Trip::Frozen(celsius));
         }

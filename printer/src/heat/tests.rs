@@ -12,6 +12,7 @@ mod tuning;
 use ferrostep_thermistor::{Thermistor, ThermistorType};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
+use super::safety::Trip;
 use super::*;
 use crate::FanSettings;
 use crate::profile::HeaterWatch;

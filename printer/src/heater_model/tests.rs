@@ -1,5 +1,7 @@
 //! M306, and the gains' commands beside a model, at a machine whose heaters are models.
 
+mod second_nozzle;
+
 use std::string::String;
 use std::vec;
 use std::vec::Vec;
@@ -52,8 +54,8 @@ fn absurd_constants_are_refused_by_name_and_nothing_changes() {
         ("M306 P50 F0.05", "F: 0.05 is out of range, expected 0.068"),
         ("M306 A0.1", "F: 0.097"),
         ("M306 P50 Cnan", "C: \"nan\" is not a number"),
-        ("M306 P50 X3", "M306: expected E0 (nozzle) or E-1 (bed)"),
-        ("M306 E1 P50", "M306: expected E0 (nozzle) or E-1 (bed)"),
+        ("M306 P50 X3", "M306: expected E0 or E1 (nozzle) or E-1 (bed)"),
+        ("M306 E1 P50", "this machine has one extruder, T0"),
         ("M306 T P50", "with T alone"),
         ("M306 E-1 P50", "a PID loop controls this heater"),
         ("M306 E-1 T", "a PID loop controls this heater"),

@@ -1,5 +1,8 @@
 //! The command that sets each setting that a machine keeps, between which limits, and by which name a memory knows it.
 
+mod of_models;
+mod of_tools;
+
 use core::fmt::{self, Display, Formatter, Write};
 
 use ferrostep_gcode::Real;
@@ -7,14 +10,13 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::{AxisShaper, PressureAdvance};
 
-use super::values::{MM, Parts, Place, ToolValues, Values};
-use crate::heat::{HeaterModel, PidGains};
+use super::values::{MM, Parts, Place, Values};
+use crate::heat::PidGains;
 use crate::home_offset::LARGEST_MM;
 use crate::part::Part;
 use crate::profile::{PauseSettings, SafeHoming};
 use crate::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
 use crate::skew::Skew;
-use crate::tool_change::LARGEST_OFFSET_10NM;
 use crate::tuning::FULL_POWER;
 
 /// A setting: one value, or one for each of its letters.
@@ -58,9 +60,10 @@ const STEPS: [f64; 2] = [1.0, 10_000.0];
 const LENGTHS: [f64; 2] = [0.0, 100.0];
 /// The slowest and the fastest feed of M207 and M208.
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
+/// mA.
+const CURRENT: [f64; 2] = [0.0, 3000.0];
 const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
-const OFFSET: [f64; 2] = [-(LARGEST_OFFSET_10NM as f64) / MM, LARGEST_OFFSET_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
 
 impl<M: Parts> Group<M> {
@@ -241,7 +244,7 @@ impl<M: Parts> Group<M> {
             code: "M906",
             heading: "echo:; Stepper driver current:",
             axes: None,
-            settings: &[setting("drivers.*.current_ma", AXES, [0.0, 3000.0], |values, motor| {
+            settings: &[setting("drivers.*.current_ma", AXES, CURRENT, |values, motor| {
                 values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Whole(&mut driver.current_ma))
             })],
         },
@@ -298,123 +301,6 @@ impl<M: Parts> Group<M> {
         },
     ];
 
-    /// Those of the heaters' models.
-    const OF_MODELS: &'static [Self] = &[
-        Self {
-            code: "M306 E0",
-            heading: "echo:; Model predictive control:",
-            axes: None,
-            settings: &[
-                setting("nozzle.control_model.power_w", "P", HeaterModel::POWER_W, |values, _| {
-                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.power_w))
-                }),
-                setting("nozzle.control_model.capacity_j_per_k", "C", HeaterModel::CAPACITY_J_PER_K, |values, _| {
-                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.capacity_j_per_k))
-                }),
-                setting("nozzle.control_model.sensor_per_s", "R", HeaterModel::SENSOR_PER_S, |values, _| {
-                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.sensor_per_s))
-                }),
-                setting("nozzle.control_model.loss_w_per_k", "A", HeaterModel::LOSS_W_PER_K, |values, _| {
-                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.loss_w_per_k))
-                }),
-                setting("nozzle.control_model.fanned_loss_w_per_k", "F", HeaterModel::LOSS_W_PER_K, |values, _| {
-                    values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.fanned_loss_w_per_k))
-                }),
-                setting(
-                    "nozzle.control_model.filament_j_per_k_mm",
-                    "H",
-                    HeaterModel::FILAMENT_J_PER_K_MM,
-                    |values, _| {
-                        values.model_of(Heater::Nozzle).map(|model| Place::Single(&mut model.filament_j_per_k_mm))
-                    },
-                ),
-            ],
-        },
-        Self {
-            code: "M306 E-1",
-            heading: "echo:; Model predictive control of the bed:",
-            axes: None,
-            settings: &[
-                setting("bed.control_model.power_w", "P", HeaterModel::POWER_W, |values, _| {
-                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.power_w))
-                }),
-                setting("bed.control_model.capacity_j_per_k", "C", HeaterModel::CAPACITY_J_PER_K, |values, _| {
-                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.capacity_j_per_k))
-                }),
-                setting("bed.control_model.sensor_per_s", "R", HeaterModel::SENSOR_PER_S, |values, _| {
-                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.sensor_per_s))
-                }),
-                setting("bed.control_model.loss_w_per_k", "A", HeaterModel::LOSS_W_PER_K, |values, _| {
-                    values.model_of(Heater::Bed).map(|model| Place::Single(&mut model.loss_w_per_k))
-                }),
-            ],
-        },
-    ];
-
-    /// Those of a second tool.
-    const OF_TOOLS: &'static [Self] = &[
-        Self {
-            code: "M92 T1",
-            heading: "echo:; Steps per unit of T1:",
-            axes: None,
-            settings: &[setting("tools.t1.steps_per_mm", "E", STEPS, |values, _| {
-                values.tool().map(|tool| Place::Number(&mut tool.extruder_steps_per_mm))
-            })],
-        },
-        Self {
-            code: "M218 T1",
-            heading: "echo:; Hotend offsets (mm):",
-            axes: None,
-            settings: &[setting("tools.t1.offset_mm.*", "XYZ", OFFSET, |values, axis| {
-                values.tool()?.offset_10nm.get_mut(axis).map(Place::Length)
-            })],
-        },
-        Self {
-            code: "M572 D1",
-            heading: "echo:; Pressure Advance of T1:",
-            axes: None,
-            settings: &[
-                setting("tools.t1.pressure_advance.seconds", "S", [0.0, PressureAdvance::MAX_SECONDS], |values, _| {
-                    values.tool()?.advance.get_mut(0).map(Place::Optional)
-                }),
-                setting("tools.t1.pressure_advance.smooth_time_s", "W", PressureAdvance::SMOOTH_TIME_S, |values, _| {
-                    values.tool()?.advance.get_mut(1).map(Place::Optional)
-                }),
-                setting(
-                    "tools.t1.pressure_advance.above.seconds",
-                    "L",
-                    [0.0, PressureAdvance::MAX_SECONDS],
-                    |values, _| values.tool()?.advance.get_mut(2).map(Place::Optional),
-                ),
-                setting(
-                    "tools.t1.pressure_advance.above.filament_mm_per_s",
-                    "T",
-                    PressureAdvance::FILAMENT_MM_PER_S,
-                    |values, _| values.tool()?.advance.get_mut(3).map(Place::Optional),
-                ),
-            ],
-        },
-        Self {
-            code: "M301 E1",
-            heading: "echo:; Hotend PID of T1:",
-            axes: None,
-            settings: &[
-                gain("tools.t1.nozzle.proportional", "P", PidGains::PROPORTIONAL, |values, _| {
-                    of_tool(values, |gains| &mut gains.proportional)
-                }),
-                gain("tools.t1.nozzle.integral", "I", PidGains::INTEGRAL, |values, _| {
-                    of_tool(values, |gains| &mut gains.integral)
-                }),
-                gain("tools.t1.nozzle.derivative", "D", PidGains::DERIVATIVE, |values, _| {
-                    of_tool(values, |gains| &mut gains.derivative)
-                }),
-                gain("tools.t1.nozzle.fan_gain", "F", PidGains::FAN, |values, _| {
-                    of_tool(values, |gains| &mut gains.fan)
-                }),
-            ],
-        },
-    ];
-
     /// The play of drives.
     const OF_BACKLASH: &'static [Self] = &[Self {
         code: "M425",
@@ -435,17 +321,12 @@ impl<M: Parts> Group<M> {
 
     /// All that a machine may have.
     pub fn all() -> impl Iterator<Item = &'static Self> {
+        let of_tool_models = if M::Models::PRESENT && M::Tools::PRESENT { Self::OF_TOOL_MODELS } else { &[] };
         let of_models = if M::Models::PRESENT { Self::OF_MODELS } else { &[] };
         let of_tools = if M::Tools::PRESENT { Self::OF_TOOLS } else { &[] };
         let of_backlash = if M::Backlash::PRESENT { Self::OF_BACKLASH } else { &[] };
-        Self::GROUPS.iter().chain(of_models).chain(of_tools).chain(of_backlash)
+        Self::GROUPS.iter().chain(of_models).chain(of_tools).chain(of_tool_models).chain(of_backlash)
     }
-}
-
-/// A gain of T1's own heater.
-fn of_tool<M: Parts>(values: &mut Values<M>, gain: fn(&mut PidGains) -> &mut f32) -> Option<Place<'_>> {
-    let ToolValues { gains, .. } = values.tool()?;
-    gains.as_mut().map(|gains| Place::Single(gain(gains)))
 }
 
 /// A gain of a heater: the profile's powers are 0 to 1.

@@ -2,8 +2,9 @@
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth_ticks};
+use ferrostep_tmc2209::{SECOND_EXTRUDER, motor_name};
 
-use super::values::{Values, advance_of};
+use super::values::{ToolValues, Values, advance_of};
 use super::{PartsOf, Stored};
 use crate::axis_names::AXIS_NAMES;
 use crate::part::Part;
@@ -36,6 +37,12 @@ impl<P: Ports> Printer<'_, P> {
                 mend("tools.t1.pressure_advance", ' ');
             }
         }
+        if let (Some(ToolValues { driver: Some(driver), .. }), Some(other)) = (values.tool(), of_profile.tool())
+            && self.drivers.is_some_and(|drivers| drivers.check(SECOND_EXTRUDER, driver).is_err())
+        {
+            *driver = other.driver.unwrap_or(*driver);
+            mend("tools.t1.driver", ' ');
+        }
         for (axis, (shaper, other)) in values.shapers.iter_mut().zip(of_profile.shapers).enumerate() {
             if !is_possible(shaper, smooth_time_s) {
                 *shaper = other;
@@ -54,6 +61,13 @@ impl<P: Ports> Printer<'_, P> {
         {
             *model = self.profile.control_models[Heater::Nozzle.index()].unwrap_or(*model);
             mend("nozzle.control_model", ' ');
+        }
+        if <P::Heating as Heating>::Models::PRESENT
+            && let Some(ToolValues { model: Some(model), .. }) = values.tool()
+            && !model.is_possible()
+        {
+            *model = self.profile.control_model(Heater::Nozzle1).unwrap_or(*model);
+            mend("tools.t1.nozzle.control_model", ' ');
         }
         if values.pressure_advance().check().is_err() {
             values.advance = of_profile.advance;
@@ -111,12 +125,15 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     fn put_drivers_in_force(&mut self, values: &Values<PartsOf<P>>) {
         let Some(bank) = self.drivers else { return };
-        for (motor, settings) in values.drivers.iter().enumerate() {
+        let of_tool = match <P::Motion as Motion>::Tools::get(&values.tool) {
+            Some(Some(ToolValues { driver: Some(driver), .. })) => Some((SECOND_EXTRUDER, *driver)),
+            _ => None,
+        };
+        let usual = values.drivers.iter().enumerate().filter_map(|(motor, settings)| Some((motor, (*settings)?)));
+        for (motor, settings) in usual.chain(of_tool) {
             let before = bank.report(motor).map(|report| report.settings);
-            if let Some(settings) = settings.filter(|settings| Some(*settings) != before)
-                && bank.set(motor, settings).is_err()
-            {
-                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", AXIS_NAMES[motor]));
+            if Some(settings) != before && bank.set(motor, settings).is_err() {
+                self.replies.say(format_args!("echo:settings: drivers.{} cannot be set", motor_name(motor)));
             }
         }
     }
@@ -131,6 +148,9 @@ impl<P: Ports> Printer<'_, P> {
             (extruder_steps_per_mm, pressure_advance) = self.put_tools_in_force(first, second, of_tool.offset_10nm);
             if let Some(gains) = of_tool.gains {
                 self.heating.set_gains(Heater::Nozzle1, gains);
+            }
+            if let Some(model) = of_tool.model {
+                self.heating.set_model(Heater::Nozzle1, model);
             }
         }
         // At standstill it cannot fail.

@@ -1,6 +1,7 @@
 //! Settings on a machine with a probe and four drivers that can be set.
 
 mod models;
+mod tool_drivers;
 
 use core::cell::{Cell, RefCell};
 
@@ -28,11 +29,11 @@ const DRIVER: DriverSettings = DriverSettings {
     both_edges: false,
 };
 
-/// Four drivers that take up to 900 mA.
+/// Drivers that take up to 900 mA.
 #[derive(Debug)]
-struct Bank([Cell<DriverSettings>; 4]);
+struct Bank<const N: usize>([Cell<DriverSettings>; N]);
 
-impl MotorDrivers for Bank {
+impl<const N: usize> MotorDrivers for Bank<N> {
     fn state(&self, _: usize) -> Option<DriverState> {
         Some(DriverState::Confirmed)
     }
@@ -94,7 +95,7 @@ fn usual(profile: &mut Profile) {
     profile.limits.instantaneous_corner_velocity_mm_per_s = [f64::INFINITY, f64::INFINITY, 5.0, 10.0];
 }
 
-fn rig() -> (Rig, Bank) {
+fn rig() -> (Rig, Bank<4>) {
     let rig = Rig::new(|profile| {
         usual(profile);
         profile.homing[2].sensor = HomeSensor::Probe;
@@ -111,7 +112,7 @@ fn rig() -> (Rig, Bank) {
     (rig, Bank([const { Cell::new(DRIVER) }; 4]))
 }
 
-fn printer<'a>(rig: &'a Rig, bank: &'a Bank, memory: Option<&'a Memory>) -> RigPrinter<'a> {
+fn printer<'a>(rig: &'a Rig, bank: &'a Bank<4>, memory: Option<&'a Memory>) -> RigPrinter<'a> {
     let mut printer = rig.printer();
     printer.set_drivers(bank);
     if let Some(memory) = memory {
@@ -484,6 +485,14 @@ fn names_are_distinct_and_stay() {
         "skew.xz.factor",
         "skew.yz.factor",
         "steps_per_mm.e",
+        "tools.t1.driver.current_ma",
+        "tools.t1.driver.stealth_chop",
+        "tools.t1.nozzle.control_model.capacity_j_per_k",
+        "tools.t1.nozzle.control_model.fanned_loss_w_per_k",
+        "tools.t1.nozzle.control_model.filament_j_per_k_mm",
+        "tools.t1.nozzle.control_model.loss_w_per_k",
+        "tools.t1.nozzle.control_model.power_w",
+        "tools.t1.nozzle.control_model.sensor_per_s",
         "tools.t1.nozzle.derivative",
         "tools.t1.nozzle.fan_gain",
         "tools.t1.nozzle.integral",

@@ -40,6 +40,10 @@ pub(crate) struct ToolValues {
     pub advance: [Option<f64>; 4],
     /// Of the heater of its own nozzle.
     pub gains: Option<PidGains>,
+    /// The model that controls it instead.
+    pub model: Option<HeaterModel>,
+    /// Of its motor, where that can be set.
+    pub driver: Option<DriverSettings>,
 }
 
 /// All of them, of the running machine or of a profile.
@@ -145,6 +149,8 @@ fn tool_of_profile(profile: &Profile, has_heaters: bool) -> Option<ToolValues> {
         offset_10nm: tool.offset_10nm,
         advance: advance_numbers(&tool.advance),
         gains: tool.heater.filter(|_| has_heaters).map(|heater| heater.settings.gains),
+        model: profile.control_model(Heater::Nozzle1),
+        driver: tool.driver,
     })
 }
 

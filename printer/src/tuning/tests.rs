@@ -11,7 +11,7 @@ use std::vec::Vec;
 use std::{format, vec};
 
 use ferrostep_gcode::Reply;
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
 use crate::heat::{
@@ -33,11 +33,19 @@ pub(crate) struct World {
 
 impl World {
     pub(crate) fn new() -> Self {
+        Self::with(|_| {})
+    }
+
+    /// With another profile.
+    pub(crate) fn with(change: impl FnOnce(&mut crate::profile::Profile)) -> Self {
         let rig = Rig::new(|profile| {
             profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
+            change(profile);
         });
         let mut heaters = rig.profile.virtual_heaters();
-        let control = HeatControl::new(rig.profile.heaters(), rig.profile.fans, &mut heaters);
+        let mut control: HeatControl = HeatControl::new(rig.profile.heaters(), rig.profile.fans, &mut heaters);
+        control.set_models(|heater| rig.profile.control_model(heater));
+        control.set_nozzle_fan(rig.profile.tool_fan());
         let heat = RefCell::new((control, heaters));
         Self { heat, now_ms: Cell::new(0), signals: Signals::new(), texts: RefCell::default(), rig }
     }
@@ -48,6 +56,10 @@ impl World {
 
     pub(crate) fn change(&mut self, change: impl FnOnce(&mut crate::profile::Profile)) {
         change(&mut self.rig.profile);
+    }
+
+    pub(crate) fn profile(&self) -> &crate::profile::Profile {
+        &self.rig.profile
     }
 
     pub(crate) fn signals(&self) -> &Signals {
@@ -73,6 +85,14 @@ impl World {
         self.heat.borrow().0.model(heater)
     }
 
+    fn gains(&self, heater: Heater) -> PidGains {
+        self.heat.borrow().0.gains(heater)
+    }
+
+    pub(crate) fn fan_power(&self, output: FanOutput) -> u8 {
+        self.heat.borrow().0.fan(output).power
+    }
+
     pub(crate) fn target(&self, heater: Heater) -> f32 {
         self.heat.borrow().0.status(heater).target_celsius
     }
@@ -91,6 +111,18 @@ impl Heating for Warm<'_> {
     }
     fn status(&self, heater: Heater) -> HeaterStatus {
         self.0.heat.borrow().0.status(heater)
+    }
+    fn has_nozzles(&self) -> bool {
+        self.0.heat.borrow().0.has_nozzles()
+    }
+    fn nozzle(&self) -> Heater {
+        self.0.heat.borrow().0.nozzle()
+    }
+    fn select_nozzle(&mut self, heater: Heater) {
+        self.0.heat.borrow_mut().0.select_nozzle(heater);
+    }
+    fn chamber_is_heated(&self) -> Option<bool> {
+        self.0.heat.borrow().0.chamber_is_heated()
     }
     fn all_off(&mut self) {
         self.0.heat.borrow_mut().0.all_off();
@@ -340,4 +372,61 @@ fn a_target_out_of_range_and_a_print_refuse_it() {
     execute(&world, &mut printer, "M303 S200", |_| {});
     let said = world.said();
     assert!(said[0].contains("M303 is for an idle printer"), "{said:?}");
+}
+
+/// A chamber with a heater, or a thermometer alone.
+fn with_chamber(is_heated: bool) -> World {
+    use ferrostep_hal_shim::SpareConnector;
+    World::with(|profile| {
+        let settings = crate::profile::HeaterSettings {
+            max_celsius: 80.0,
+            max_target_celsius: 70.0,
+            watch: crate::profile::HeaterWatch::CHAMBER,
+            mass: HeatedMass { dead_time_s: 10.0, sensor_lag_s: 20.0, ..HeatedMass::CHAMBER },
+            is_heated,
+            is_warmed_by_others: true,
+            ..profile.bed
+        };
+        let heater = is_heated.then_some(SpareConnector::Nozzle1);
+        profile.chamber =
+            Some(crate::profile::ChamberSettings { thermistor: SpareConnector::Nozzle1, heater, settings });
+    })
+}
+
+#[test]
+fn m303_finds_the_gains_of_a_chamber() {
+    let world = with_chamber(true);
+    let before = world.gains(Heater::Chamber);
+    let mut printer = world.printer();
+    execute(&world, &mut printer, "M303 E-2 S45 C3 U", |second| {
+        assert!(second != 5 || world.target(Heater::Chamber) == 45.0 && world.target(Heater::Bed) == 0.0);
+    });
+    let said = world.said();
+    let at = said.iter().position(|text| text == "PID Autotune finished!").unwrap();
+    let [p, _, _, m309, last, ok] = &said[at + 1..] else { panic!("{said:?}") };
+    assert!(p.starts_with("#define DEFAULT_chamberKp ") && m309.starts_with("echo:M309 P"), "{said:?}");
+    assert!(last.starts_with("echo:chamber: proportional = ") && ok == "ok", "{said:?}");
+    let found = world.gains(Heater::Chamber);
+    assert!(found != before && world.target(Heater::Chamber) == 0.0);
+    // The line that it has said sets the same.
+    assert_eq!(say(&world, m309.strip_prefix("echo:").unwrap()), ["ok"]);
+    assert_eq!(say(&world, "M309"), vec![m309.clone(), String::from("ok")]);
+    assert_eq!(say(&world, "M309 P25.5 I0.255 D0"), ["ok"]);
+    let PidGains { proportional, .. } = world.gains(Heater::Chamber);
+    assert!((proportional - 0.1).abs() < 1e-6);
+    // 10 degrees below the maximum, and not above the highest target.
+    assert!(say(&world, "M303 E-2 S75")[0].contains("S: 75 is out of range, expected 40 to 70"));
+}
+
+#[test]
+fn a_chamber_without_a_heater_is_refused_by_name() {
+    for (world, why) in [
+        (with_chamber(false), "the chamber has no heater of its own that could be tuned: the bed warms it"),
+        (World::new(), "chamber"),
+    ] {
+        let said = say(&world, "M303 E-2 S50");
+        assert!(said[0].starts_with("echo:line 1: ") && said[0].contains(why), "{said:?}");
+        assert_eq!(world.target(Heater::Chamber), 0.0);
+    }
+    assert_eq!(say(&World::new(), "M309 P20").last().unwrap(), "ok");
 }

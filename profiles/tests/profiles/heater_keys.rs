@@ -112,3 +112,29 @@ fn others_are_refused_by_name() {
         assert!(error.contains(message), "{error}");
     }
 }
+
+/// T1's nozzle has a model of its own, or none, whatever controls T0's.
+#[test]
+fn the_second_nozzle_has_a_model_where_its_table_is() {
+    use ferrostep_hal_shim::Heater;
+    let v6 = "{ power_w = 40, capacity_j_per_k = 16.7, loss_w_per_k = 0.068, sensor_per_s = 0.22 }";
+    let tools = |nozzle: &str| {
+        format!("\n[tools.t1]\nmotor = \"e1\"\noffset_mm = {{ x = 20, y = 0, z = 0 }}\nheater = \"nozzle1\"\n{nozzle}")
+    };
+    let of_first =
+        builtin_text("cartesian").unwrap().replacen("[nozzle]\n", &format!("[nozzle]\ncontrol_model = {v6}\n"), 1);
+    let of_second = tools(&format!("[tools.t1.nozzle]\ncontrol_model = {v6}\n"));
+    for (text, models) in [
+        (of_first.clone() + &tools(""), [true, false]),
+        (builtin_text("cartesian").unwrap().to_owned() + &of_second, [false, true]),
+        (of_first + &of_second, [true, true]),
+    ] {
+        let profile = parse(&text, "two.toml").unwrap();
+        let [nozzle, second] = [Heater::Nozzle, Heater::Nozzle1].map(|heater| profile.control_model(heater));
+        assert_eq!([nozzle.is_some(), second.is_some()], models);
+        assert!(second.is_none_or(|model| model.filament_j_per_k_mm == 0.0054 && model.power_w == 40.0));
+    }
+    let text = builtin_text("cartesian").unwrap().to_owned() + &of_second.replace("16.7", "0.5");
+    let error = parse(&text, "two.toml").unwrap_err().to_string();
+    assert!(error.contains("tools.t1.nozzle.control_model.capacity_j_per_k = 0.5: expected 1 to 20000"), "{error}");
+}

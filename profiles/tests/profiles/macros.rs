@@ -102,3 +102,50 @@ fn what_no_image_could_hold_is_refused() {
     let error = read(&format!("{wide}[macro.A_7]\ngcode = \"G28\"\n")).unwrap_err();
     assert!(error.contains("expected at most 512 lines"), "{error}");
 }
+
+const TOOLS: &str = "[tools.t1]\nmotor = \"e1\"\noffset_mm = { x = 20, y = 0, z = 0 }\n";
+
+/// A profile with two tools, macros at their change, and these macros.
+fn at_change(keys: &str, macros: &str) -> Result<ferrostep_printer::Profile, String> {
+    let text = format!("{}\n[tools]\n{keys}\n{TOOLS}\n{macros}", builtin_text("cartesian").unwrap());
+    parse(&text, "p").map_err(|error| error.to_string().split_once(": ").unwrap().1.to_owned())
+}
+
+#[test]
+fn a_change_of_the_tool_has_macros_that_know_both_tools() {
+    let macros = "[macro.WIPE]\ngcode = \"M117 from T{FROM}\"\n[macro.CLEAN]\ngcode = '''\nG1 X{X=5}\nwipe FROM={FROM} ; again\n'''\n";
+    let profile = at_change("before_change = \"wipe\"\nafter_change = \"CLEAN\"", macros).unwrap();
+    let change = profile.tools.unwrap().0.change;
+    assert_eq!((change.before, change.after), (Some("wipe"), Some("CLEAN")));
+    assert_eq!(
+        profile.macros,
+        "#WIPE FROM TO=0\n1 M117 from T{FROM}\n#CLEAN X=5 FROM TO=0\n1 G1 X{X}\nWIPE:1 M117 from T{FROM}\n"
+    );
+    let none = at_change("", macros).unwrap().tools.unwrap().0.change;
+    assert_eq!((none.before, none.after), (None, None));
+}
+
+#[test]
+fn a_macro_at_a_change_that_cannot_be_one_is_refused() {
+    let change =
+        |line: &str| format!("[macro.WIPE]\ngcode = \"CLEAN\"\n[macro.CLEAN]\ngcode = '''\nG28\n{line}\n'''\n");
+    let no_macro = "the name of a macro, as in [macro.NAME]";
+    let changes = |line: &str| format!("a macro that does not change the tool itself: its line CLEAN:2 is \"{line}\"");
+    let activate = "ACTIVATE_EXTRUDER EXTRUDER=extruder1";
+    for (macros, expected) in [
+        (String::new(), no_macro.to_owned()),
+        ("[macro.OTHER]\ngcode = \"G28\"\n".to_owned(), no_macro.to_owned()),
+        (change("T0"), changes("T0")),
+        (change("T{FROM=1} S1"), changes("T1 S1")),
+        (change(activate), changes(activate)),
+        (
+            "[macro.WIPE]\ngcode = \"M117 {FROM} {PLACE}\"\n".to_owned(),
+            "a macro that needs no words but FROM and TO: this one needs PLACE=, give it a default".to_owned(),
+        ),
+    ] {
+        let error = at_change("after_change = \"WIPE\"", &macros).unwrap_err();
+        assert_eq!(error, format!("tools.after_change = \"WIPE\": expected {expected}"));
+    }
+    // What only names the tool does not change it.
+    at_change("before_change = \"WIPE\"", &change("M104 T1 S0\nT")).unwrap();
+}

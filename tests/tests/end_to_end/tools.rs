@@ -462,3 +462,82 @@ fn a_change_needs_a_session_that_makes_steps_no_more_than_an_estimate() {
     }
     assert_eq!(printer.logical_10nm()[..3], [7_000_000, 5_000_000, 500_000]);
 }
+
+/// A machine with macros at a change.
+fn with_macros(before: &str, after: &str, macros: &str) -> Profile {
+    let keys = format!("before_change = \"{before}\"\nafter_change = \"{after}\"\nlift_mm = 0");
+    parse(&format!("{}\n{macros}", text(&keys, "")), "two.toml").unwrap()
+}
+
+/// What M118 has said, and which tool is selected.
+fn marks(said: &[String]) -> Vec<&str> {
+    said.iter().map(String::as_str).filter(|line| line.starts_with('#') || line.contains("Extruder")).collect()
+}
+
+const SAY: &str = "[macro.BEFORE]\ngcode = '''\nM118 #before {FROM} {TO}\nT\nG1 X100 F6000\n'''\n\
+    [macro.AFTER]\ngcode = '''\nM118 #after {FROM} {TO}\nT\nG1 Y{Y=90}\n'''\n";
+
+#[test]
+fn macros_come_before_and_after_a_change() {
+    let both = "[macro.BOTH]\ngcode = '''\nT1\nM118 #between\nT0\nM118 #end\n'''\n";
+    let machine = machine(&with_macros("BEFORE", "AFTER", &format!("{SAY}{both}")));
+    let mut host = Conversation::new(&machine);
+    run(&mut host, WARM);
+    let said = run(&mut host, "T1");
+    let to_second =
+        ["#before 0 1", "Active Extruder: 0", "echo:Active Extruder: 1", "#after 0 1", "Active Extruder: 1"];
+    let to_first = ["#before 1 0", "Active Extruder: 1", "echo:Active Extruder: 0", "#after 1 0", "Active Extruder: 0"];
+    assert_eq!(marks(&said), to_second);
+    assert_eq!(said.iter().filter(|line| *line == "ok").count(), 1, "{said:?}");
+    // The change is made where the first macro has left the nozzle.
+    assert_eq!(host.position_mm(), [100.0, 90.0, 5.0, 0.0]);
+    // The same tool again, and changes without moves, have none.
+    assert_eq!(marks(&run(&mut host, "T1")), ["echo:Active Extruder: 1"]);
+    assert_eq!(marks(&run(&mut host, "T0 S1")), ["echo:Active Extruder: 0"]);
+    // Within a macro, too.
+    let said = run(&mut host, "BOTH");
+    assert_eq!(marks(&said), [&to_second[..], &["#between"], &to_first[..], &["#end"]].concat());
+    assert_eq!(said.iter().filter(|line| *line == "ok").count(), 1, "{said:?}");
+    // Before all axes are homed nothing moves.
+    run(&mut host, "M18");
+    assert_eq!(marks(&run(&mut host, "T1")), ["echo:Active Extruder: 1"]);
+}
+
+#[test]
+fn a_macro_that_fails_ends_the_change() {
+    let failing = "[macro.FAIL]\ngcode = '''\nM118 #begun\nM104 S{HOT=99}9\nM118 #never\n'''\n\
+        [macro.SWITCH]\ngcode = '''\nT1\nM118 #never\n'''\n[macro.QUIET]\ngcode = \"G4 P1\"\n";
+    for (before, after, selected) in [("FAIL", "QUIET", 0), ("QUIET", "FAIL", 1)] {
+        let machine = machine(&with_macros(before, after, failing));
+        let mut host = Conversation::new(&machine);
+        run(&mut host, WARM);
+        for line in ["T1", "SWITCH"] {
+            host.say("T0 S1");
+            let said = host.say(line);
+            let place =
+                said.iter().position(|said| said.contains("FAIL, line 2: \"M104 S999\" ends the macro")).unwrap();
+            assert_eq!(said[place + 1], format!("Active Extruder: {selected}"), "{said:?}");
+            assert_eq!(
+                said.iter().any(|said| said.contains("SWITCH, line 1: \"T1\" ends the macro")),
+                line == "SWITCH"
+            );
+            assert!(marks(&said).contains(&"#begun") && !marks(&said).contains(&"#never"), "{said:?}");
+            assert_eq!(said.last().unwrap(), "ok");
+            host.finish();
+            assert_eq!(host.say("T"), [format!("Active Extruder: {selected}"), "ok".to_owned()]);
+        }
+    }
+}
+
+/// What cannot begin has no macros: nothing has moved.
+#[test]
+fn a_refused_change_has_no_macros() {
+    let machine = machine(&with_macros("BEFORE", "AFTER", SAY));
+    let mut host = Conversation::new(&machine);
+    run(&mut host, WARM);
+    let before = steps(&machine);
+    let said = host.say("T2");
+    assert!(said.iter().any(|line| line.contains("T0 and T1")) && marks(&said).is_empty(), "{said:?}");
+    host.finish();
+    assert_eq!(steps(&machine), before);
+}

@@ -1,5 +1,6 @@
 //! A chamber: heated by its own heater, by the bed, or by both.
 
+use super::tuning::Noisy;
 use super::*;
 
 /// The reason of a fault.
@@ -117,4 +118,114 @@ fn a_machine_without_a_chamber_has_none() {
     assert_eq!(control.update(&mut board), Ok(()));
     assert_eq!(control.status(Heater::Chamber), HeaterStatus::default());
     assert_eq!((control.chamber_is_heated(), control.relay(Heater::Chamber)), (None, None));
+}
+
+/// Chambers with a heater of their own: estimates of the air with the walls that it warms, the way of the air to the thermistor as a dead
+/// time, and the thermistor's lag in air.
+const CHAMBERS: [(f32, f32, f32, f32, f32); 3] = [
+    // Power in W, J/K, W/K, dead time and lag in s: a desktop printer, one with a weak heater, one of 400 mm.
+    (200.0, 4_000.0, 4.0, 10.0, 20.0),
+    (100.0, 3_000.0, 2.0, 15.0, 30.0),
+    (500.0, 12_000.0, 9.0, 20.0, 40.0),
+];
+
+/// A chamber with a noisy converter, as every real one is: one without noise stands still where the temperature does.
+struct Chamber {
+    control: HeatControl,
+    board: Noisy,
+    seconds: u32,
+}
+
+impl Chamber {
+    fn new((heater_w, capacity_j_per_k, loss_w_per_k, dead_time_s, sensor_lag_s): (f32, f32, f32, f32, f32)) -> Self {
+        let mass =
+            HeatedMass { heater_w, capacity_j_per_k, loss_w_per_k, fan_loss_w_per_k: 0.0, dead_time_s, sensor_lag_s };
+        let chamber = HeaterSettings { mass, ..settings(Heater::Chamber) };
+        let (control, board) = control_of(USUAL.map(settings), [Some(chamber), None], FanSettings::USUAL);
+        Self { control, board: Noisy::new(board, 1.0), seconds: 0 }
+    }
+
+    fn second(&mut self) -> Result<(), HeatFault> {
+        self.seconds += 1;
+        (0..SAMPLES_A_S).try_for_each(|_| {
+            self.board.board.advance(SAMPLE_MS as f32 * 1e-3);
+            self.control.update(&mut self.board)
+        })
+    }
+
+    /// What the thermistor would read without noise, degrees Celsius.
+    fn celsius(&self) -> f32 {
+        self.board.board.thermistor_celsius(Heater::Chamber)
+    }
+
+    /// The gains that M303 finds at a target.
+    fn tuned(&mut self, celsius: f32) -> PidGains {
+        self.control.begin_relay(Heater::Chamber, celsius, 5, false);
+        loop {
+            self.second().unwrap();
+            match self.control.relay(Heater::Chamber) {
+                Some(RelayProgress::Cycles { .. }) => {}
+                Some(RelayProgress::Found(findings)) => return gains_by_relay(&findings, celsius),
+                other => panic!("{other:?} after {} s", self.seconds),
+            }
+        }
+    }
+}
+
+/// Whether the bed warms it meanwhile or not.
+#[test]
+fn tuned_gains_hold_a_chamber_within_half_a_degree() {
+    for model in CHAMBERS {
+        for bed_celsius in [0.0, 35.0] {
+            let mut chamber = Chamber::new(model);
+            chamber.control.set_target(Heater::Bed, bed_celsius);
+            let gains = chamber.tuned(50.0);
+            assert!(chamber.seconds < 2 * 3_600, "{model:?}: {} s", chamber.seconds);
+            for target in [45.0, 50.0, 55.0] {
+                let mut chamber = Chamber::new(model);
+                chamber.control.set_gains(Heater::Chamber, gains);
+                chamber.control.set_target(Heater::Bed, bed_celsius);
+                chamber.control.set_target(Heater::Chamber, target);
+                let mut highest = 0.0_f32;
+                for second in 0..4_800 {
+                    chamber.second().unwrap();
+                    let celsius = chamber.celsius();
+                    highest = highest.max(celsius);
+                    let is_held = second < 3_600 || (celsius - target).abs() < 0.5;
+                    assert!(is_held, "{model:?} {bed_celsius} {gains:?}: {celsius} of {target}");
+                }
+                assert!(highest < target + 1.0, "{model:?} {bed_celsius} {gains:?}: {highest} of {target}");
+            }
+        }
+    }
+}
+
+/// A chamber that is heated for most of an hour is no failed heater, as a bed would be.
+#[test]
+fn a_slow_chamber_is_tuned_too() {
+    let mut chamber = Chamber::new((150.0, 8_000.0, 2.4, 20.0, 40.0));
+    chamber.tuned(60.0);
+    assert!(chamber.seconds > 50 * 60, "{} s", chamber.seconds);
+}
+
+/// But for a transistor that has failed closed, which only the maximum tells from a bed that warms.
+#[test]
+fn what_fails_while_a_chamber_is_tuned_is_noticed() {
+    use HeaterFailure::*;
+    for failure in [Dead, ThermistorFellOut, ThermistorOpen, ThermistorShorted, ThermistorFrozen] {
+        for after_s in [60, 2_400] {
+            let mut chamber = Chamber::new(CHAMBERS[0]);
+            chamber.control.begin_relay(Heater::Chamber, 50.0, 20, false);
+            (0..after_s).for_each(|_| chamber.second().unwrap());
+            chamber.board.board.set_failure(Heater::Chamber, Some(failure));
+            if failure == ThermistorFrozen {
+                chamber.board.deviation = 0.0;
+            }
+            let fault = (0..3_600).find_map(|_| chamber.second().err());
+            let fault = fault.unwrap_or_else(|| panic!("{failure:?} after {after_s} s"));
+            assert_eq!(fault.heater, Heater::Chamber, "{failure:?}");
+            let celsius = chamber.board.board.true_celsius(Heater::Chamber);
+            assert!(celsius < 70.0, "{failure:?} after {after_s} s: {fault}, {celsius}");
+        }
+    }
 }

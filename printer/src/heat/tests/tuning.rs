@@ -22,11 +22,15 @@ pub(super) const MAX_FAN: f32 = 3.0;
 pub(super) struct Noisy {
     pub board: VirtualHeaters,
     /// Standard deviation, the converter's 4096 steps.
-    deviation: f32,
+    pub deviation: f32,
     random: u64,
 }
 
 impl Noisy {
+    pub fn new(board: VirtualHeaters, deviation: f32) -> Self {
+        Self { board, deviation, random: 7 }
+    }
+
     /// About normal with a deviation of 1: the sum of twelve even ones.
     fn normal(&mut self) -> f32 {
         let mut sum = -6.0;
@@ -71,7 +75,7 @@ impl<'a> Bench<'a> {
         let own = &mut all[model.heater.index()];
         (own.mass, own.max_celsius) = (model.mass, if model.heater == Heater::Nozzle { 295.0 } else { 125.0 });
         let (control, board) = control_of(all, [None; 2], FanSettings::USUAL);
-        Self { model, control, board: Noisy { board, deviation, random: 7 }, samples: 0, load: Load::default() }
+        Self { model, control, board: Noisy::new(board, deviation), samples: 0, load: Load::default() }
     }
 
     pub fn sample(&mut self) -> Result<(), HeatFault> {
