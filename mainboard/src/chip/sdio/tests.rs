@@ -334,7 +334,7 @@ fn a_block_comes_when_the_card_has_it() {
         assert_eq!((bench.get(DCOUNT), bench.get(STA) & RXACT), (512, RXACT));
         bench.pass(10 * US);
         let left = bench.get(DCOUNT);
-        assert!(left < 512 && left % 4 == 0, "{left}");
+        assert!(left < 512 && left.is_multiple_of(4), "{left}");
         let mut bytes = Vec::new();
         let begun_ns = bench.now_ns;
         while bytes.len() < 512 {
