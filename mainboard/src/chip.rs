@@ -1,9 +1,9 @@
 //! The chip: an STM32F405, F407 or F446, built from rigless's models and from own models for what rigless lacks.
 //!
 //! rigless's models were written from RM0090 for the STM32F427, of which these chips have a subset: clock tree, supply,
-//! flash interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and TIM8, watchdog, card interface, cycle
-//! counter. Own models are the EXTI and SYSCFG ([`exti`]), the other timers and the connections between timers
-//! ([`timers`]), and USB ([`usb`]). [`map`] lists each chip's instances and memories.
+//! flash interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and TIM8, watchdog, cycle counter. Own models are
+//! the EXTI and SYSCFG ([`exti`]), the other timers and the connections between timers ([`timers`]), USB ([`usb`]), and
+//! the SDIO with a card's slot ([`sdio`]). [`map`] lists each chip's instances and memories.
 //!
 //! **Where an F405, F407 or F446 differs from an F427 and the model is the F427's**
 //!
@@ -23,6 +23,7 @@ mod instances;
 pub mod late_clocks;
 pub mod map;
 mod part;
+pub mod sdio;
 pub mod timers;
 pub mod usb;
 
@@ -41,19 +42,19 @@ use rigless::soc::stm32f427::peripherals::iwdg::Iwdg;
 use rigless::soc::stm32f427::peripherals::pwr::Pwr;
 use rigless::soc::stm32f427::peripherals::rcc::{self, Rcc};
 use rigless::soc::stm32f427::peripherals::rtc::Rtc;
-use rigless::soc::stm32f427::peripherals::sdio::Sdio;
 use rigless::soc::stm32f427::peripherals::usart::Usart;
 use rigless::soc::stm32f427::peripherals::{CONTROLLERS, CONVERTERS};
 use rigless::soc::{Bus, Error};
 use rigless::store;
 use rigless::time::VirtualNanos;
 
-use crate::wiring::Chip as Model;
+use crate::wiring::{CardSlot, Chip as Model};
 use entry::{ClocksF446, ENTRY_NS, Entry};
 use exti::{Exti, Syscfg};
 use instances::{ADVANCED, BASIC, GENERAL, Instance, ONE_CHANNEL, TWO_CHANNELS};
 pub use instances::{PORTS, SERIAL_PORTS};
 use late_clocks::LateClocks;
+use sdio::Sdio;
 use timers::{Advanced, Basic, General, Linked, OneChannel, TwoChannels};
 use usb::Otg;
 
@@ -94,6 +95,7 @@ pub struct Stm32f4 {
     syscfg: Syscfg,
     otg: Otg,
     sdio: Sdio,
+    card_pins: Option<CardSlot>,
     rtc: Rtc,
     dbg: Dbg,
     iwdg: Iwdg,
@@ -130,9 +132,10 @@ store!(Stm32f4 {
         clocks_f446,
         late_clocks,
         halt,
+        sdio,
     ],
-    parts: [usart, dma, sdio, bus],
-    built: [model, wiring],
+    parts: [usart, dma, bus],
+    built: [model, wiring, card_pins],
 });
 
 impl Stm32f4 {
@@ -178,7 +181,8 @@ impl Stm32f4 {
                 Model::F405 | Model::F407 => usb::Core::F405,
                 Model::F446 => usb::Core::F446,
             }),
-            sdio: Sdio::with_clock(0),
+            sdio: Sdio::new(),
+            card_pins: None,
             rtc: Rtc,
             dbg: Dbg,
             iwdg: Iwdg::new(),
@@ -335,6 +339,34 @@ impl Stm32f4 {
         let slot = self.slot(Instance::Otg);
         let (registers, mut context) = self.bus.drive(at, slot);
         cable(&mut self.otg.port(registers, &mut context))
+    }
+
+    /// Connects a slot for a card to these pins.
+    pub fn connect_card(&mut self, slot: CardSlot) {
+        self.card_pins = Some(slot);
+    }
+
+    /// Lends the SDIO with the slot.
+    pub fn card_slot(&mut self) -> &mut Sdio {
+        &mut self.sdio
+    }
+
+    /// Data lines that reach the slot: its pins are at the SDIO's alternate function (RM0090 8.4.1, 8.4.9, DS8626 table 9).
+    fn card_lines(&self) -> u8 {
+        use generated::gpioa::Register::{Afrh, Afrl, Moder};
+        const ALTERNATE: u64 = 0b10;
+        const SDIO: u64 = 12;
+        let Some(slot) = &self.card_pins else { return 0 };
+        let is_connected = |pin: &crate::pins::Pin| {
+            let Some(registers) = self.port_registers(usize::from(pin.port)) else { return false };
+            let function = registers.get(if pin.number < 8 { Afrl } else { Afrh }) >> (4 * (pin.number % 8)) & 0b1111;
+            registers.get(Moder) >> (2 * pin.number) & 0b11 == ALTERNATE && function == SDIO
+        };
+        let [d0, ..] = &slot.data;
+        if ![&slot.clock, &slot.command, d0].into_iter().all(is_connected) {
+            return 0;
+        }
+        if slot.data.iter().all(is_connected) { 4 } else { 1 }
     }
 
     /// The serial port called `instance`.

@@ -17,6 +17,7 @@ use rigless::time::VirtualNanos;
 use crate::chip::Stm32f4;
 use crate::decode::Decoder;
 use crate::host::usb::{State, UsbHost};
+use crate::parts::sd_card::SdCard;
 use crate::plant::Plant;
 use crate::wiring::{Board, Printer};
 use mailbox::Mailbox;
@@ -84,6 +85,9 @@ impl Machine {
             if let Some(line) = chip.serial_port(port) {
                 line.attach(Mailbox::new(one_wire));
             }
+        }
+        if let Some(slot) = board.card {
+            chip.connect_card(slot);
         }
         let plant = Plant::new(board, printer, seed)?;
         Ok(Self {
@@ -250,6 +254,9 @@ impl Machine {
             self.powered = powered;
             self.chip.set_power(VirtualNanos(now_ns), powered);
             self.plant.power_logic(now_ns, powered);
+            if let Some(card) = self.chip.card_slot().card_mut() {
+                card.set_power(now_ns, powered);
+            }
             if !powered {
                 // Pins without supply float: the gates' pull-down resistors switch off.
                 self.plant.release_gates(now_ns);
@@ -258,6 +265,27 @@ impl Machine {
         if powered {
             self.chip.set_supply(millivolts.round() as u32);
         }
+    }
+
+    /// Puts a card into the slot; returns the one that was in it.
+    pub fn insert_card(&mut self, now_ns: u64, card: SdCard) -> Option<SdCard> {
+        self.exchange_card(now_ns, Some(card))
+    }
+
+    /// Pulls the card out of the slot.
+    pub fn pull_card(&mut self, now_ns: u64) -> Option<SdCard> {
+        self.exchange_card(now_ns, None)
+    }
+
+    fn exchange_card(&mut self, now_ns: u64, card: Option<SdCard>) -> Option<SdCard> {
+        self.plant.is_card_inserted = card.is_some();
+        self.plant.refresh_inputs();
+        self.chip.card_slot().exchange(now_ns, card, self.powered)
+    }
+
+    /// The card in the slot.
+    pub fn card(&mut self) -> Option<&mut SdCard> {
+        self.chip.card_slot().card_mut()
     }
 
     /// The number of resets so far.

@@ -15,6 +15,7 @@
 //! | [`adxl345`] | accelerometer: registers, memory, its end of an SPI bus |
 //! | [`bltouch`] | a probe whose pin a servo's pulses move: touches, touch mode, alarm |
 //! | [`at24c32`] | EEPROM: pages, write cycles, its end of an I2C bus |
+//! | [`sd_card`] | memory card: identification, blocks, busy times, faults |
 //! | [`frame`] | the spring between motors and nozzle |
 //! | [`supply`] | rails: sag, cut, return |
 //! | [`random`] | the seeded generator of all noise |
@@ -28,6 +29,7 @@ pub mod frame;
 pub mod heat;
 pub mod motion;
 pub mod random;
+pub mod sd_card;
 pub mod supply;
 pub mod tmc2209;
 pub mod wire;

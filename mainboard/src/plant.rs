@@ -6,6 +6,7 @@
 mod accelerometer;
 mod build;
 mod eeprom;
+mod inputs;
 
 use std::collections::BTreeMap;
 
@@ -26,6 +27,7 @@ use accelerometer::BusWire;
 pub use accelerometer::WiredAccelerometer;
 use eeprom::EepromWire;
 pub use eeprom::WiredEeprom;
+use inputs::Source;
 
 /// The part connected to an output pin of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,27 +108,6 @@ pub struct WiredThermistor {
     pub heater: Option<usize>,
 }
 
-/// The part connected to an input pin of the chip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-enum Source {
-    EndStop(usize),
-    Probe,
-    BlTouch,
-    Diag(usize),
-    Tacho(usize),
-    Wire(usize),
-    Accelerometer,
-    Eeprom,
-    FilamentEncoder,
-    FilamentSwitch,
-    /// A module's signal, high while the supply fails.
-    SupplyFails,
-    /// A button that connects its pin to ground; the pin has a pull-up.
-    Button,
-    /// Held at a constant level.
-    Held(bool),
-}
-
 /// The motor that feeds the filament.
 const EXTRUDER: usize = 3;
 /// Interval of analogue values and duty cycles, ns: converters do not sample more often.
@@ -187,6 +168,8 @@ pub struct Plant {
     pub supply_fails: bool,
     /// A person presses the board's button.
     pub is_button_pressed: bool,
+    /// There is a card in the slot: see [`crate::machine::Machine::insert_card`].
+    pub(crate) is_card_inserted: bool,
     /// Heat that the nozzle's filament takes, in joules per kelvin for each millimetre that its motor pushes; 0: none. A print of PLA of
     /// 1.75 mm takes 0.0054.
     pub filament_j_per_k_mm: f64,
@@ -467,62 +450,12 @@ impl Plant {
         voltages
     }
 
-    /// Takes the changed levels of the chip's inputs; `None` for a floating pin.
-    pub fn take_inputs(&mut self) -> Vec<(Pin, Option<bool>)> {
-        if !std::mem::take(&mut self.lines_changed) {
-            return Vec::new();
-        }
-        let mut changes = Vec::new();
-        for (index, (pin, source)) in self.inputs.iter().enumerate() {
-            let level = self.level(*source);
-            if self.driven[index] != Some(level) {
-                self.driven[index] = Some(level);
-                changes.push((*pin, level));
-            }
-        }
-        changes
-    }
-
-    /// The level that a part drives; `None` for a floating pin.
-    fn level(&self, source: Source) -> Option<bool> {
-        match source {
-            Source::EndStop(stop) => self.motion.end_stop(stop).map(|stop| stop.level()),
-            Source::Probe => self.motion.probe().map(|probe| probe.level()),
-            Source::BlTouch => self.bltouch.as_ref().and_then(BlTouch::level),
-            Source::Diag(motor) => self.drivers.get(motor).and_then(Tmc2209::diag),
-            Source::Tacho(fan) => self.fans.get(fan).map(|fan| fan.fan.tacho()),
-            Source::Wire(wire) => self.wires.get(wire).map(Wire::level),
-            Source::Accelerometer => self.accelerometer.as_ref().and_then(|part| part.chip.output()),
-            Source::Eeprom => self.eeprom.as_ref().and_then(WiredEeprom::sda),
-            Source::FilamentEncoder => self.filament_encoder.as_ref().map(FilamentEncoder::level),
-            // It connects the pin to the supply while there is filament.
-            Source::FilamentSwitch => Some(self.is_filament_at_switch),
-            Source::SupplyFails => Some(self.supply_fails),
-            Source::Button => Some(!self.is_button_pressed),
-            Source::Held(level) => Some(level),
-        }
-    }
-
-    /// Takes the level of an input that changed with the output just followed.
-    pub fn take_answer(&mut self) -> Option<(Pin, Option<bool>)> {
-        let source = self.answered.take()?;
-        let place = self.inputs.iter().position(|(_, of)| *of == source)?;
-        let level = self.level(source);
-        self.driven[place] = Some(level);
-        Some((self.inputs[place].0, level))
-    }
-
     /// Switches what the chip's supply feeds besides the chip.
     pub fn power_logic(&mut self, now_ns: u64, powered: bool) {
         if let Some(eeprom) = &mut self.eeprom {
             eeprom.chip.set_power(now_ns, powered);
             self.lines_changed = true;
         }
-    }
-
-    /// Drives all inputs again: after a reset of the chip's ports, or after a part was broken or mended.
-    pub fn refresh_inputs(&mut self) {
-        self.lines_changed = true;
     }
 
     /// Breaks or mends a driver and passes the change of its outputs to the motor.
@@ -532,11 +465,6 @@ impl Plant {
             self.energize(now_ns, motor);
             self.lines_changed = true;
         }
-    }
-
-    /// The input pins of the chip that a part drives: switches, probe, stall signals, tachometers, driver lines.
-    pub fn input_pins(&self) -> impl Iterator<Item = Pin> + '_ {
-        self.inputs.iter().map(|(pin, _)| *pin)
     }
 
     /// The air's temperature, degrees Celsius.

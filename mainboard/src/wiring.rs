@@ -16,10 +16,14 @@ mod chip;
 mod functions;
 mod image;
 mod printer;
+mod printer_check;
+mod printer_file;
 mod refusal;
 mod z_motors;
 
-pub use board::{Accelerometer, Board, Driver, DriverLine, Eeprom, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
+pub use board::{
+    Accelerometer, Board, CardSlot, Driver, DriverLine, Eeprom, Fan, Heater, Input, Motor, Serial, Thermistor, Usb,
+};
 pub use chip::Chip;
 pub use functions::{Adc, TimerChannel};
 pub use image::{Image, check_image};

@@ -78,6 +78,10 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Recover
             | Command::Home(_)
             | Command::SelectTool { tool: Some(1..), .. }
+            | Command::Pause(_)
+            | Command::ChangeFilament { .. }
+            | Command::LoadFilament { .. }
+            | Command::ShiftZ { .. }
             | Command::EnableMotors(_) => return Ok(true),
             Command::Bed(bed) => return Ok(self.has_bed() && bed.probes()),
             Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS, None),

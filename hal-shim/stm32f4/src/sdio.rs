@@ -20,7 +20,7 @@ use ferrostep_planner::TICKS_PER_SECOND;
 use crate::gpio::{self, IDR};
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
-use answers::{Capacity, R1_ERRORS, capacity, is_ready_for_transfer};
+use answers::{Capacity, R1_ERRORS, capacity, is_in_transfer, is_ready_for_transfer};
 
 const SDIO: u32 = 0x4001_2c00;
 const POWER: u32 = SDIO;
@@ -68,8 +68,8 @@ const TRANSFER: u32 = 1 << 0;
 const FROM_CARD: u32 = 1 << 1;
 const BY_DMA: u32 = 1 << 3;
 const BLOCKS_OF_512: u32 = 9 << 4;
-/// Clocks that the card may take for a block's first bit: 250 ms at 12 MHz.
-const DATA_CLOCKS: u32 = 3_000_000;
+/// Clocks in a millisecond, at 12 MHz.
+const CLOCKS_PER_MS: u32 = 12_000;
 
 // RM0090, 10.5: DMA2, stream 3, whose channel 4 is the SDIO's (table 43).
 const LISR: u32 = 0x4002_6400;
@@ -97,10 +97,13 @@ const DMA2_CLOCK: u32 = 1 << 22;
 const MS: u32 = TICKS_PER_SECOND / 1000;
 /// A command and its answer take 100 bits and up to 64 of waiting, 0.4 ms at 400 kHz.
 const COMMAND_MS: u32 = 5;
-/// A block, and what the card does before it.
-const BLOCK_MS: u32 = 300;
-/// A card writes for up to 250 ms; the specification's own advice is 500.
+/// A card may take 100 ms for a block's first bit.
+const READ_MS: u32 = 250;
+/// A card writes for up to 250 ms; the specification's own advice is 500. The SDIO's timer counts while the card is busy, too
+/// (RM0090 31.3.1).
 const WRITE_MS: u32 = 500;
+/// The block itself, with all interruptions.
+const BLOCK_MS: u32 = 50;
 /// A card starts within 1 s.
 const START_MS: u32 = 1000;
 /// Supply and clock are there before the first command.
@@ -300,7 +303,8 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         }
     }
 
-    fn start_stream(&mut self, settings: u32) -> Result<(), CardError> {
+    /// Prepares a transfer, for which the card may let the SDIO wait.
+    fn start_stream(&mut self, settings: u32, longest_ms: u32) -> Result<(), CardError> {
         self.stop_stream()?;
         self.registers.write(LIFCR, STREAM_FLAGS);
         self.registers.write(S3PAR, FIFO);
@@ -310,7 +314,7 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         self.registers.write(S3FCR, STREAM_BUFFER);
         fence(Ordering::SeqCst);
         self.registers.write(S3CR, STREAM_SETTINGS | settings | STREAM_ENABLE);
-        self.registers.write(DTIMER, DATA_CLOCKS);
+        self.registers.write(DTIMER, longest_ms * CLOCKS_PER_MS);
         self.registers.write(DLEN, Block::LEN_U32);
         Ok(())
     }
@@ -323,27 +327,38 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
     }
 
     /// Waits for the end of a block's transfer.
-    fn finish_transfer(&mut self, is_read: bool) -> Result<(), CardError> {
-        let state = self.wait_for(STA, DATA_ERRORS | BLOCK_END | DATA_END, BLOCK_MS)?;
+    fn finish_transfer(&mut self, longest_ms: u32) -> Result<(), CardError> {
+        let state = self.wait_for(STA, DATA_ERRORS | BLOCK_END | DATA_END, longest_ms + BLOCK_MS)?;
         if state & DATA_TIMEOUT != 0 {
             return Err(CardError::Silent);
         }
         if state & DATA_ERRORS != 0 {
             return Err(CardError::Garbled);
         }
-        if is_read {
-            self.wait_for(LISR, STREAM_COMPLETE, COMMAND_MS)?;
-        }
         Ok(())
     }
 
-    /// Ends a failed transfer.
+    /// Ends a failed transfer. A card that cannot go on, or is gone, must be started anew.
     fn give_up(&mut self) {
         self.registers.write(DCTRL, 0);
         let _ = self.stop_stream();
-        // The card may be gone: its answer does not matter.
-        if self.command(12, 0, SHORT, true).is_err() {
+        let Some(started) = self.started else { return };
+        if self.end_transfer(started).is_err() {
             self.started = None;
+        }
+    }
+
+    /// Asks the card whether it still sends or expects a block: only then does it answer a stop (SD specification 4.8).
+    fn end_transfer(&mut self, started: Started) -> Result<(), CardError> {
+        // Errors in this answer are those of the failed transfer.
+        self.command(13, u32::from(started.address) << 16, SHORT, true)?;
+        let state = self.registers.read(RESP1);
+        if is_in_transfer(state) {
+            self.command(12, 0, SHORT, true)
+        } else if is_ready_for_transfer(state) {
+            Ok(())
+        } else {
+            Err(CardError::Silent)
         }
     }
 
@@ -362,10 +377,11 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
     }
 
     fn read_into_memory(&mut self, place: u32) -> Result<(), CardError> {
-        self.start_stream(0)?;
+        self.start_stream(0, READ_MS)?;
         self.registers.write(DCTRL, TRANSFER | FROM_CARD | BY_DMA | BLOCKS_OF_512);
         self.command_r1(17, place)?;
-        self.finish_transfer(true)
+        self.finish_transfer(READ_MS)?;
+        self.wait_for(LISR, STREAM_COMPLETE, COMMAND_MS).map(|_| ())
     }
 
     fn write(&mut self, block: &Block, index: u32) -> Result<(), CardError> {
@@ -383,9 +399,9 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
 
     fn write_from_memory(&mut self, place: u32) -> Result<(), CardError> {
         self.command_r1(24, place)?;
-        self.start_stream(TO_PERIPHERAL)?;
+        self.start_stream(TO_PERIPHERAL, WRITE_MS)?;
         self.registers.write(DCTRL, TRANSFER | BY_DMA | BLOCKS_OF_512);
-        self.finish_transfer(false)
+        self.finish_transfer(WRITE_MS)
     }
 }
 

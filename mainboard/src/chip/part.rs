@@ -36,6 +36,7 @@ impl Mcu for Stm32f4 {
             fresh.inherit(old);
         }
         fresh.sdio.inherit(&mut self.sdio);
+        fresh.card_pins = self.card_pins;
         let (optcr, optcr1) = self.flash.committed_options();
         let flash = fresh.slot(Instance::Flash);
         fresh.flash.keep_options(optcr, optcr1, fresh.bus.slot_mut(flash).registers_mut());
@@ -90,7 +91,11 @@ impl Mcu for Stm32f4 {
             Instance::Exti => Some(&mut self.exti),
             Instance::Syscfg => Some(&mut self.syscfg),
             Instance::Otg => Some(&mut self.otg),
-            Instance::Sdio => Some(&mut self.sdio),
+            Instance::Sdio => {
+                let lines = self.card_lines();
+                self.sdio.set_lines(lines);
+                Some(&mut self.sdio)
+            }
             Instance::Rtc => Some(&mut self.rtc),
             Instance::Dbg => Some(&mut self.dbg),
             Instance::Iwdg => Some(&mut self.iwdg),

@@ -2,7 +2,8 @@
 
 use super::accelerometer::{BusWire, WiredAccelerometer};
 use super::eeprom::{EepromWire, WiredEeprom};
-use super::{Plant, REFERENCE_MV, Role, Source, Switched, WiredFan, WiredHeater, WiredThermistor};
+use super::inputs::Source;
+use super::{Plant, REFERENCE_MV, Role, Switched, WiredFan, WiredHeater, WiredThermistor};
 use crate::parts::adxl345::{self, Adxl345};
 use crate::parts::at24c32::At24c32;
 use crate::parts::bltouch::BlTouch;
@@ -61,6 +62,7 @@ impl Plant {
             is_filament_at_switch: true,
             supply_fails: false,
             is_button_pressed: false,
+            is_card_inserted: false,
             filament_j_per_k_mm: 0.0,
             filament: super::Filament::default(),
             motor_rail: Rail::new(supply::Config::motors_24_v()),
@@ -163,6 +165,9 @@ impl Plant {
             });
         }
         self.connect_filament_switch(board);
+        if let Some(detect) = board.card.and_then(|slot| slot.detect) {
+            self.inputs.push((detect, Source::CardDetect));
+        }
     }
 
     fn connect_filament_switch(&mut self, board: &Board) {

@@ -56,6 +56,21 @@ pub struct Board {
     pub power_supply: Option<Pin>,
     /// The output for a servo.
     pub servo: Option<Pin>,
+    /// The slot for a memory card, if the board has one.
+    pub card: Option<CardSlot>,
+}
+
+/// The wires to a slot for a memory card, at the SDIO.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, Deserialize)]
+pub struct CardSlot {
+    /// The clock.
+    pub clock: Pin,
+    /// Commands and answers.
+    pub command: Pin,
+    /// Data, D0 to D3.
+    pub data: [Pin; 4],
+    /// Closed to ground while a card is in the slot.
+    pub detect: Option<Pin>,
 }
 
 /// The wires to an EEPROM (I2C).

@@ -40,9 +40,7 @@ pub(super) struct RawBoard {
     pub eeprom: Option<RawEeprom>,
     pub power_supply: Option<RawPin>,
     pub servo: Option<RawPin>,
-    /// The card's slot, which is not wired here: the chip's model has no SDIO, and its pins float, so that no card is seen.
-    #[serde(default, rename = "card")]
-    pub _card: Option<toml::Value>,
+    pub card: Option<RawCard>,
 }
 
 #[derive(Deserialize)]
@@ -121,4 +119,16 @@ pub(super) struct RawEeprom {
     pub scl: String,
     pub sda: String,
     pub address: u8,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawCard {
+    pub clock: String,
+    pub command: String,
+    pub d0: String,
+    pub d1: String,
+    pub d2: String,
+    pub d3: String,
+    pub detect: Option<String>,
 }

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::board::{
-    Accelerometer, Board, Driver, DriverLine, Eeprom, Fan, Heater, Input, Motor, Serial, Thermistor, Usb,
+    Accelerometer, Board, CardSlot, Driver, DriverLine, Eeprom, Fan, Heater, Input, Motor, Serial, Thermistor, Usb,
 };
 use super::board_file::{RawBoard, RawMotor};
 use super::chip::Chip;
-use super::functions::{Adc, CRYSTAL, TimerChannel, USART1_RX, USART1_TX, USB};
-use super::printer::{THERMISTOR_CURE, thermistor_fault};
+use super::functions::{Adc, CRYSTAL, SDIO_CK, SDIO_CMD, SDIO_DATA, TimerChannel, USART1_RX, USART1_TX, USB};
+use super::printer_check::{THERMISTOR_CURE, thermistor_fault};
 use super::refusal::Refusal;
 use crate::pins::Pin;
 
@@ -80,6 +80,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
     let power_supply =
         pins.take_optional("power_supply.pin", raw.power_supply.as_ref().map(|table| table.pin.as_str()))?;
     let servo = pins.take_optional("servo.pin", raw.servo.as_ref().map(|table| table.pin.as_str()))?;
+    let card = card(&mut pins, &raw)?;
     if raw.virtual_sensors && !(heaters.is_empty() && thermistors.is_empty() && inputs.is_empty()) {
         return Err(Refusal::new(
             file,
@@ -112,6 +113,7 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         eeprom,
         power_supply,
         servo,
+        card,
     })
 }
 
@@ -337,6 +339,19 @@ fn eeprom(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Option<Eeprom>, Refusal
         sda: pins.take("eeprom.sda", &raw.sda)?,
         address: raw.address,
     }))
+}
+
+fn card(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Option<CardSlot>, Refusal> {
+    let Some(raw) = &raw.card else { return Ok(None) };
+    let clock = pins.take_of("card.clock", &raw.clock, &[SDIO_CK], "the SDIO's clock")?;
+    let command = pins.take_of("card.command", &raw.command, &[SDIO_CMD], "the SDIO's command line")?;
+    let mut data = SDIO_DATA;
+    for (pin, (key, text)) in data.iter_mut().zip([("d0", &raw.d0), ("d1", &raw.d1), ("d2", &raw.d2), ("d3", &raw.d3)])
+    {
+        *pin = pins.take_of(&format!("card.{key}"), text, &[*pin], &format!("the SDIO's line {key}"))?;
+    }
+    let detect = pins.take_optional("card.detect", raw.detect.as_deref())?;
+    Ok(Some(CardSlot { clock, command, data, detect }))
 }
 
 /// The key that uses a pin, and whether others may share it.

@@ -122,6 +122,11 @@ pub(super) const USART1_TX: [Pin; 2] = [at('A', 9), at('B', 6)];
 pub(super) const USART1_RX: [Pin; 2] = [at('A', 10), at('B', 7)];
 /// USB's pins, D- and D+.
 pub(super) const USB: [Pin; 2] = [at('A', 11), at('A', 12)];
+/// The SDIO's pins at alternate function 12: clock, command line, D0 to D3. The F446 has others too (PA6, PB0 to PB2, PB4, PB5),
+/// which no board here uses.
+pub(super) const SDIO_CK: Pin = at('C', 12);
+pub(super) const SDIO_CMD: Pin = at('D', 2);
+pub(super) const SDIO_DATA: [Pin; 4] = [at('C', 8), at('C', 9), at('C', 10), at('C', 11)];
 /// The pins of the crystal.
 pub(super) const CRYSTAL: [Pin; 2] = [at('H', 0), at('H', 1)];
 

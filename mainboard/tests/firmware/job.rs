@@ -137,6 +137,11 @@ impl Job {
         self.lines.insert(index, (line.to_owned(), number));
     }
 
+    /// Lines that no slicer wrote.
+    pub fn made_up(text: &str) -> Self {
+        Self { file: "no file", lines: text.lines().map(str::to_owned).zip(1..).collect() }
+    }
+
     /// The lines.
     pub fn lines(&self) -> impl Iterator<Item = &str> {
         self.lines.iter().map(|(line, _)| line.as_str())

@@ -16,6 +16,7 @@ mod board_pins;
 mod boards;
 mod boot_loader;
 mod button;
+mod card;
 mod chamber;
 mod choices;
 mod eeprom;

@@ -21,16 +21,21 @@ pub struct Rehearsal {
 impl Rehearsal {
     /// Prints a job on the virtual board.
     pub fn of(job: &Job) -> Self {
-        Self::with(job, LOOK_AHEAD_BLOCKS)
+        Self::with(job, "cartesian", LOOK_AHEAD_BLOCKS)
     }
 
     /// Prints a job with the largest look-ahead.
     pub fn far_ahead(job: &Job) -> Self {
-        Self::with(job, 65_536)
+        Self::with(job, "cartesian", 65_536)
     }
 
-    fn with(job: &Job, look_ahead: usize) -> Self {
-        let profile = ferrostep_profiles::load("cartesian").unwrap();
+    /// Prints a job with another profile.
+    pub fn on(profile: &str, job: &Job) -> Self {
+        Self::with(job, profile, LOOK_AHEAD_BLOCKS)
+    }
+
+    fn with(job: &Job, profile: &str, look_ahead: usize) -> Self {
+        let profile = ferrostep_profiles::load(profile).unwrap();
         let replies = JobReplies::new(|_: &str| {});
         let session = Session::print(profile, look_ahead, Watcher::default(), replies);
         let mut printer = session.printer();
@@ -41,6 +46,12 @@ impl Rehearsal {
         let mut watcher = session.into_observer();
         watcher.lines.resize(watcher.events.len(), 0);
         Self { figures, events: watcher.events, lines: watcher.lines }
+    }
+
+    /// The events of all lines after this one.
+    pub fn events_after(&self, line: u32) -> &[PinEvent] {
+        let first = self.lines.iter().rposition(|of| *of <= line).map_or(0, |last| last + 1);
+        &self.events[first..]
     }
 
     /// The number of step events.

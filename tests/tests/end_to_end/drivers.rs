@@ -128,6 +128,21 @@ fn m17_waits_for_the_drivers() {
     assert_eq!(motors_on(), 0b1000);
 }
 
+/// Moves by other commands than G0 to G3: right after the start they would be made with the steps and currents of unset drivers.
+#[test]
+fn pauses_filament_changes_and_shifts_of_z_wait_for_the_drivers() {
+    let profile = profile("prusa-mini");
+    let machine = machine(&profile);
+    let mut printer = machine.printer();
+    (0..4).for_each(|motor| with_chip(&machine, motor, |chip| chip.set_silent(true)));
+    let reason = "driver X does not answer: no reply on its serial line; is the motor supply on?";
+    for command in ["M125", "M600", "M701", "M702", "M290 Z0.1"] {
+        let replies = say(&machine, &mut printer, &["M302 P1", command]);
+        assert!(replies.contains(&format!("echo:line 2: {reason}")), "{command}: {replies:#?}");
+    }
+    assert_eq!(machine.desk().motor_steps(), [0; 4]);
+}
+
 /// On CoreXY each of the motors A and B moves X and Y; on the others M84 X leaves Y homed.
 #[test]
 fn switching_a_motor_off_unhomes_its_axis() {

@@ -2,8 +2,10 @@
 
 /// Error bits in the answer R1, without "ready for data" and the state.
 pub const R1_ERRORS: u32 = 0xfdf9_a008;
-/// The state in which blocks are read and written.
+/// The state in which blocks are read and written, and those in which one is sent or expected.
 const TRANSFER_STATE: u32 = 4;
+const SENDING_STATE: u32 = 5;
+const RECEIVING_STATE: u32 = 6;
 
 /// Capacity of a card.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,4 +38,9 @@ pub fn capacity([high, middle, low]: [u32; 3]) -> Option<Capacity> {
 pub fn is_ready_for_transfer(state: u32) -> bool {
     let is_ready = state >> 8 & 1 == 1;
     is_ready && state >> 9 & 0xf == TRANSFER_STATE
+}
+
+/// Whether the card sends a block or expects one.
+pub fn is_in_transfer(state: u32) -> bool {
+    matches!(state >> 9 & 0xf, SENDING_STATE | RECEIVING_STATE)
 }

@@ -38,6 +38,8 @@ pub struct Model {
     selected: bool,
     idle: bool,
     place: u32,
+    /// The card's state while it is not busy.
+    state: u32,
     busy: u32,
     pub written: u32,
 }
@@ -55,6 +57,7 @@ impl Model {
             selected: false,
             idle: false,
             place: 0,
+            state: READY,
             busy: 0,
             written: 0,
         }
@@ -74,7 +77,7 @@ impl Model {
     }
 
     fn state(&self) -> u32 {
-        let state = if self.busy > 0 { 7 } else { STATE };
+        let state = if self.busy > 0 { 7 } else { self.state };
         u32::from(self.busy == 0) << 8 | state << 9
     }
 
@@ -122,11 +125,16 @@ impl Model {
                 self.answer(high);
             }
             (_, 7) if argument == 0xb368_0000 => {
-                self.selected = true;
+                (self.selected, self.state) = (true, READY);
                 self.answer(0x700);
             }
             _ if !self.selected => self.flag(COMMAND_TIMEOUT),
-            (true, 6) | (_, 16 | 12) => self.answer(self.state()),
+            (true, 6) | (_, 16) => self.answer(self.state()),
+            // SD specification 4.8: otherwise it is forbidden, and not answered.
+            (_, 12) if self.busy == 0 && self.state != READY => {
+                self.answer(self.state());
+                self.state = READY;
+            }
             (_, 13) => {
                 if self.busy > 0 && !faults.stays_busy {
                     self.busy -= 1;
@@ -136,11 +144,13 @@ impl Model {
             (_, 17) => {
                 self.place = argument;
                 self.answer(self.state());
+                self.state = SENDS;
                 self.transfer();
             }
             (_, 24) => {
                 self.place = argument;
                 self.answer(self.state());
+                self.state = EXPECTS;
             }
             _ => self.flag(COMMAND_TIMEOUT),
         }
@@ -156,6 +166,7 @@ impl Model {
         let wants = STREAM_SETTINGS | STREAM_ENABLE;
         assert_eq!((stream & wants, self.value(S3PAR), self.value(DLEN)), (wants, FIFO, 512));
         assert_eq!(self.value(CLKCR), FAST | FOUR_LINES | CLOCK_ON);
+        self.state = READY;
         if faults.bad_block {
             return self.flag(DATA_CRC);
         }
@@ -207,5 +218,7 @@ impl Registers for Model {
     }
 }
 
-/// The card's state that counts.
-const STATE: u32 = 4;
+// States of the card: ready for a block, sends one, expects one.
+const READY: u32 = 4;
+const SENDS: u32 = 5;
+const EXPECTS: u32 = 6;

@@ -82,6 +82,7 @@ fn every_wait_ends() {
         );
         // Mended, it works again; where the card was gone or stuck, after a start.
         bench.faults.set(Faults::default());
+        assert_eq!(bench.slot.is_still_started(), !(fault.missing || fault.silent || fault.stays_busy), "{fault:?}");
         if !bench.slot.is_still_started() {
             assert_eq!(block(&bench, 5), Err(CardError::Missing), "{fault:?}");
             bench.slot.start().unwrap();
