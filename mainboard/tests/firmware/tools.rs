@@ -139,7 +139,8 @@ fn each_nozzle_is_controlled_by_its_own_thermistor() {
         })
     };
     let (first, second) = (celsius(&mut bench, "nozzle"), celsius(&mut bench, "nozzle1"));
-    assert!((175.0..185.0).contains(&second) && first < 30.0, "{first} {second}");
+    // The plant's thermistor follows its maker's beta, the image the table.
+    assert!((172.0..188.0).contains(&second) && first < 30.0, "{first} {second}");
     // PA2 is the first nozzle's, PA3 the second's.
     let looks: Vec<[bool; 2]> = (0..200).map(|_| highs(&mut bench)).collect();
     assert!(looks.iter().all(|[first, _]| !first) && looks.iter().any(|[_, second]| *second));
