@@ -132,6 +132,7 @@ fn a_print_goes_on_after_each_kind_of_cut_with_the_steps_that_were_missing() {
 fn a_failing_supply_keeps_the_line_that_the_motors_had_finished() {
     let program = program(2);
     let mut bench = equipped::boot();
+    bench.with(|machine, _| pushed_home(machine));
     insert(&mut bench, card(&[("A.GCO", &program)]));
     assert!(say(&mut bench, "M21").contains(&"echo:SD card ok".to_owned()));
     send(&mut bench, BEFORE);
