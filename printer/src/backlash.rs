@@ -29,6 +29,9 @@ impl<P: Ports> Printer<'_, P> {
     /// M425, at standstill. The motors stay.
     #[inline(never)]
     pub(crate) fn backlash(&mut self, words: &BacklashWords) -> Result<(), CommandError> {
+        if !self.has_backlash() {
+            return Ok(());
+        }
         let mut backlash = self.motion.backlash();
         if *words == BacklashWords::default() {
             let [x, y, z] = backlash.play_mm.map(|mm| Real::short(mm, 4));

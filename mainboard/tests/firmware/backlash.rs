@@ -1,7 +1,9 @@
 //! The play of Z on the Octopus: its motor goes farther where it turns, and the image's own count agrees.
 
 use crate::bench::Bench;
-use crate::equipped::boot;
+use crate::equipped::octopus;
+use crate::heater_model::with_model;
+use crate::images::Variant;
 
 /// `play_mm.z` of the profile.
 const PLAY_MM: f64 = 0.1;
@@ -14,7 +16,8 @@ fn motor_mm(bench: &mut Bench) -> f64 {
 
 #[test]
 fn z_s_motor_goes_farther_where_it_turns() {
-    let mut bench = boot();
+    let Variant { board, profile, image } = with_model();
+    let mut bench = Bench::boot_variant(octopus(), board, profile, image);
     let settings = bench.host.ask("M425", "M425 ").unwrap();
     assert_eq!(settings, "echo:  M425 F1.00 S1.00 X0.00 Y0.00 Z0.10 ; (mm)");
     bench.host.send("G91").unwrap();

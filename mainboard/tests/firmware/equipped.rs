@@ -65,9 +65,6 @@ back_off_mm = 3
 [bltouch]
 "#;
 
-/// Play of Z: X and Y share their motors.
-const BACKLASH: &str = "[backlash]\nplay_mm = { x = 0, y = 0, z = 0.1 }\n";
-
 /// The switch beside the sensor that sees filament move, which connects its pin to the supply while there is filament.
 const SWITCH: &str = "[filament_switch]\nmissing_is_low = true\n";
 
@@ -82,7 +79,7 @@ pub fn equipped() -> &'static Variant {
     BUILT.get_or_init(|| {
         let sensor = format!("\n[filament_sensor]\nkind = \"motion\"\ndetection_mm = {DETECTION_MM}\n{SWITCH}");
         let equip =
-            |profile: String| [&without_homing_of_z(&profile), SUPPLY_AND_LIGHT, CHAMBER, &sensor, PROBE, BACKLASH].concat();
+            |profile: String| [&without_homing_of_z(&profile), SUPPLY_AND_LIGHT, CHAMBER, &sensor, PROBE].concat();
         changed("btt-octopus-1.1", "corexy", "octopus-equipped", |board| board, equip)
     })
 }

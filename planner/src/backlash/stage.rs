@@ -9,7 +9,7 @@ use crate::step_queue::{Notice, StepEntry, StepKind};
 use crate::time_units::TICKS_PER_SECOND;
 
 /// Units of 10 nm in a millimetre.
-const MM: f64 = 100_000.0;
+const MM: f32 = 100_000.0;
 
 /// Bits of X and Y in an axis mask.
 const XY: u8 = 0b11;
@@ -18,7 +18,7 @@ const XY: u8 = 0b11;
 const Z: usize = 2;
 
 /// A motor takes up play at most at this part of its axis' highest speed, since it gets that speed with one step.
-const PART_OF_SPEED: f64 = 0.25;
+const PART_OF_SPEED: f32 = 0.25;
 
 /// A motor and its play.
 #[derive(Clone, Copy, Debug)]
@@ -117,11 +117,11 @@ impl BacklashCorrection for BacklashStage {
         self.backlash = *backlash;
         let Backlash { play_mm, correction, smoothing_mm } = *backlash;
         for (drive, (mm, steps)) in self.drives.iter_mut().zip(play_mm.into_iter().zip(self.geometry.steps_per_mm)) {
-            let per_mm = steps.to_f64();
+            let per_mm = steps.to_f64() as f32;
             // The casts saturate.
-            drive.play = (mm * correction * per_mm + 0.5) as i32;
+            drive.play = ((mm * correction) as f32 * per_mm + 0.5) as i32;
             drive.step_10nm = (MM / per_mm) as u32;
-            drive.way_10nm = if drive.play > 0 { (smoothing_mm * MM / f64::from(drive.play)) as i32 } else { 0 };
+            drive.way_10nm = if drive.play > 0 { (smoothing_mm as f32 * MM / drive.play as f32) as i32 } else { 0 };
             if !self.is_on {
                 // Where it has gone meanwhile was not seen.
                 (drive.side, drive.wanted) = (0, drive.made);
@@ -136,7 +136,7 @@ impl BacklashCorrection for BacklashStage {
         let axes = self.geometry.steps_per_mm.into_iter().zip(limits.max_feed_mm_per_s);
         for (drive, (steps, speed)) in self.drives.iter_mut().zip(axes) {
             // The cast saturates.
-            drive.least_ticks = (f64::from(TICKS_PER_SECOND) / (steps.to_f64() * speed * PART_OF_SPEED)) as u32;
+            drive.least_ticks = (TICKS_PER_SECOND as f32 / ((steps.to_f64() * speed) as f32 * PART_OF_SPEED)) as u32;
         }
     }
 
@@ -262,6 +262,7 @@ impl BacklashStage {
     }
 
     /// How many of an entry's next `left` events can pass as they are: in none of them a motor turns or takes up play.
+    #[inline(never)]
     fn sure_events(&self, interval_ticks: u32, axes: u8, added: u8, left: u16) -> u16 {
         let mut sure = left;
         let way_10nm = self.way_10nm(axes).max(1);
@@ -289,12 +290,14 @@ impl BacklashStage {
     }
 
     /// The way of an event of these motors, those of X, Y and Z added.
+    #[inline(never)]
     fn way_10nm(&self, axes: u8) -> u32 {
         let ways = self.drives.iter().enumerate();
         ways.filter(|(motor, _)| axes >> motor & 1 == 1).map(|(_, drive)| drive.step_10nm).sum()
     }
 
     /// Time and way go on for the motors that have play to take up.
+    #[inline(never)]
     fn let_pass(&mut self, ticks: u32, way_10nm: u32) {
         for drive in &mut self.drives {
             drive.since_ticks = drive.since_ticks.saturating_add(ticks);
@@ -303,6 +306,7 @@ impl BacklashStage {
     }
 
     /// So many more steps of these motors are handed on.
+    #[inline(never)]
     fn count(&mut self, axes: u8, steps: u16) {
         if axes & (XY | 1 << Z) != 0 {
             self.z_moves_alone = axes & XY == 0;
@@ -356,6 +360,7 @@ impl BacklashStage {
     }
 
     /// Notes which of the motors that step now go another way than before.
+    #[inline(never)]
     fn turn(&mut self, axes: u8) {
         for motor in 0..3 {
             let way = self.way_of(motor);
@@ -374,6 +379,7 @@ impl BacklashStage {
     }
 
     /// The motors of which a step is due in so many ticks.
+    #[inline(never)]
     fn due(&self, ticks: u32) -> u8 {
         let mut due = 0;
         for (motor, drive) in self.drives.iter().enumerate() {
@@ -386,6 +392,7 @@ impl BacklashStage {
     }
 
     /// These motors make a step that takes up play.
+    #[inline(never)]
     fn take_up(&mut self, axes: u8) {
         for (motor, drive) in self.drives.iter_mut().enumerate() {
             if axes >> motor & 1 == 0 {

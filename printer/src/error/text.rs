@@ -116,7 +116,7 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "{name}: its motors move another axis, too, and turn where {name} does not: expected 0, the belts want tightening"
+                    "{name}: its motors move another axis, too: expected 0, tighten the belts"
                 )
             }
             Self::StepsAndJob => out.write_str(
