@@ -18,8 +18,8 @@ fn motor_mm(bench: &mut Bench) -> f64 {
 fn z_s_motor_goes_farther_where_it_turns() {
     let Variant { board, profile, image } = with_model();
     let mut bench = Bench::boot_variant(octopus(), board, profile, image);
-    let settings = bench.host.ask("M425", "M425 ").unwrap();
-    assert_eq!(settings, "echo:  M425 F1.00 S1.00 X0.00 Y0.00 Z0.10 ; (mm)");
+    let settings = bench.host.ask("M425", "echo:  M425").unwrap();
+    assert_eq!(settings, "echo:  M425 F1.00 S1.00 X0 Y0 Z0.1 ; (mm)");
     bench.host.send("G91").unwrap();
     let start = motor_mm(&mut bench);
     for (line, plan_mm, ahead_mm) in [
