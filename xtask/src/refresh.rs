@@ -38,7 +38,7 @@ struct Writer {
 }
 
 /// The writers that need only the desk.
-const DESK: [Writer; 8] = [
+const DESK: [Writer; 9] = [
     Writer {
         what: "keys of profiles",
         arguments: &["test", "-p", "ferrostep-profiles", "--test", "profiles", "book"],
@@ -48,6 +48,11 @@ const DESK: [Writer; 8] = [
         what: "keys of boards",
         arguments: &["test", "-p", "ferrostep-boards", "--test", "boards", "book"],
         sources: &["boards/tests/boards/book.rs"],
+    },
+    Writer {
+        what: "play of drives",
+        arguments: &["test", "-p", "ferrostep-planner", "--test", "backlash", "picture"],
+        sources: &["planner/tests/backlash/picture.rs"],
     },
     Writer {
         what: "input shapers",

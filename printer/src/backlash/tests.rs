@@ -21,7 +21,7 @@ fn play(printer: &RigPrinter<'_>) -> Backlash {
 
 /// Why a line is refused.
 fn refusal(printer: &mut RigPrinter<'_>, line: &str) -> String {
-    execute(printer, line).expect_err(line).to_string()
+    execute(printer, line).unwrap_err().to_string()
 }
 
 #[test]

@@ -260,7 +260,7 @@ fn settings_survive_the_power() {
     after.restore_settings();
     assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (64 values, 0 faults)"]);
     assert_eq!(after.live_values(), values);
-    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 59 values, 0 faults"]);
+    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 64 values, 0 faults"]);
     // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
