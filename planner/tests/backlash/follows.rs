@@ -158,7 +158,7 @@ fn check_plan(plain: &[Event], corrected: &[Event]) -> Result<(), TestCaseError>
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ferrostep_random_cases::cases(300))]
 
     /// The axes are in their place soon after each reversal, and never off by more than the play.
     #[test]

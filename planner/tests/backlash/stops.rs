@@ -7,7 +7,7 @@ use crate::follows::Axes;
 use crate::machine::{Bench, any_backlash, any_path, plan};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ferrostep_random_cases::cases(300))]
 
     /// Motion ends before any of the last events; then another path begins there.
     #[test]
