@@ -59,13 +59,13 @@ pub trait BacklashCorrection: Debug {
     /// The play.
     fn backlash(&self) -> Backlash;
 
-    /// Sets the play, at standstill; [`Self::stand`] comes next.
+    /// Sets the play, at standstill, after [`Self::stand`].
     fn set(&mut self, backlash: &Backlash);
 
     /// Sets the limits of the machine: a motor takes up play at a part of its axis' largest speed.
     fn set_limits(&mut self, _limits: &Limits) {}
 
-    /// The motors stand, nothing waits, and so many steps of each have been issued: what was handed on beyond those did not happen.
+    /// The motors stand, nothing waits, and `issued` steps of each were made: what was handed on beyond those did not happen.
     /// Returns how many steps of each motor are for its play.
     fn stand(&mut self, issued: [u64; 4], directions: u8) -> [i64; 3];
 

@@ -37,6 +37,37 @@ impl PassedEntries {
     }
 }
 
+/// A stage between the planner and the step queue that adds steps to those that pass.
+pub(crate) trait Stage {
+    /// What waits for it.
+    fn waiting(&mut self) -> &mut Waiting;
+
+    /// Adds an entry to `out`, or the first events of it, with its own steps, and passes what is done.
+    fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries);
+
+    /// How many steps of X, Y and Z (A, B, Z) it has added: the planner does not know of them.
+    fn added_steps(&self) -> [i32; 3];
+
+    /// What comes next of that which waits: entries for `out`, which is empty, or a notice behind them.
+    fn pass_on(&mut self, out: &mut PassedEntries) -> Option<Notice> {
+        while let Some(entry) = self.waiting().entry() {
+            if !out.has_room() {
+                return None;
+            }
+            self.pass(entry, out);
+        }
+        if !out.all().is_empty() {
+            return None;
+        }
+        let notice = self.waiting().next_notice()?;
+        let Notice::BlockEnded { tick, mut motor_steps } = notice else { return Some(notice) };
+        for (steps, added) in motor_steps.iter_mut().zip(self.added_steps()) {
+            *steps = steps.wrapping_add(added.into());
+        }
+        Some(Notice::BlockEnded { tick, motor_steps })
+    }
+}
+
 /// Entries, and notices behind them, that wait for a stage: at most what one call of the planner makes.
 #[derive(Debug)]
 pub(crate) struct Waiting {
@@ -81,7 +112,7 @@ impl Waiting {
         self.entry().map_or(0, StepEntry::count).wrapping_sub(self.events_done)
     }
 
-    /// So many events of it are done.
+    /// These events of it are done.
     pub(crate) fn pass_events(&mut self, events: u16) {
         if events < self.events_left() {
             self.events_done = self.events_done.wrapping_add(events);

@@ -8,17 +8,10 @@ use crate::error::CommandError;
 use crate::part::Part;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
+use crate::settings::in_range;
 
 /// Units of 10 nm in a millimetre.
 const MM: f64 = 100_000.0;
-
-/// A number within its range.
-fn within(word: char, value: f64, maximum: f64) -> Result<f64, CommandError> {
-    if value >= 0.0 && value <= maximum {
-        return Ok(value);
-    }
-    Err(CommandError::OutOfRange { word, value, minimum: 0.0, maximum })
-}
 
 impl<P: Ports> Printer<'_, P> {
     /// Whether the drives may have play that is taken up.
@@ -41,14 +34,14 @@ impl<P: Ports> Printer<'_, P> {
         }
         for (axis, (place, word)) in backlash.play_mm.iter_mut().zip(words.play).enumerate() {
             if let Some(word) = word {
-                *place = within(AXIS_NAMES[axis], self.length_mm(word)?, Backlash::MAX_MM)?;
+                *place = in_range(AXIS_NAMES[axis], self.length_mm(word)?, 0.0, Backlash::MAX_MM)?;
             }
         }
         if let Some(word) = words.correction {
-            backlash.correction = within('F', word.to_f64(), 1.0)?;
+            backlash.correction = in_range('F', word.to_f64(), 0.0, 1.0)?;
         }
         if let Some(word) = words.smoothing {
-            backlash.smoothing_mm = within('S', self.length_mm(word)?, Backlash::MAX_SMOOTHING_MM)?;
+            backlash.smoothing_mm = in_range('S', self.length_mm(word)?, 0.0, Backlash::MAX_SMOOTHING_MM)?;
         }
         if let Some(axis) = backlash.shared_axis(self.profile.kinematics) {
             return Err(CommandError::SharedPlay { axis });

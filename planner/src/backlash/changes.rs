@@ -43,7 +43,7 @@ impl Changes {
         self.count = self.count.wrapping_add(1);
     }
 
-    /// Takes the last one that has not happened, of motors that have made so many steps; forgets those after it.
+    /// Takes the last one that has not happened, of motors that have made these steps; forgets those after it.
     pub(super) fn take_undone(&mut self, made: [u32; 3]) -> Option<(usize, Change)> {
         for _ in 0..MANY {
             self.count = self.count.wrapping_sub(1);

@@ -4,7 +4,7 @@ use super::changes::{Change, Changes};
 use super::{Backlash, BacklashCorrection};
 use crate::kinematics::Geometry;
 use crate::limits::Limits;
-use crate::passing::{PassedEntries, Waiting};
+use crate::passing::{PassedEntries, Stage, Waiting};
 use crate::step_queue::{Notice, StepEntry, StepKind};
 use crate::time_units::TICKS_PER_SECOND;
 
@@ -63,7 +63,7 @@ impl Drive {
         self.wanted.wrapping_sub(self.made).signum() == self.side && self.side != 0
     }
 
-    /// Whether a step that does so is due in so many ticks.
+    /// Whether a step that does so is due in this time.
     fn is_due(&self, ticks: u32, at_once: bool) -> bool {
         let since_ticks = self.since_ticks.saturating_add(ticks);
         self.is_behind() && (at_once || self.left_10nm <= 0) && since_ticks >= self.least_ticks
@@ -191,16 +191,7 @@ impl BacklashCorrection for BacklashStage {
     #[inline(never)]
     fn work(&mut self, seeks: bool, out: &mut PassedEntries) -> Option<Notice> {
         self.seeks = seeks;
-        while let Some(entry) = self.waiting.entry() {
-            if !out.has_room() {
-                return None;
-            }
-            self.pass(entry, out);
-        }
-        if !out.all().is_empty() {
-            return None;
-        }
-        self.waiting.next_notice().map(|notice| self.with_correction(notice))
+        self.pass_on(out)
     }
 }
 
@@ -209,8 +200,15 @@ fn way(directions: u8, motor: usize) -> i32 {
     if directions >> motor & 1 == 0 { 1 } else { -1 }
 }
 
-impl BacklashStage {
-    /// Adds an entry, or the first events of it.
+impl Stage for BacklashStage {
+    fn waiting(&mut self) -> &mut Waiting {
+        &mut self.waiting
+    }
+
+    fn added_steps(&self) -> [i32; 3] {
+        self.drives.map(|drive| drive.made)
+    }
+
     fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries) {
         match entry.kind() {
             StepKind::Directions { directions } => {
@@ -236,7 +234,9 @@ impl BacklashStage {
             }
         }
     }
+}
 
+impl BacklashStage {
     /// Sets the direction signals.
     fn turn_to(&mut self, directions: u8, out: &mut PassedEntries) {
         if directions != self.actual {
@@ -305,7 +305,7 @@ impl BacklashStage {
         }
     }
 
-    /// So many more steps of these motors are handed on.
+    /// Counts steps of these motors that are handed on.
     #[inline(never)]
     fn count(&mut self, axes: u8, steps: u16) {
         if axes & (XY | 1 << Z) != 0 {
@@ -378,7 +378,7 @@ impl BacklashStage {
         }
     }
 
-    /// The motors of which a step is due in so many ticks.
+    /// The motors of which a step is due in this time.
     #[inline(never)]
     fn due(&self, ticks: u32) -> u8 {
         let mut due = 0;
@@ -404,19 +404,6 @@ impl BacklashStage {
             drive.left_10nm = drive.left_10nm.min(0).saturating_add(drive.way_10nm);
             drive.since_ticks = 0;
             self.changes.note(motor, drive.steps, Change::TookUp);
-        }
-    }
-
-    /// Where the motors are when a block ends: the planner does not know of these steps.
-    fn with_correction(&self, notice: Notice) -> Notice {
-        match notice {
-            Notice::BlockEnded { tick, mut motor_steps } => {
-                for (steps, drive) in motor_steps.iter_mut().zip(&self.drives) {
-                    *steps = steps.wrapping_add(drive.made.into());
-                }
-                Notice::BlockEnded { tick, motor_steps }
-            }
-            other => other,
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Bed;
 use super::bounds::SurfaceBounds;
 use super::mesh::{MAX_SLOPE, Mesh, MeshError, UM_10NM};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
-use crate::passing::{PassedEntries, Waiting};
+use crate::passing::{PassedEntries, Stage, Waiting};
 use crate::step_queue::{Notice, StepEntry, StepKind};
 
 /// Z's bit in an axis mask.
@@ -139,16 +139,44 @@ impl Bed for BedStage {
     // Once in the image, for the planner's task alone.
     #[inline(never)]
     fn work(&mut self, out: &mut PassedEntries) -> Option<Notice> {
-        while let Some(entry) = self.waiting.entry() {
-            if !out.has_room() {
-                return None;
+        self.pass_on(out)
+    }
+}
+
+impl Stage for BedStage {
+    fn waiting(&mut self) -> &mut Waiting {
+        &mut self.waiting
+    }
+
+    fn added_steps(&self) -> [i32; 3] {
+        [0, 0, self.correction]
+    }
+
+    fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries) {
+        match entry.kind() {
+            StepKind::Directions { directions } => {
+                self.planned = directions;
+                // Z's alone waits for a step of it: the correction may have turned it already.
+                if (directions ^ self.actual) & !Z != 0 {
+                    self.turn(directions, out);
+                }
+                self.waiting.pass_entry();
             }
-            self.pass(entry, out);
+            StepKind::Wait { .. } => {
+                out.push(entry);
+                self.waiting.pass_entry();
+            }
+            StepKind::Stair { .. } => {
+                let left = self.waiting.events_left();
+                let sure = u32::from(left).min(self.sure) as u16;
+                if sure > 0 {
+                    self.sure -= u32::from(sure);
+                    self.pass_sure(entry, sure, sure == left, out);
+                } else {
+                    self.pass_one(entry, left == 1, out);
+                }
+            }
         }
-        if !out.all().is_empty() {
-            return None;
-        }
-        self.waiting.next_notice().map(|notice| self.with_correction(notice))
     }
 }
 
@@ -233,34 +261,6 @@ impl BedStage {
         round(z - plan)
     }
 
-    /// Adds an entry, or the first events of it, with their corrections.
-    fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries) {
-        match entry.kind() {
-            StepKind::Directions { directions } => {
-                self.planned = directions;
-                // Z's alone waits for a step of it: the correction may have turned it already.
-                if (directions ^ self.actual) & !Z != 0 {
-                    self.turn(directions, out);
-                }
-                self.waiting.pass_entry();
-            }
-            StepKind::Wait { .. } => {
-                out.push(entry);
-                self.waiting.pass_entry();
-            }
-            StepKind::Stair { .. } => {
-                let left = self.waiting.events_left();
-                let sure = u32::from(left).min(self.sure) as u16;
-                if sure > 0 {
-                    self.sure -= u32::from(sure);
-                    self.pass_sure(entry, sure, sure == left, out);
-                } else {
-                    self.pass_one(entry, left == 1, out);
-                }
-            }
-        }
-    }
-
     /// Adds events that need no correction.
     fn pass_sure(&mut self, entry: StepEntry, count: u16, is_end: bool, out: &mut PassedEntries) {
         let (axes, added) = (entry.axes(), if is_end { entry.added() } else { 0 });
@@ -343,18 +343,6 @@ impl BedStage {
         let turned = self.actual & !Z | directions & Z;
         if turned != self.actual {
             self.turn(turned, out);
-        }
-    }
-
-    /// Where the motors are when a block ends: the planner does not know of the correction.
-    fn with_correction(&self, notice: Notice) -> Notice {
-        match notice {
-            Notice::BlockEnded { tick, mut motor_steps } => {
-                let [_, _, z, _] = &mut motor_steps;
-                *z = z.wrapping_add(self.correction.into());
-                Notice::BlockEnded { tick, motor_steps }
-            }
-            other => other,
         }
     }
 }

@@ -197,6 +197,9 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
 
     /// Queues the next of what waits for its corrections; `false` if nothing does. There is room for some entries.
     pub fn correct(&mut self) -> bool {
+        if !self.is_waiting() {
+            return false;
+        }
         let mut out = PassedEntries::NONE;
         if self.backlash.is_waiting() {
             let notice = self.backlash.work(self.seeking != Seeking::No, &mut out);
@@ -204,17 +207,14 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
             if let Some(notice) = notice {
                 self.pass_notice(notice);
             }
-            return true;
-        }
-        if self.bed.is_waiting() {
+        } else {
             let notice = self.bed.work(&mut out);
             self.take_entries(out.all());
             if let Some(notice) = notice {
                 self.take_notice(notice);
             }
-            return true;
         }
-        false
+        true
     }
 
     /// Takes entries that follow the bed.
@@ -242,7 +242,6 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         let [of_x, of_y, of_z] = self.backlash.stand(self.ledger.issued(), self.ledger.directions());
         self.redefine_motor_steps([x - of_x, y - of_y, z - of_z]);
         self.backlash.set(backlash);
-        self.backlash.stand(self.ledger.issued(), self.ledger.directions());
     }
 
     /// Sets the limits by which play is taken up.
