@@ -313,6 +313,8 @@ pub enum Command<'a> {
     },
     /// M906: currents in motion, mA; without words a query.
     DriverCurrent(DriverWords),
+    /// M913: speeds at which spreadCycle takes over from stealthChop, mm/s, 0 = none; without words a query.
+    SpreadCycleAbove(DriverWords),
     /// M914: StallGuard thresholds, 0 to 255; without words a query.
     StallThreshold(DriverWords),
     /// M796: I chooses the interpolation, A the acceleration's profile, by their numbers; neither: a query.

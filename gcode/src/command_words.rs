@@ -80,7 +80,7 @@ pub enum TunedHeater {
     Chamber,
 }
 
-/// A whole number for each motor that is named (M906, M914). On a CoreXY machine X and Y name the motors A and B.
+/// A whole number for each motor that is named (M906, M913, M914). On a CoreXY machine X and Y name the motors A and B.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriverWords {
     /// X.

@@ -193,7 +193,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown((b'M', 870, 871), "M870 and M871", "compensate the probe's temperature", "the probe has no thermometer"),
     accepted(m(907), "M907", "motor currents", "M906 sets them, and the profile"),
     unknown((b'M', 908, 910), "M908 to M910", "motor currents by a potentiometer", "M906 sets them, and the profile"),
-    unknown((b'M', 911, 913), "M911 to M913", "drivers too hot, speed of quiet steps", "M122 reports the drivers"),
+    unknown((b'M', 911, 912), "M911 and M912", "drivers too hot", "M122 reports the drivers"),
     unknown(m(951), "M951", "magnetic tool change", NO_TWIN),
     unknown((b'M', 960, 991), "M960 to M991", "lamps, cameras and checks (Bambu)", "this machine does not have them"),
     unknown(m(997), "M997", "new firmware", "the book says how firmware is written"),

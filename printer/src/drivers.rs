@@ -1,4 +1,6 @@
-//! M122, M569, M906 and M914. Before the drivers are set up nothing moves, and no motor gets current.
+//! M122, M569, M906, M913 and M914. Before the drivers are set up nothing moves, and no motor gets current.
+
+use core::fmt;
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, DriverWords};
@@ -66,6 +68,7 @@ impl<P: Ports> Printer<'_, P> {
         let (code, setting, values, tool) = match *command {
             Command::StealthChop { tool, .. }
             | Command::DriverCurrent(DriverWords { tool, .. })
+            | Command::SpreadCycleAbove(DriverWords { tool, .. })
             | Command::StallThreshold(DriverWords { tool, .. })
                 if self.is_for_no_tool(tool) =>
             {
@@ -92,6 +95,7 @@ impl<P: Ports> Printer<'_, P> {
                 ("M569", Setting::Chopper, value, tool)
             }
             Command::DriverCurrent(words) => ("M906", Setting::Current, values(words), words.tool),
+            Command::SpreadCycleAbove(words) => ("M913", Setting::SpreadCycleAbove, values(words), words.tool),
             Command::StallThreshold(words) => ("M914", Setting::StallThreshold, values(words), words.tool),
             _ => return Ok(false),
         };
@@ -102,7 +106,7 @@ impl<P: Ports> Printer<'_, P> {
         let changes = values.iter().flatten().any(Option::is_some);
         let extruder = if ToolsPart::<P>::PRESENT { self.extruder_of(tool, changes)? } else { None };
         if changes {
-            change(drivers, setting, values, extruder.unwrap_or(FIRST_EXTRUDER))?;
+            change(drivers, setting, values, extruder.unwrap_or(FIRST_EXTRUDER), self.replies)?;
         } else {
             for motor in 0..MOST_MOTORS {
                 // What Z has, all its motors have.
@@ -137,6 +141,7 @@ enum Setting {
     All,
     Chopper,
     Current,
+    SpreadCycleAbove,
     StallThreshold,
 }
 
@@ -160,7 +165,13 @@ fn queried(tool: Option<u8>) -> Values {
 }
 
 /// Changes all drivers that the command names, or none of them. E is the motor `extruder`.
-fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values, extruder: usize) -> Result<(), CommandError> {
+fn change(
+    drivers: &dyn MotorDrivers,
+    setting: Setting,
+    values: Values,
+    extruder: usize,
+    replies: &impl Replies,
+) -> Result<(), CommandError> {
     for is_set in [false, true] {
         for (motor, value) in [0, 1, 2, extruder].into_iter().zip(&values) {
             let (Some(Some(value)), Some(report)) = (value, drivers.report(motor)) else { continue };
@@ -169,7 +180,12 @@ fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values, extruder
                 Setting::All => {}
                 Setting::Chopper => settings.stealth_chop = *value != 0,
                 Setting::Current => settings.current_ma = *value,
+                Setting::SpreadCycleAbove => settings.spread_cycle_above_mm_per_s = *value,
                 Setting::StallThreshold => settings.stall_threshold = (*value).min(255) as u8,
+            }
+            // Where stealthChop is off the speed has no effect yet.
+            if is_set && matches!(setting, Setting::SpreadCycleAbove) && *value != 0 && !settings.stealth_chop {
+                setting.say(motor_name(motor), &DriverReport { settings, ..report }, replies);
             }
             let outcome = if is_set { drivers.set(motor, settings) } else { drivers.check(motor, &settings) };
             outcome.map_err(|error| CommandError::DriverSettings { motor, error })?;
@@ -178,12 +194,26 @@ fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values, extruder
     Ok(())
 }
 
+/// How a driver switches its motor's current, and from which speed on.
+struct Chopper<'a>(&'a DriverSettings);
+
+impl fmt::Display for Chopper<'_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.0.stealth_chop, self.0.spread_cycle_above_mm_per_s) {
+            (true, 0) => out.write_str("stealthChop"),
+            (true, above) => write!(out, "stealthChop, spreadCycle above {above} mm/s"),
+            (false, 0) => out.write_str("spreadCycle"),
+            (false, above) => write!(out, "spreadCycle, with M569 S1 only above {above} mm/s"),
+        }
+    }
+}
+
 impl Setting {
     /// Reports the setting of one driver.
     fn say(self, name: &str, report: &DriverReport, replies: &impl Replies) {
         let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
         let DriverSettings { current_ma, microsteps, stall_threshold, .. } = settings;
-        let chopper = if settings.stealth_chop { "stealthChop" } else { "spreadCycle" };
+        let chopper = Chopper(settings);
         match self {
             Self::All => {
                 let state = match state {
@@ -197,7 +227,7 @@ impl Setting {
                     ),
                 );
             }
-            Self::Chopper => replies.say(format_args!("echo:driver {name}: {chopper}")),
+            Self::Chopper | Self::SpreadCycleAbove => replies.say(format_args!("echo:driver {name}: {chopper}")),
             Self::Current => {
                 replies.say(format_args!("echo:driver {name}: {current_ma} mA ({run_ma} mA, {hold_ma} mA at rest)"));
             }

@@ -297,15 +297,21 @@ impl<M: Motion> Homing<'_, '_, M> {
 
     /// Refuses an axis whose driver would let the motor push on for ever.
     fn needs_stall_signal(&self, axis: usize) -> Result<(), CommandError> {
-        if self.interpreter.profile.homing[axis].sensor != HomeSensor::Stall {
+        let homing = self.interpreter.profile.homing[axis];
+        if homing.sensor != HomeSensor::Stall {
             return Ok(());
         }
-        let settings = self.drivers.and_then(|drivers| drivers.report(axis)).map(|report| report.settings);
-        match settings {
-            Some(settings) if settings.stall_threshold == 0 || !settings.stealth_chop => {
-                Err(CommandError::NoStallSignal { axis })
-            }
-            _ => Ok(()),
+        let Some(report) = self.drivers.and_then(|drivers| drivers.report(axis)) else { return Ok(()) };
+        let settings = report.settings;
+        let quiet_until_mm_per_s = match settings.spread_cycle_above_mm_per_s {
+            0 => f64::INFINITY,
+            above => f64::from(above),
+        };
+        let signals = settings.stall_threshold > 0 && settings.stealth_chop;
+        if signals && quiet_until_mm_per_s > homing.fast_mm_per_s {
+            Ok(())
+        } else {
+            Err(CommandError::NoStallSignal { axis })
         }
     }
 

@@ -198,7 +198,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.timing = Some(timing);
     }
 
-    /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed their settings.
+    /// The motors' drivers can be set (M122, M569, M906, M913, M914); nothing moves before all have confirmed their settings.
     pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
         self.drivers = Some(drivers);
     }

@@ -4,7 +4,7 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::DriverTiming;
 use ferrostep_step_player::MIN_GAP_TICKS;
-use ferrostep_tmc2209::{DriverSettings, chopper_threshold};
+use ferrostep_tmc2209::DriverSettings;
 
 use crate::axes::MOTORS;
 
@@ -72,16 +72,8 @@ pub(crate) fn timing(keys: &Section<'_>, interval_us: f64) -> DriverTiming {
     }
 }
 
-/// A driver that can be set.
-pub(crate) struct Driver {
-    /// What it is set to.
-    pub settings: DriverSettings,
-    /// Speed at which spreadCycle takes over, mm/s; 0 = never.
-    pub spread_cycle_above_mm_per_s: f64,
-}
-
 /// Settings of drivers; `None` for those without.
-pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bool) -> [Option<Driver>; 4] {
+pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bool) -> [Option<DriverSettings>; 4] {
     let tables = keys.section_of_defaults(
         "drivers",
         "[motor drivers](drivers.md) that can be set over a serial line (TMC2209); on CoreXY x and y are the motors A and B, on CoreXZ x and z the motors A and C",
@@ -95,18 +87,13 @@ pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bo
 }
 
 /// The driver of a further extruder's motor, in a table of its own.
-pub(crate) fn driver(
-    keys: &Section<'_>,
-    motor: &str,
-    steps_per_mm: f64,
-    both_edges: bool,
-) -> Option<ferrostep_tmc2209::DriverSettings> {
+pub(crate) fn driver(keys: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> Option<DriverSettings> {
     let table = keys.optional_section("driver", "not set", "the driver of its motor, as in `[drivers.e]`")?;
-    Some(settings(&table, motor, steps_per_mm, both_edges).settings)
+    Some(settings(&table, motor, steps_per_mm, both_edges))
 }
 
 /// Settings of one motor's driver. Whether it can make the current is for the board's sense resistors to say.
-fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> Driver {
+fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> DriverSettings {
     let current_ma = table
         .whole("current_ma", DRIVER_CURRENT)
         .required("effective, in motion (M906); the board's sense resistors allow less");
@@ -123,22 +110,22 @@ fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: boo
     let stealth_chop =
         table.flag("stealth_chop").required("`true`: the quiet stealthChop, `false`: spreadCycle (M569)");
     let above_mm_per_s = table
-        .number("spread_cycle_above_mm_per_s", CHOPPER_SPEED)
-        .required("with stealthChop, spreadCycle from this speed on; 0 = at no speed");
+        .whole("spread_cycle_above_mm_per_s", CHOPPER_SPEED)
+        .required("with stealthChop, spreadCycle from this speed on; 0 = at no speed (M913)");
     let stall_threshold = table
         .whole("stall_threshold", STALL_THRESHOLD)
         .required("the load at which the stall signal comes, more = earlier; 0 = never (M914)");
-    let settings = DriverSettings {
+    DriverSettings {
         current_ma: current_ma as u16,
         hold_percent: hold_percent as u8,
         microsteps,
         interpolate,
         stealth_chop,
-        stealth_until: chopper_threshold(above_mm_per_s, steps_per_mm, microsteps),
+        spread_cycle_above_mm_per_s: above_mm_per_s as u16,
+        steps_per_mm: steps_per_mm as f32,
         stall_threshold: stall_threshold as u8,
         both_edges,
-    };
-    Driver { settings, spread_cycle_above_mm_per_s: above_mm_per_s }
+    }
 }
 
 /// Steps a mm, microsteps and the length of a turn are three ways to say two things: a slip in one of them shows. A Z screw

@@ -3,10 +3,9 @@
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::Limits;
 use ferrostep_printer::{AxisHoming, HomeEnd, HomeSensor, SafeHoming};
-use ferrostep_tmc2209::STALL_FULL_STEPS_PER_S;
+use ferrostep_tmc2209::{DriverSettings, STALL_FULL_STEPS_PER_S};
 
 use crate::axes::{AXES, FEED, Travel, units_10nm};
-use crate::drivers::Driver;
 
 const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 const BACK_OFF: Range = range(0.1, 50.0, "mm");
@@ -28,7 +27,7 @@ pub(crate) fn homing(
     travel: &Travel,
     steps_per_mm: [f64; 4],
     limits: &Limits,
-    drivers: &[Option<Driver>; 4],
+    drivers: &[Option<DriverSettings>; 4],
 ) -> ([AxisHoming; 3], SafeHoming) {
     let tables = keys.section(
         "homing",
@@ -253,7 +252,7 @@ fn by_stall(
     lengths: &Lengths,
     steps_per_mm: f64,
     acceleration_mm_per_s2: f64,
-    driver: &Option<Driver>,
+    driver: &Option<DriverSettings>,
 ) {
     let AxisHoming { fast_mm_per_s, slow_mm_per_s, .. } = lengths.homing;
     let Some(driver) = driver else {
@@ -262,15 +261,15 @@ fn by_stall(
         return table.refuse("sensor", expected);
     };
     let driver_key = |name: &str| format!("drivers.{axis}.{name}");
-    if driver.settings.stall_threshold == 0 {
+    if driver.stall_threshold == 0 {
         let expected = format!("1 to 255: homing.{axis}.sensor is \"stall\", and at 0 no stall signal comes");
         table.reader().refuse(&driver_key("stall_threshold"), expected);
     }
-    if !driver.settings.stealth_chop {
+    if !driver.stealth_chop {
         let expected = format!("drivers.{axis}.stealth_chop = true with it: in spreadCycle no stall signal comes");
         table.refuse("sensor", expected);
     }
-    let slowest = f64::from(STALL_FULL_STEPS_PER_S) * f64::from(driver.settings.microsteps) / steps_per_mm;
+    let slowest = f64::from(STALL_FULL_STEPS_PER_S) * f64::from(driver.microsteps) / steps_per_mm;
     if slow_mm_per_s < slowest {
         let expected = format!(
             "at least {slowest:.1} mm/s for \"stall\", {STALL_FULL_STEPS_PER_S} full steps a second: the driver cannot \
@@ -279,7 +278,7 @@ fn by_stall(
         table.refuse("slow_mm_per_s", expected);
     }
     // The signal stops where spreadCycle takes over.
-    let until = driver.spread_cycle_above_mm_per_s;
+    let until = f64::from(driver.spread_cycle_above_mm_per_s);
     if until > 0.0 && until <= fast_mm_per_s {
         let expected =
             format!("0 or above homing.{axis}.fast_mm_per_s = {fast_mm_per_s}: in spreadCycle no stall signal comes");

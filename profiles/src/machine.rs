@@ -161,7 +161,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         retraction: extrusion::retraction(&apart),
         driver: timing,
         extrusion: extrusion::extrusion(&apart),
-        drivers: drivers.map(|driver| driver.map(|driver| driver.settings)),
+        drivers,
     };
     let at_change = tools.map_or([None; 2], |tools| [tools.0.change.before, tools.0.change.after]);
     (profile, [name, model_names, macros::macros(&apart, at_change)], budget_of_error)

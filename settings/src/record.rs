@@ -18,7 +18,7 @@ const HEADER_BYTES: usize = 3;
 const VALUE_BYTES: usize = 11;
 
 /// Most values in a record.
-pub const MAX_VALUES: usize = 80;
+pub const MAX_VALUES: usize = 84;
 
 /// Length of the longest record, bytes.
 pub const MAX_BYTES: usize = HEADER_BYTES + MAX_VALUES * VALUE_BYTES;

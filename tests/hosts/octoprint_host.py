@@ -102,7 +102,7 @@ class OctoPrint:
         if reply.status_code == 503:
             return None
         if not reply.ok:
-            raise SystemExit(f"{method} {path}: {reply.status_code} {reply.text}")
+            raise SystemExit(f"{method} {path}: {reply.status_code} {reply.text}; the end of its log: {self.log()[-40:]}")
         return reply.json() if reply.content else {}
 
     def wait(self, is_there, otherwise):
@@ -141,7 +141,9 @@ class OctoPrint:
             self.wait(lambda: not self.state().startswith(("Opening", "Detecting", "Connecting")), "it does not connect")
             if self.state() != "Operational":
                 continue
-            self.call("post", "printer/command", json={"commands": ["M999", "M105"]})
+            # 409: the connection has ended meanwhile.
+            if self.ask("post", "printer/command", json={"commands": ["M999", "M105"]}).status_code == 409:
+                continue
             self.wait(lambda: len(self.heard("ok T:")) > before or self.state() != "Operational", "no answer to M999")
             if len(self.heard("ok T:")) > before and self.state() == "Operational":
                 return self.heard("ok T:")[-1].split("Recv: ", 1)[1]

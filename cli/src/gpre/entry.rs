@@ -31,7 +31,12 @@ impl Passed {
         while let Some(item) = items.next_item()? {
             let Item::Command { line, text } = item else { continue };
             match parse(text) {
-                Ok(Command::DriverCurrent(_) | Command::StealthChop { .. } | Command::StallThreshold(_)) => {
+                Ok(
+                    Command::DriverCurrent(_)
+                    | Command::StealthChop { .. }
+                    | Command::SpreadCycleAbove(_)
+                    | Command::StallThreshold(_),
+                ) => {
                     self.drivers.push((line, text.to_owned()));
                 }
                 Ok(

@@ -360,10 +360,15 @@ impl<'a> Reading<'a> {
         };
         self.draft.put(&path("stealth_chop"), self.get(quiet).is_some());
         self.keep(quiet, &path("stealth_chop"), true, "");
-        self.draft.put(&path("spread_cycle_above_mm_per_s"), 0.0);
+        self.draft.put(&path("spread_cycle_above_mm_per_s"), 0);
         let hybrid = format!("{upper}_HYBRID_THRESHOLD");
         if self.get("HYBRID_THRESHOLD").is_some() && self.get(quiet).is_some() {
-            self.keep_number(&hybrid, &path("spread_cycle_above_mm_per_s"), |speed| speed);
+            match self.number(&hybrid) {
+                Some(speed) => {
+                    self.keep(&hybrid, &path("spread_cycle_above_mm_per_s"), speed as i64, "");
+                }
+                None => self.lose(&hybrid, NO_NUMBER),
+            }
             self.keep("HYBRID_THRESHOLD", &path("stealth_chop"), true, "");
         }
         let stall = format!("{upper}_STALL_SENSITIVITY");

@@ -14,6 +14,8 @@ const MAX_INTERVAL_S: u8 = 60;
 const MAX_PERCENT: u16 = 999;
 /// Maximum of M906, mA: more than any of the drivers can deliver.
 const MAX_CURRENT_MA: u16 = 3000;
+/// Maximum of M913, mm/s: that of a profile's speeds.
+const MAX_CHOPPER_MM_PER_S: u16 = 2000;
 /// Maximum of M914.
 const MAX_STALL_THRESHOLD: u16 = 255;
 /// Maximum C of M303.
@@ -254,6 +256,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             Ok(Command::Skew(SkewCommand::Factors([xy.or(of_xy), xz, yz])))
         }
         906 => Ok(Command::DriverCurrent(driver_words(code, remarks, MAX_CURRENT_MA)?)),
+        913 => Ok(Command::SpreadCycleAbove(driver_words(code, remarks, MAX_CHOPPER_MM_PER_S)?)),
         914 => Ok(Command::StallThreshold(driver_words(code, remarks, MAX_STALL_THRESHOLD)?)),
         955 | 956 => super::accelerometer::parse(code, remarks),
         790 => {
@@ -440,7 +443,7 @@ fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>
     Ok(Command::StealthChop { motors, tool: words.tool(b'T'), on })
 }
 
-/// M906 and M914.
+/// M906, M913 and M914.
 fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<DriverWords, ParseError> {
     let mut words = code.words(remarks)?;
     let tool = words.tool(b'T');

@@ -353,6 +353,8 @@ fn motor_drivers() {
     reads("M906 X800 E3000", Command::DriverCurrent(currents));
     let thresholds = DriverWords { y: Some(255), z: Some(0), ..DriverWords::default() };
     reads("M914 Y255 Z0", Command::StallThreshold(thresholds));
+    let speeds = DriverWords { x: Some(120), e: Some(0), tool: Some(0), ..DriverWords::default() };
+    reads("M913 T0 X120 E0", Command::SpreadCycleAbove(speeds));
     let of_second = DriverWords { e: Some(700), tool: Some(1), ..DriverWords::default() };
     reads("M906 T1 E700", Command::DriverCurrent(of_second));
     let e = AxisFlags { e: true, ..AxisFlags::default() };
@@ -364,6 +366,7 @@ fn motor_drivers() {
     assert_eq!(refused("M906 E-1"), "E: -1 is out of range, expected 0 to 3000");
     let z = DriverWords { z: Some(500), ..DriverWords::default() };
     reads_with("M906 Z500.5", Command::DriverCurrent(z), "Z must be whole, the fraction is dropped");
+    assert_eq!(refused("M913 X2001"), "X: 2001 is out of range, expected 0 to 2000");
     assert_eq!(refused("M914 Y256"), "Y: 256 is out of range, expected 0 to 255");
     reads_with("M914 X", Command::StallThreshold(DriverWords::default()), "X without a number is ignored");
 }

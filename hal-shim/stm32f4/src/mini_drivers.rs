@@ -9,7 +9,8 @@ pub const MINI: DriverSettings = DriverSettings {
     microsteps: 16,
     interpolate: true,
     stealth_chop: true,
-    stealth_until: 0,
+    spread_cycle_above_mm_per_s: 0,
+    steps_per_mm: 100.0,
     stall_threshold: 130,
     both_edges: false,
 };

@@ -14,7 +14,8 @@ const SETTINGS: DriverSettings = DriverSettings {
     microsteps: 16,
     interpolate: true,
     stealth_chop: true,
-    stealth_until: 75,
+    spread_cycle_above_mm_per_s: 100,
+    steps_per_mm: 100.0,
     stall_threshold: 60,
     both_edges: false,
 };

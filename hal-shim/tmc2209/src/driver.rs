@@ -53,7 +53,7 @@ enum Step {
 }
 
 /// A driver's state in a report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriverReport {
     /// Whether it can be relied on.
     pub state: DriverState,

@@ -31,6 +31,6 @@ pub use registers::{
 };
 pub use settings::{
     CLOCK_HZ, DriverSettings, DriverWiring, MAX_THRESHOLD, RegisterImage, STALL_FULL_STEPS_PER_S, SettingsError,
-    TSTEP_MICROSTEPS, chopper_threshold,
+    TSTEP_MICROSTEPS,
 };
 pub use uart::{LineBusy, LineBytes, SingleWireUart};

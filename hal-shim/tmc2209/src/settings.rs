@@ -36,7 +36,7 @@ const HOLD_DELAY: u8 = 8;
 const PWM_CONF: u32 = 0xc10d_0024;
 
 /// The machine's settings for a motor's driver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriverSettings {
     /// Effective current in motion, mA.
     pub current_ma: u16,
@@ -48,9 +48,10 @@ pub struct DriverSettings {
     pub interpolate: bool,
     /// stealthChop; else spreadCycle at all speeds.
     pub stealth_chop: bool,
-    /// TPWMTHRS: spreadCycle takes over where a microstep of 1/256 takes less than this many clocks of the chip; 0 =
-    /// nowhere.
-    pub stealth_until: u32,
+    /// With stealthChop: the speed at which spreadCycle takes over, mm/s; 0 = none.
+    pub spread_cycle_above_mm_per_s: u16,
+    /// Steps of the motor for each mm, by which that speed is a time of a step.
+    pub steps_per_mm: f32,
     /// SGTHRS: the stall signal comes when the measured load is at most twice this; 0 = never.
     pub stall_threshold: u8,
     /// Both edges of the step signal step.
@@ -68,16 +69,19 @@ pub struct DriverWiring {
     pub sense_milliohm: u16,
 }
 
-/// TPWMTHRS for the speed at which spreadCycle takes over (section 5.2: TSTEP in clocks of 12 MHz a microstep of
-/// 1/256); 0, nowhere, for a speed that is not above 0. It is computed when a profile is read, not on the board.
-#[must_use]
-pub fn chopper_threshold(mm_per_s: f64, steps_per_mm: f64, microsteps: u16) -> u32 {
-    if !(mm_per_s > 0.0 && steps_per_mm > 0.0) || microsteps == 0 {
-        return 0;
+impl DriverSettings {
+    /// TPWMTHRS: spreadCycle takes over where a microstep of 1/256 takes less than this many clocks of the chip (section 5.2);
+    /// 0 = nowhere.
+    fn chopper_clocks(&self) -> u32 {
+        if self.spread_cycle_above_mm_per_s == 0 {
+            return 0;
+        }
+        let full_steps_per_s =
+            f32::from(self.spread_cycle_above_mm_per_s) * self.steps_per_mm / f32::from(self.microsteps);
+        let clocks = CLOCK_HZ as f32 / (full_steps_per_s * TSTEP_MICROSTEPS as f32) + 0.5;
+        // A conversion saturates.
+        (clocks as u32).clamp(1, MAX_THRESHOLD)
     }
-    let full_steps_per_s = mm_per_s * steps_per_mm / f64::from(microsteps);
-    let clocks = f64::from(CLOCK_HZ) / (full_steps_per_s * f64::from(TSTEP_MICROSTEPS)) + 0.5;
-    (clocks.min(f64::from(MAX_THRESHOLD)) as u32).max(1)
 }
 
 /// Settings that the chip cannot take.
@@ -150,7 +154,7 @@ impl RegisterImage {
                 (Register::Gconf, global.bits()),
                 (Register::IholdIrun, currents.bits()),
                 (Register::Tpowerdown, POWER_DOWN),
-                (Register::Tpwmthrs, settings.stealth_until & MAX_THRESHOLD),
+                (Register::Tpwmthrs, settings.chopper_clocks()),
                 (Register::Tcoolthrs, stall_until),
                 (Register::Sgthrs, u32::from(settings.stall_threshold)),
                 // No current by load: it is for machines that run on batteries.
@@ -175,7 +179,8 @@ mod tests {
         microsteps: 16,
         interpolate: true,
         stealth_chop: true,
-        stealth_until: 0,
+        spread_cycle_above_mm_per_s: 0,
+        steps_per_mm: 100.0,
         stall_threshold: 0,
         both_edges: false,
     };
@@ -201,12 +206,13 @@ mod tests {
             stall_threshold: 60,
             current_ma: 900,
             hold_percent: 50,
-            stealth_until: 0xfff_ffff,
+            spread_cycle_above_mm_per_s: 100,
+            steps_per_mm: 1600.0,
         };
         assert_eq!(value(&other, Register::Gconf), 0b1_1100_0100);
         assert_eq!(value(&other, Register::ChopConf), 0x2001_0053);
         assert_eq!(value(&other, Register::IholdIrun), 8 << 16 | 29 << 8 | 14);
-        assert_eq!(value(&other, Register::Tpwmthrs), 0xf_ffff);
+        assert_eq!(value(&other, Register::Tpwmthrs), 75);
         assert_eq!((value(&other, Register::Tcoolthrs), value(&other, Register::Sgthrs)), (312, 60));
     }
 
@@ -225,11 +231,14 @@ mod tests {
 
     #[test]
     fn the_speed_of_the_change_is_a_time_of_a_microstep() {
+        let clocks = |spread_cycle_above_mm_per_s, steps_per_mm| {
+            value(&DriverSettings { spread_cycle_above_mm_per_s, steps_per_mm, ..MINI }, Register::Tpwmthrs)
+        };
         // 100 mm/s at 100 steps/mm of 1/16: 160,000 microsteps of 1/256 a second, 75 clocks each.
-        assert_eq!(chopper_threshold(100.0, 100.0, 16), 75);
-        assert_eq!(chopper_threshold(0.0, 100.0, 16), 0);
-        assert_eq!(chopper_threshold(f64::NAN, 100.0, 16), 0);
-        assert_eq!(chopper_threshold(1e-9, 100.0, 16), MAX_THRESHOLD);
-        assert_eq!(chopper_threshold(1e12, 100.0, 16), 1);
+        assert_eq!(clocks(100, 100.0), 75);
+        assert_eq!(clocks(0, 100.0), 0);
+        assert_eq!(clocks(1, 0.0), MAX_THRESHOLD);
+        assert_eq!(clocks(1, 1e-3), MAX_THRESHOLD);
+        assert_eq!(clocks(u16::MAX, 1e9), 1);
     }
 }

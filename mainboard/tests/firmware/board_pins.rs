@@ -155,6 +155,27 @@ fn the_image_configures_drivers_before_motion() {
     assert!(line.starts_with("echo:driver X: 300 mA"), "{line}");
 }
 
+/// The chip changes over by the time between its steps, whose threshold the image computes.
+#[test]
+fn above_its_speed_a_driver_leaves_stealth_chop() {
+    const DRV_STATUS: u8 = 0x6f;
+    const STEALTH: u32 = 1 << 30;
+    let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
+    let mut bench = Bench::boot_board(board);
+    bench.host.send("M913 X20").unwrap();
+    let line = bench.host.ask("M913 X", "echo:driver X:").unwrap();
+    assert_eq!(line, "echo:driver X: stealthChop, spreadCycle above 20 mm/s");
+    bench.host.send("G91").unwrap();
+    for (move_mm_per_s, is_quiet) in [(19, true), (21, false), (40, false)] {
+        bench.host.send(&format!("G1 X{} F{}", move_mm_per_s, move_mm_per_s * 60)).unwrap();
+        bench.pass(600);
+        let now_ns = bench.now_ns();
+        let status = bench.with(move |machine, _| machine.plant.drivers[0].read(now_ns, DRV_STATUS));
+        assert_eq!(status & STEALTH != 0, is_quiet, "at {move_mm_per_s} mm/s: {status:#x}");
+        bench.host.send("M400").unwrap();
+    }
+}
+
 /// The frame has moved out of reach: no stall reports an end.
 #[test]
 fn homing_without_a_stall_fails_after_the_travel() {

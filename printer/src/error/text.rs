@@ -152,7 +152,7 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "{name} homes by its driver's stall signal, which is off: send M914 {name}1 to 255, M569 S1 {name}"
+                    "{name} homes by its driver's stall signal, which is off: send M914 {name}1 to 255, M569 S1 {name}, M913 {name}0"
                 )
             }
             Self::Driver { motor, failure } => {

@@ -226,7 +226,8 @@ fn a_driver_without_stall_signal_homes_no_axis() {
         microsteps: 16,
         interpolate: true,
         stealth_chop: true,
-        stealth_until: 0,
+        spread_cycle_above_mm_per_s: 0,
+        steps_per_mm: 100.0,
         stall_threshold: 100,
         both_edges: false,
     };
@@ -234,6 +235,8 @@ fn a_driver_without_stall_signal_homes_no_axis() {
         (SETTINGS, false),
         (DriverSettings { stall_threshold: 0, ..SETTINGS }, true),
         (DriverSettings { stealth_chop: false, ..SETTINGS }, true),
+        (DriverSettings { spread_cycle_above_mm_per_s: 30, ..SETTINGS }, true),
+        (DriverSettings { spread_cycle_above_mm_per_s: 200, ..SETTINGS }, false),
     ] {
         let drivers = Drivers(settings);
         let rig = Rig::new(|profile| profile.homing[0].sensor = HomeSensor::Stall);

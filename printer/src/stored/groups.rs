@@ -62,6 +62,8 @@ const LENGTHS: [f64; 2] = [0.0, 100.0];
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
 /// mA.
 const CURRENT: [f64; 2] = [0.0, 3000.0];
+/// Of M913, mm/s.
+const CHOPPER_SPEED: [f64; 2] = [0.0, 2000.0];
 const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
@@ -246,6 +248,15 @@ impl<M: Parts> Group<M> {
             axes: None,
             settings: &[setting("drivers.*.current_ma", AXES, CURRENT, |values, motor| {
                 values.drivers.get_mut(motor)?.as_mut().map(|driver| Place::Whole(&mut driver.current_ma))
+            })],
+        },
+        Self {
+            code: "M913",
+            heading: "echo:; Hybrid threshold (mm/s):",
+            axes: None,
+            settings: &[setting("drivers.*.spread_cycle_above_mm_per_s", AXES, CHOPPER_SPEED, |values, motor| {
+                let driver = values.drivers.get_mut(motor)?.as_mut();
+                driver.map(|driver| Place::Whole(&mut driver.spread_cycle_above_mm_per_s))
             })],
         },
         Self {

@@ -24,7 +24,8 @@ const DRIVER: DriverSettings = DriverSettings {
     microsteps: 16,
     interpolate: true,
     stealth_chop: true,
-    stealth_until: 0,
+    spread_cycle_above_mm_per_s: 0,
+    steps_per_mm: 100.0,
     stall_threshold: 100,
     both_edges: false,
 };
@@ -129,7 +130,7 @@ fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
 }
 
 /// Commands that change every setting to a value that the profile does not have.
-const CHANGES: [&str; 22] = [
+const CHANGES: [&str; 23] = [
     "M92 E104.57",
     "M203 X111 Y112.5 Z13.25 E14.123456",
     "M201 X1111 Y1112 Z113 E1114",
@@ -145,6 +146,7 @@ const CHANGES: [&str; 22] = [
     "M206 X1.5 Y-2 Z0.025",
     "M852 I0.002 J-0.05 K0.015625",
     "M906 X401 Y402 Z403 E404",
+    "M913 X51 Y52 Z53 E54",
     "M914 X41 Y42 Z43 E44",
     "M569 S0 X Z",
     "M569 S1 Y",
@@ -202,6 +204,7 @@ fn reported_lines_work_when_sent_back() {
             "M206 X1.50 Y-2.00 Z0.025",
             "M852 I0.002 J-0.05 K0.015625",
             "M906 X401 Y402 Z403 E404",
+            "M913 X51 Y52 Z53 E54",
             "M914 X41 Y42 Z43 E44",
             "M569 X S0",
             "M569 Y S1",
@@ -252,15 +255,15 @@ fn settings_survive_the_power() {
     let mut before = printer(&rig_before, &bank, Some(&memory));
     let values = changed(&rig_before, &mut before);
     let said = says(&rig_before, &mut before, "M500");
-    assert_eq!(said, ["echo:Settings Stored (707 bytes: 64 values that differ from the profile's)"]);
+    assert_eq!(said, ["echo:Settings Stored (751 bytes: 68 values that differ from the profile's)"]);
     // Switched off and on.
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
     assert_eq!(after.live_values(), after.profile_values());
     after.restore_settings();
-    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (64 values, 0 faults)"]);
+    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (68 values, 0 faults)"]);
     assert_eq!(after.live_values(), values);
-    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 64 values, 0 faults"]);
+    assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 68 values, 0 faults"]);
     // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
@@ -448,6 +451,7 @@ fn names_are_distinct_and_stay() {
         "bed.integral",
         "bed.proportional",
         "drivers.*.current_ma",
+        "drivers.*.spread_cycle_above_mm_per_s",
         "drivers.*.stall_threshold",
         "drivers.*.stealth_chop",
         "firmware_retraction.extra_recover_mm",
@@ -486,6 +490,7 @@ fn names_are_distinct_and_stay() {
         "skew.yz.factor",
         "steps_per_mm.e",
         "tools.t1.driver.current_ma",
+        "tools.t1.driver.spread_cycle_above_mm_per_s",
         "tools.t1.driver.stealth_chop",
         "tools.t1.nozzle.control_model.capacity_j_per_k",
         "tools.t1.nozzle.control_model.fanned_loss_w_per_k",

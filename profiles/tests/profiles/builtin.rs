@@ -196,12 +196,13 @@ fn prusa_mini_is_as_designed() {
         microsteps: 16,
         interpolate: true,
         stealth_chop: true,
-        stealth_until: 0,
+        spread_cycle_above_mm_per_s: 0,
+        steps_per_mm: 100.0,
         stall_threshold: 130,
         both_edges: true,
     };
-    let z = DriverSettings { microsteps: 8, stall_threshold: 0, ..x };
-    let e = DriverSettings { microsteps: 16, current_ma: 400, stealth_chop: false, ..z };
+    let z = DriverSettings { microsteps: 8, stall_threshold: 0, steps_per_mm: 400.0, ..x };
+    let e = DriverSettings { microsteps: 16, current_ma: 400, stealth_chop: false, steps_per_mm: 325.0, ..z };
     assert_eq!(profile.drivers, [Some(x), Some(x), Some(z), Some(e)]);
     assert_eq!(profile.driver.inverted, 0b0011);
     // Prusa's, as the file says: gains of 255 and seconds.

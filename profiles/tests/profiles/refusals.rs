@@ -403,6 +403,7 @@ fn settings_of_drivers_are_checked() {
         ("interpolate = true", "interpolate = 1", "drivers.x.interpolate"),
         ("stealth_chop = true", "stealth_chop = \"on\"", "drivers.x.stealth_chop"),
         ("mm_per_s = 0", "mm_per_s = -1", "drivers.x.spread_cycle_above_mm_per_s"),
+        ("mm_per_s = 0", "mm_per_s = 60.5", "drivers.x.spread_cycle_above_mm_per_s"),
         ("mm_per_s = 0", "mm_per_s = inf", "drivers.x.spread_cycle_above_mm_per_s"),
         ("stall_threshold = 130", "stall_threshold = 256", "drivers.x.stall_threshold"),
         ("[drivers.x]", "[drivers.a]", "drivers.a"),
@@ -415,10 +416,10 @@ fn settings_of_drivers_are_checked() {
         seventeen.ends_with("drivers.x.microsteps = 17: expected 1, 2, 4, 8, 16, 32, 64, 128 or 256"),
         "{seventeen}"
     );
-    // Each is optional; 100 mm/s at 100 steps/mm of 1/16 are 75 clocks of 12 MHz a microstep of 1/256.
+    // Each is optional.
     let changed = with("mm_per_s = 0", "mm_per_s = 100").unwrap().drivers;
-    assert_eq!(changed[0].unwrap().stealth_until, 75);
-    assert_eq!(changed[1].unwrap().stealth_until, 0);
+    assert_eq!(changed[0].unwrap().spread_cycle_above_mm_per_s, 100);
+    assert_eq!(changed[1].unwrap().spread_cycle_above_mm_per_s, 0);
     let without = parse(&text[..x].replace("\"stall\"\n", "\"end-stop\"\n"), "test.toml").unwrap().drivers;
     assert_eq!(without, [None; 4]);
     let edges = text.replace("both_edges = false", "both_edges = true");

@@ -8,7 +8,7 @@ use ferrostep_gcode::Emergency;
 use crate::board_model::CYCLES_A_MS;
 use crate::host_side::checksum;
 
-const CODES: [&str; 105] = [
+const CODES: [&str; 106] = [
     "G0",
     "G1",
     "G1",
@@ -83,6 +83,7 @@ const CODES: [&str; 105] = [
     "M797",
     "M798",
     "M906",
+    "M913",
     "M914",
     "M999",
     "M0",

@@ -48,8 +48,8 @@ const COMMANDS: [&str; 34] = [
 ];
 
 /// The same for a machine with drivers and a probe.
-const WITH_DRIVERS: [&str; 5] =
-    ["M569 S1 X", "M851 X-29 Y-3 Z-1", "M906 X300 Y300 Z300 E300", "M914 X100 Y100", "M290 Z0.05 P1"];
+const WITH_DRIVERS: [&str; 6] =
+    ["M569 S1 X", "M851 X-29 Y-3 Z-1", "M906 X300 Y300 Z300 E300", "M913 X100 Y100", "M914 X100 Y100", "M290 Z0.05 P1"];
 
 /// Texts that are not numbers.
 const MALFORMED: [&str; 6] = ["-", ".", "1.2.3", "--1", "nan", "99999999999"];

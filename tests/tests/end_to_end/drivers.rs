@@ -228,13 +228,34 @@ fn settings_are_changed_reported_and_refused() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
-    let (run, global, threshold) = (Register::IholdIrun, Register::Gconf, Register::Sgthrs);
+    let (run, global, threshold, chopper) =
+        (Register::IholdIrun, Register::Gconf, Register::Sgthrs, Register::Tpwmthrs);
     say(&machine, &mut printer, &["G1 X1 F600"]);
-    assert_eq!(say(&machine, &mut printer, &["M906 X500 E300", "M569 S0 X Y", "M914 X70"]), [""; 0]);
+    assert_eq!(say(&machine, &mut printer, &["M906 X500 E300", "M569 S0 X Y", "M914 X70", "M913 Z8"]), [""; 0]);
     // 0.13 ohm at 0.18 V: 500 mA are 16 of 32, 300 mA 10; spreadCycle is bit 2.
     assert_eq!([register(&machine, 0, run), register(&machine, 3, run)], [0x8_0f0f, 0x8_0909]);
     assert_eq!([0, 1, 2].map(|motor| register(&machine, motor, global) & 4), [4, 4, 0]);
     assert_eq!([0, 1].map(|motor| register(&machine, motor, threshold)), [70, 130]);
+    // 8 mm/s at 400 steps/mm of 1/8: 102,400 microsteps of 1/256 a second, 117 clocks of 12 MHz each.
+    assert_eq!([0, 2].map(|motor| register(&machine, motor, chopper)), [0, 117]);
+    // In spreadCycle the speed has no effect yet, and it says so.
+    assert_eq!(
+        say(&machine, &mut printer, &["M913 X120"]),
+        ["echo:driver X: spreadCycle, with M569 S1 only above 120 mm/s"]
+    );
+    assert_eq!(say(&machine, &mut printer, &["M569 S1 X", "M913 X"]), [""; 0]);
+    // 192,000 a second, 62.5 clocks each.
+    assert_eq!(register(&machine, 0, chopper), 63);
+    assert_eq!(
+        say(&machine, &mut printer, &["M913 E30", "M913"])[1..],
+        [
+            "echo:driver X: stealthChop, spreadCycle above 120 mm/s",
+            "echo:driver Y: spreadCycle",
+            "echo:driver Z: stealthChop, spreadCycle above 8 mm/s",
+            "echo:driver E: spreadCycle, with M569 S1 only above 30 mm/s",
+        ]
+    );
+    assert_eq!(say(&machine, &mut printer, &["M569 S0 X", "M913 X0 Z0"]), [""; 0]);
     assert_eq!(
         say(&machine, &mut printer, &["M906", "M569 X Z", "M914"])[..6],
         [
@@ -259,9 +280,9 @@ fn driver_commands_without_drivers_say_so() {
     let profile = profile("cartesian");
     let machine = machine(&profile);
     let mut printer = machine.printer();
-    let replies = say(&machine, &mut printer, &["M122", "M569 S1 X", "M906 X800", "M914", "G28"]);
-    for (reply, command) in replies.iter().zip(["M122", "M569", "M906", "M914"]) {
+    let replies = say(&machine, &mut printer, &["M122", "M569 S1 X", "M906 X800", "M913 X100", "M914", "G28"]);
+    for (reply, command) in replies.iter().zip(["M122", "M569", "M906", "M913", "M914"]) {
         assert_eq!(*reply, format!("echo:{command}: not available, this machine's drivers cannot be set"));
     }
-    assert_eq!(replies.len(), 5);
+    assert_eq!(replies.len(), 6);
 }

@@ -100,6 +100,7 @@ const LINES: &[&str] = &[
     "SET_SKEW XY=141.4,141.4",
     "SET_SKEW XY=100,100,300",
     "M906 X5000",
+    "M913 X9999",
     "M914 X999",
     // The machine is not ready for it.
     "G1 X20 E5",
@@ -118,6 +119,7 @@ const LINES: &[&str] = &[
 /// Profile and lines that are refused there.
 const ON_PROFILES: &[(&str, &str)] = &[
     ("prusa-mini", "M84 X\\nG28 Z"),
+    ("prusa-mini", "M913 X40\\nG28 X"),
     ("prusa-mini", "M914 X0\\nG28 X"),
     ("prusa-mini", "M906 X5000"),
     ("prusa-mini", "M569 S0 X\\nG28 X"),

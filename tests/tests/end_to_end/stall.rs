@@ -96,11 +96,11 @@ fn a_wrong_stall_threshold_shows() {
 #[test]
 fn homing_without_a_stall_signal_is_refused() {
     let profile = profile("prusa-mini");
-    for off in ["M914 X0", "M569 S0 X"] {
+    for off in ["M914 X0", "M569 S0 X", "M913 X40"] {
         let machine = machine(&profile);
         let replies = say(&machine, &mut machine.printer(), &[off, "G28 X"]);
         let expected =
-            "echo:line 2: X homes by its driver's stall signal, which is off: send M914 X1 to 255, M569 S1 X";
+            "echo:line 2: X homes by its driver's stall signal, which is off: send M914 X1 to 255, M569 S1 X, M913 X0";
         assert_eq!(replies, [expected]);
         assert_eq!(machine.figures().motor_steps, [0; 4]);
     }

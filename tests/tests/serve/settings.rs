@@ -25,6 +25,7 @@ fn settings_are_there_when_the_printer_is_switched_on_again() {
         "M92 E330",
         "M203 X150.5",
         "M906 Z300",
+        "M913 Z5",
         "M914 X120",
         "M593 X F48 P\"ei\"",
         "M900 K0.055",

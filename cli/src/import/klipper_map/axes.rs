@@ -214,12 +214,13 @@ impl Reading<'_> {
         let by_stall = self.draft.word(&format!("homing.{axis}.sensor")) == Some("stall");
         let fast = self.draft.number(&format!("homing.{axis}.fast_mm_per_s")).unwrap_or(0.0);
         let (quiet, above, why) = if threshold > ANY_SPEED {
-            (true, 0.0, "")
+            (true, 0, "")
         } else if by_stall && threshold <= fast {
             let why = "Klipper homes in stealthChop, whatever it prints in; a profile changes over by the speed";
-            (true, (fast * QUIET_UNTIL).ceil(), why)
+            (true, (fast * QUIET_UNTIL).ceil() as i64, why)
         } else {
-            (threshold > 0.0, threshold, "")
+            // Between 0 and 1 mm/s, 0 would mean the opposite.
+            (threshold > 0.0, threshold.ceil() as i64, "")
         };
         self.draft.put(&path("stealth_chop"), quiet);
         self.draft.put(&path("spread_cycle_above_mm_per_s"), above);

@@ -237,6 +237,7 @@ pub(super) fn machine() -> impl Strategy<Value = Command<'static>> {
         (544u16..=2_400).prop_map(|width_us| Command::ProbePin(PinCommand::Pulses { width_us })),
         any_stealth_chop(),
         any_drivers(3000).prop_map(Command::DriverCurrent),
+        any_drivers(2000).prop_map(Command::SpreadCycleAbove),
         any_drivers(255).prop_map(Command::StallThreshold),
         (of(0u8..=4), of(0u8..=3))
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),

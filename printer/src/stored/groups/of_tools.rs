@@ -2,7 +2,7 @@
 
 use ferrostep_planner::PressureAdvance;
 
-use super::{CURRENT, Group, STEPS, gain, setting};
+use super::{CHOPPER_SPEED, CURRENT, Group, STEPS, gain, setting};
 use crate::heat::PidGains;
 use crate::stored::values::{MM, Parts, Place, ToolValues, Values};
 use crate::tool_change::LARGEST_OFFSET_10NM;
@@ -59,6 +59,15 @@ impl<M: Parts> Group<M> {
             axes: None,
             settings: &[setting("tools.t1.driver.current_ma", "E", CURRENT, |values, _| {
                 values.tool()?.driver.as_mut().map(|driver| Place::Whole(&mut driver.current_ma))
+            })],
+        },
+        Self {
+            code: "M913 T1",
+            heading: "echo:; Hybrid threshold of T1 (mm/s):",
+            axes: None,
+            settings: &[setting("tools.t1.driver.spread_cycle_above_mm_per_s", "E", CHOPPER_SPEED, |values, _| {
+                let driver = values.tool()?.driver.as_mut();
+                driver.map(|driver| Place::Whole(&mut driver.spread_cycle_above_mm_per_s))
             })],
         },
         Self {

@@ -1,4 +1,4 @@
-//! M569, M906 and M914 of the second extruder's motor.
+//! M569, M906, M913 and M914 of the second extruder's motor.
 
 use ferrostep_tmc2209::{MOST_MOTORS, SECOND_EXTRUDER};
 
@@ -44,9 +44,11 @@ fn e_is_the_motor_of_the_tool() {
     }
     execute(&mut printer, "M569 S0 T1 E").unwrap();
     execute(&mut printer, "M914 T1 E7").unwrap();
+    execute(&mut printer, "M913 T1 E25").unwrap();
     let [first, second] = [3, SECOND_EXTRUDER].map(|motor| bank.0[motor].get());
     assert_eq!((first.stealth_chop, first.stall_threshold), (true, 100));
     assert_eq!((second.stealth_chop, second.stall_threshold), (false, 7));
+    assert_eq!([first, second].map(|driver| driver.spread_cycle_above_mm_per_s), [0, 25]);
 }
 
 #[test]
@@ -74,20 +76,22 @@ fn what_is_asked_for_without_a_tool_is_told_of_both() {
 }
 
 #[test]
-fn current_and_chopper_of_t1_survive_the_power() {
+fn current_and_choppers_of_t1_survive_the_power() {
     let (rig, bank) = two();
     let memory = Memory::new();
     {
         let mut printer = rig.printer();
         printer.set_drivers(&bank);
         printer.set_settings_memory(&memory);
-        for line in ["M906 T1 E600", "M569 S0 T1 E", "M914 T1 E7", "M500"] {
+        for line in ["M906 T1 E600", "M569 S0 T1 E", "M913 T1 E25", "M914 T1 E7", "M500"] {
             execute(&mut printer, line).unwrap();
         }
         rig.last_texts();
         execute(&mut printer, "M503 S0").unwrap();
         let said = rig.last_texts().join("\n");
-        assert!(said.contains("echo:  M906 T1 E600") && said.contains("echo:  M569 T1 E S0"), "{said}");
+        for line in ["M906 T1 E600", "M569 T1 E S0", "M913 T1 E25"] {
+            assert!(said.contains(&format!("echo:  {line}")), "{said}");
+        }
     }
     let (rig, bank) = two();
     let mut printer = rig.printer();
@@ -96,7 +100,8 @@ fn current_and_chopper_of_t1_survive_the_power() {
     printer.restore_settings();
     let second = bank.0[SECOND_EXTRUDER].get();
     // A stall threshold has a use for homing axes alone.
-    assert_eq!((second.current_ma, second.stealth_chop, second.stall_threshold), (600, false, DRIVER.stall_threshold));
+    let expected = DriverSettings { current_ma: 600, stealth_chop: false, spread_cycle_above_mm_per_s: 25, ..DRIVER };
+    assert_eq!(second, expected);
     assert_eq!(bank.0[3].get(), DRIVER);
     execute(&mut printer, "M502").unwrap();
     assert_eq!(bank.0[SECOND_EXTRUDER].get(), DRIVER);
@@ -112,7 +117,7 @@ fn of_one_tool_t1_has_no_effect() {
     let (rig, bank) = rig();
     let mut printer = rig.printer();
     printer.set_drivers(&bank);
-    for line in ["M906 T1 X700 E700", "M569 S0 T1 E", "M914 T1 E7"] {
+    for line in ["M906 T1 X700 E700", "M569 S0 T1 E", "M913 T1 E25", "M914 T1 E7"] {
         execute(&mut printer, line).unwrap();
     }
     assert!(bank.0.iter().all(|driver| driver.get() == DRIVER));
