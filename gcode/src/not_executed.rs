@@ -159,6 +159,7 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     unknown(m(154), "M154", "report the position by itself", "ask with M114"),
     unknown((b'M', 163, 165), "M163 to M165", "mix filaments", NO_TWIN),
     unknown(m(192), "M192", "wait for the probe's temperature", "there is no such thermometer: nothing is waited for"),
+    accepted(m(202), "M202", "accelerations of travel for each axis", "M204 T limits that of travel, M201 each axis"),
     unknown(m(209), "M209", "retract by itself", "write G10 and G11"),
     unknown((b'M', 217, 217), "M217", "filament at a tool change", "tools.retract_mm and tools.prime_mm of the profile"),
     unknown(m(240), "M240", "trigger a camera", NO_OUTPUT),

@@ -2,6 +2,7 @@
 
 use ferrostep_gcode::{Command, Decimal, SupplyCommand};
 use ferrostep_hal_shim::Heater;
+use ferrostep_tmc2209::MOST_MOTORS;
 
 use crate::error::CommandError;
 use crate::part::Part;
@@ -82,7 +83,7 @@ impl<P: Ports> Printer<'_, P> {
     /// The drivers have lost their settings with their supply.
     fn set_drivers_up_again(&mut self) -> Result<(), CommandError> {
         let Some(drivers) = self.drivers else { return Ok(()) };
-        for motor in 0..4 {
+        for motor in 0..MOST_MOTORS {
             let Some(report) = drivers.report(motor) else { continue };
             drivers.set(motor, report.settings).map_err(|error| CommandError::DriverSettings { motor, error })?;
         }
@@ -107,5 +108,60 @@ impl<P: Ports> Printer<'_, P> {
         self.keep_statistics();
         self.heating.set_supply(false);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use core::cell::Cell;
+
+    use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SECOND_EXTRUDER, SettingsError};
+
+    use crate::homing::tests::rig::{Drivers, Rig};
+    use crate::ports::MotorDrivers;
+
+    /// Drivers of X, Y, Z, E and T1's motor; a mask of those that were set.
+    /// Drivers of X, Y, Z, E and T1's motor, and a mask of those that were set.
+    #[derive(Debug)]
+    struct Noted(Drivers, Cell<u32>);
+
+    impl MotorDrivers for Noted {
+        fn state(&self, motor: usize) -> Option<DriverState> {
+            self.0.state(motor)
+        }
+        fn report(&self, motor: usize) -> Option<DriverReport> {
+            matches!(motor, 0..=3 | SECOND_EXTRUDER).then(|| self.0.report(motor))?
+        }
+        fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError> {
+            self.0.check(motor, settings)
+        }
+        fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
+            self.1.set(self.1.get() | 1 << motor);
+            self.0.set(motor, settings)
+        }
+        fn take_moved(&self) -> u8 {
+            0
+        }
+    }
+
+    #[test]
+    fn each_driver_is_set_up_again_also_that_of_a_second_tool() {
+        let settings = DriverSettings {
+            current_ma: 500,
+            hold_percent: 50,
+            microsteps: 16,
+            interpolate: true,
+            stealth_chop: true,
+            spread_cycle_above_mm_per_s: 0,
+            steps_per_mm: 100.0,
+            stall_threshold: 0,
+            both_edges: false,
+        };
+        let (rig, drivers) = (Rig::new(|_| {}), Noted(Drivers(settings), Cell::new(0)));
+        let mut printer = rig.printer();
+        printer.set_drivers(&drivers);
+        printer.set_drivers_up_again().unwrap();
+        assert_eq!(drivers.1.get(), 0b1111 | 1 << SECOND_EXTRUDER);
     }
 }
