@@ -121,7 +121,6 @@ mod tests {
     use crate::homing::tests::rig::{Drivers, Rig};
     use crate::ports::MotorDrivers;
 
-    /// Drivers of X, Y, Z, E and T1's motor; a mask of those that were set.
     /// Drivers of X, Y, Z, E and T1's motor, and a mask of those that were set.
     #[derive(Debug)]
     struct Noted(Drivers, Cell<u32>);
