@@ -50,7 +50,7 @@ pub struct DriverSettings {
     pub stealth_chop: bool,
     /// With stealthChop: the speed at which spreadCycle takes over, mm/s; 0 = none.
     pub spread_cycle_above_mm_per_s: u16,
-    /// Steps of the motor for each mm, by which that speed is a time of a step.
+    /// The motor's steps for each mm, from which that speed's time between two steps follows: the profile's, whatever M92 says.
     pub steps_per_mm: f32,
     /// SGTHRS: the stall signal comes when the measured load is at most twice this; 0 = never.
     pub stall_threshold: u8,

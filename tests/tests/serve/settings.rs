@@ -54,7 +54,7 @@ fn settings_are_there_when_the_printer_is_switched_on_again() {
         assert_eq!(host.say(line), ["ok"], "{line}");
     }
     assert_eq!(reported(&mut host), of_profile);
-    assert_eq!(host.say("M501"), ["echo:stored settings retrieved (9 values, 0 faults)", "ok"]);
+    assert_eq!(host.say("M501"), ["echo:stored settings retrieved (10 values, 0 faults)", "ok"]);
     assert_eq!(reported(&mut host), changed);
     assert_eq!(host.say("M502"), ["echo:Hardcoded Default Settings Loaded", "ok"]);
     assert_eq!(reported(&mut host), of_profile);
