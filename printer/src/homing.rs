@@ -303,16 +303,8 @@ impl<M: Motion> Homing<'_, '_, M> {
         }
         let Some(report) = self.drivers.and_then(|drivers| drivers.report(axis)) else { return Ok(()) };
         let settings = report.settings;
-        let quiet_until_mm_per_s = match settings.spread_cycle_above_mm_per_s {
-            0 => f64::INFINITY,
-            above => f64::from(above),
-        };
-        let signals = settings.stall_threshold > 0 && settings.stealth_chop;
-        if signals && quiet_until_mm_per_s > homing.fast_mm_per_s {
-            Ok(())
-        } else {
-            Err(CommandError::NoStallSignal { axis })
-        }
+        let is_quiet = settings.stealth_chop && !settings.leaves_stealth_chop_at(homing.fast_mm_per_s);
+        if settings.stall_threshold > 0 && is_quiet { Ok(()) } else { Err(CommandError::NoStallSignal { axis }) }
     }
 
     /// Adds a move that the G-code does not contain.

@@ -278,8 +278,7 @@ fn by_stall(
         table.refuse("slow_mm_per_s", expected);
     }
     // The signal stops where spreadCycle takes over.
-    let until = f64::from(driver.spread_cycle_above_mm_per_s);
-    if until > 0.0 && until <= fast_mm_per_s {
+    if driver.leaves_stealth_chop_at(fast_mm_per_s) {
         let expected =
             format!("0 or above homing.{axis}.fast_mm_per_s = {fast_mm_per_s}: in spreadCycle no stall signal comes");
         table.reader().refuse(&driver_key("spread_cycle_above_mm_per_s"), expected);

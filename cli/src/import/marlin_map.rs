@@ -135,7 +135,7 @@ impl<'a> Reading<'a> {
         }
     }
 
-    fn keep_number(&mut self, name: &str, path: &str, change: impl Fn(f64) -> f64) -> Option<f64> {
+    fn keep_number<T: Into<toml::Value>>(&mut self, name: &str, path: &str, change: impl Fn(f64) -> T) -> Option<f64> {
         let number = self.number(name);
         match number {
             Some(number) => self.keep(name, path, change(number), ""),
@@ -363,12 +363,7 @@ impl<'a> Reading<'a> {
         self.draft.put(&path("spread_cycle_above_mm_per_s"), 0);
         let hybrid = format!("{upper}_HYBRID_THRESHOLD");
         if self.get("HYBRID_THRESHOLD").is_some() && self.get(quiet).is_some() {
-            match self.number(&hybrid) {
-                Some(speed) => {
-                    self.keep(&hybrid, &path("spread_cycle_above_mm_per_s"), speed as i64, "");
-                }
-                None => self.lose(&hybrid, NO_NUMBER),
-            }
+            self.keep_number(&hybrid, &path("spread_cycle_above_mm_per_s"), |speed| speed as i64);
             self.keep("HYBRID_THRESHOLD", &path("stealth_chop"), true, "");
         }
         let stall = format!("{upper}_STALL_SENSITIVITY");

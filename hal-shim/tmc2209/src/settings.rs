@@ -70,6 +70,12 @@ pub struct DriverWiring {
 }
 
 impl DriverSettings {
+    /// Whether spreadCycle has taken over from stealthChop at this speed, mm/s.
+    #[must_use]
+    pub fn leaves_stealth_chop_at(&self, mm_per_s: f64) -> bool {
+        self.spread_cycle_above_mm_per_s != 0 && f64::from(self.spread_cycle_above_mm_per_s) <= mm_per_s
+    }
+
     /// TPWMTHRS: spreadCycle takes over where a microstep of 1/256 takes less than this many clocks of the chip (section 5.2);
     /// 0 = nowhere.
     fn chopper_clocks(&self) -> u32 {
