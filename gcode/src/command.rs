@@ -1,8 +1,9 @@
 //! What a line asks for, as an enum.
 
 use crate::command_words::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
-    PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, TunedHeater, Units, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverSetting, DriverWords, FeedWords,
+    FilamentSensorWords, GainWords, PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, TunedHeater,
+    Units, WaitTarget,
 };
 use crate::{BedCommand, CardCommand, Decimal, PinCommand, SkewCommand, SupplyCommand, TowerWords};
 
@@ -311,12 +312,8 @@ pub enum Command<'a> {
         /// S.
         on: Option<bool>,
     },
-    /// M906: currents in motion, mA; without words a query.
-    DriverCurrent(DriverWords),
-    /// M913: speeds at which spreadCycle takes over from stealthChop, mm/s, 0 = none; without words a query.
-    SpreadCycleAbove(DriverWords),
-    /// M914: StallGuard thresholds, 0 to 255; without words a query.
-    StallThreshold(DriverWords),
+    /// M906, M913 or M914: a setting of the drivers; without words a query.
+    Driver(DriverSetting, DriverWords),
     /// M796: I chooses the interpolation, A the acceleration's profile, by their numbers; neither: a query.
     MotionChoice {
         /// I, 0 to 4.

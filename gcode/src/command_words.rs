@@ -80,6 +80,37 @@ pub enum TunedHeater {
     Chamber,
 }
 
+/// What [`DriverWords`] set of a motor's driver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriverSetting {
+    /// M906: current in motion, mA.
+    Current,
+    /// M913: speed at which spreadCycle takes over from stealthChop, mm/s, 0: none.
+    SpreadCycleAbove,
+    /// M914: StallGuard's threshold, 0 to 255.
+    StallThreshold,
+}
+
+impl DriverSetting {
+    /// The number behind the M that sets it.
+    pub const fn code(self) -> u32 {
+        match self {
+            Self::Current => 906,
+            Self::SpreadCycleAbove => 913,
+            Self::StallThreshold => 914,
+        }
+    }
+
+    /// The largest value: more mA than any of the drivers can deliver, the largest speed of a profile, the chip's largest threshold.
+    pub const fn max(self) -> u16 {
+        match self {
+            Self::Current => 3000,
+            Self::SpreadCycleAbove => 2000,
+            Self::StallThreshold => 255,
+        }
+    }
+}
+
 /// A whole number for each motor that is named (M906, M913, M914). On a CoreXY machine X and Y name the motors A and B.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriverWords {

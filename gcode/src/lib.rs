@@ -33,8 +33,9 @@ pub use bed_command::{BedArea, BedCommand};
 pub use card_command::{CardCommand, InterruptedPrint};
 pub use command::Command;
 pub use command_words::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverWords, FeedWords, FilamentSensorWords, GainWords,
-    PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, TunedHeater, Units, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverSetting, DriverWords, FeedWords,
+    FilamentSensorWords, GainWords, PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords, TunedHeater,
+    Units, WaitTarget,
 };
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};

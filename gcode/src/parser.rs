@@ -4,6 +4,7 @@ mod accelerometer;
 mod bed;
 mod card_codes;
 mod code;
+mod drivers;
 mod g_codes;
 mod heater_model;
 mod input_shaper;

@@ -450,12 +450,10 @@ impl<P: Ports> Printer<'_, P> {
             Command::ProbePin(_) if self.pin().is_none() => {}
             Command::ProbePin(command) => return waiting(Waiting::ProbePin(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
-            // The drivers' part is all that there is to the first five. Without a display the others change nothing here.
+            // The drivers' part is all that there is to the first three. Without a display the others change nothing here.
             Command::ReportDrivers
             | Command::StealthChop { .. }
-            | Command::DriverCurrent(_)
-            | Command::SpreadCycleAbove(_)
-            | Command::StallThreshold(_)
+            | Command::Driver(..)
             | Command::Bed(_)
             | Command::SetNozzle(_, None)
             | Command::SetBed(None)

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{Command, DriverWords};
+use ferrostep_gcode::{Command, DriverSetting, DriverWords};
 use ferrostep_tmc2209::{
     DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, SECOND_EXTRUDER, motor_name,
 };
@@ -66,10 +66,7 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
         let (code, setting, values, tool) = match *command {
-            Command::StealthChop { tool, .. }
-            | Command::DriverCurrent(DriverWords { tool, .. })
-            | Command::SpreadCycleAbove(DriverWords { tool, .. })
-            | Command::StallThreshold(DriverWords { tool, .. })
+            Command::StealthChop { tool, .. } | Command::Driver(_, DriverWords { tool, .. })
                 if self.is_for_no_tool(tool) =>
             {
                 return Ok(false);
@@ -87,20 +84,18 @@ impl<P: Ports> Printer<'_, P> {
             | Command::ShiftZ { .. }
             | Command::EnableMotors(_) => return Ok(true),
             Command::Bed(bed) => return Ok(self.has_bed() && bed.probes()),
-            Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS, None),
+            Command::ReportDrivers => (122, Shown::All, ALL_MOTORS, None),
             Command::StealthChop { motors, tool, on } => {
                 let named = [motors.x, motors.y, motors.z, motors.e];
                 let value = named.map(|named| named.then_some(on.map(u16::from)));
                 let value = if motors.is_empty() { queried(tool) } else { value };
-                ("M569", Setting::Chopper, value, tool)
+                (569, Shown::Chopper, value, tool)
             }
-            Command::DriverCurrent(words) => ("M906", Setting::Current, values(words), words.tool),
-            Command::SpreadCycleAbove(words) => ("M913", Setting::SpreadCycleAbove, values(words), words.tool),
-            Command::StallThreshold(words) => ("M914", Setting::StallThreshold, values(words), words.tool),
+            Command::Driver(setting, words) => (setting.code(), Shown::Setting(setting), values(words), words.tool),
             _ => return Ok(false),
         };
         let Some(drivers) = self.drivers else {
-            self.replies.say(format_args!("echo:{code}: not available, this machine's drivers cannot be set"));
+            self.replies.say(format_args!("echo:M{code}: not available, this machine's drivers cannot be set"));
             return Ok(false);
         };
         let changes = values.iter().flatten().any(Option::is_some);
@@ -137,12 +132,10 @@ impl<P: Ports> Printer<'_, P> {
 
 /// The setting of a driver that a command shows or changes.
 #[derive(Clone, Copy)]
-enum Setting {
+enum Shown {
     All,
     Chopper,
-    Current,
-    SpreadCycleAbove,
-    StallThreshold,
+    Setting(DriverSetting),
 }
 
 /// For each motor: `None` if the command does not name it, else the value to set, or `None` for a query.
@@ -167,7 +160,7 @@ fn queried(tool: Option<u8>) -> Values {
 /// Changes all drivers that the command names, or none of them. E is the motor `extruder`.
 fn change(
     drivers: &dyn MotorDrivers,
-    setting: Setting,
+    setting: Shown,
     values: Values,
     extruder: usize,
     replies: &impl Replies,
@@ -177,14 +170,18 @@ fn change(
             let (Some(Some(value)), Some(report)) = (value, drivers.report(motor)) else { continue };
             let mut settings = report.settings;
             match setting {
-                Setting::All => {}
-                Setting::Chopper => settings.stealth_chop = *value != 0,
-                Setting::Current => settings.current_ma = *value,
-                Setting::SpreadCycleAbove => settings.spread_cycle_above_mm_per_s = *value,
-                Setting::StallThreshold => settings.stall_threshold = (*value).min(255) as u8,
+                Shown::All => {}
+                Shown::Chopper => settings.stealth_chop = *value != 0,
+                Shown::Setting(DriverSetting::Current) => settings.current_ma = *value,
+                Shown::Setting(DriverSetting::SpreadCycleAbove) => settings.spread_cycle_above_mm_per_s = *value,
+                Shown::Setting(DriverSetting::StallThreshold) => settings.stall_threshold = (*value).min(255) as u8,
             }
             // Where stealthChop is off the speed has no effect yet.
-            if is_set && matches!(setting, Setting::SpreadCycleAbove) && *value != 0 && !settings.stealth_chop {
+            if is_set
+                && matches!(setting, Shown::Setting(DriverSetting::SpreadCycleAbove))
+                && *value != 0
+                && !settings.stealth_chop
+            {
                 setting.say(motor_name(motor), &DriverReport { settings, ..report }, replies);
             }
             let outcome = if is_set { drivers.set(motor, settings) } else { drivers.check(motor, &settings) };
@@ -208,7 +205,7 @@ impl fmt::Display for Chopper<'_> {
     }
 }
 
-impl Setting {
+impl Shown {
     /// Reports the setting of one driver.
     fn say(self, name: &str, report: &DriverReport, replies: &impl Replies) {
         let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
@@ -227,11 +224,13 @@ impl Setting {
                     ),
                 );
             }
-            Self::Chopper | Self::SpreadCycleAbove => replies.say(format_args!("echo:driver {name}: {chopper}")),
-            Self::Current => {
+            Self::Chopper | Self::Setting(DriverSetting::SpreadCycleAbove) => {
+                replies.say(format_args!("echo:driver {name}: {chopper}"))
+            }
+            Self::Setting(DriverSetting::Current) => {
                 replies.say(format_args!("echo:driver {name}: {current_ma} mA ({run_ma} mA, {hold_ma} mA at rest)"));
             }
-            Self::StallThreshold => {
+            Self::Setting(DriverSetting::StallThreshold) => {
                 replies.say(format_args!("echo:driver {name}: stall threshold {stall_threshold}, load {load}"));
             }
         }

@@ -53,9 +53,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             Command::StepsPerMm(tool, _)
             | Command::StealthChop { tool, .. }
-            | Command::DriverCurrent(DriverWords { tool, .. })
-            | Command::SpreadCycleAbove(DriverWords { tool, .. })
-            | Command::StallThreshold(DriverWords { tool, .. })
+            | Command::Driver(_, DriverWords { tool, .. })
                 if self.is_for_no_tool(*tool) =>
             {
                 remarks.add(Remark::OtherTool);

@@ -32,10 +32,7 @@ impl Passed {
             let Item::Command { line, text } = item else { continue };
             match parse(text) {
                 Ok(
-                    Command::DriverCurrent(_)
-                    | Command::StealthChop { .. }
-                    | Command::SpreadCycleAbove(_)
-                    | Command::StallThreshold(_),
+                    Command::StealthChop { .. } | Command::Driver(..),
                 ) => {
                     self.drivers.push((line, text.to_owned()));
                 }

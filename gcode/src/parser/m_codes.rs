@@ -1,10 +1,10 @@
 //! Heaters, fans, limits, reports and the rest of the machine.
 
 use super::code::Code;
-use super::pressure_advance;
+use super::{drivers, pressure_advance};
 use crate::remarks::{Remark, Remarks};
 use crate::{
-    AxisWords, BacklashWords, Command, Decimal, DriverWords, FeedWords, FilamentSensorWords, GainWords, ParseError,
+    AxisWords, BacklashWords, Command, Decimal, DriverSetting, FeedWords, FilamentSensorWords, GainWords, ParseError,
     PrintClockCommand, RetractionWords, SettingsCommand, SkewCommand, SupplyCommand, TunedHeater, WaitTarget,
 };
 
@@ -12,12 +12,6 @@ use crate::{
 const MAX_INTERVAL_S: u8 = 60;
 /// Maximum of M220 and M221, percent.
 const MAX_PERCENT: u16 = 999;
-/// Maximum of M906, mA: more than any of the drivers can deliver.
-const MAX_CURRENT_MA: u16 = 3000;
-/// Maximum of M913, mm/s: that of a profile's speeds.
-const MAX_CHOPPER_MM_PER_S: u16 = 2000;
-/// Maximum of M914.
-const MAX_STALL_THRESHOLD: u16 = 255;
 /// Maximum C of M303.
 const MAX_CYCLES: u8 = 20;
 /// Maximum T of M790, seconds.
@@ -241,7 +235,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let play = b"XYZ".map(|axis| words.value(axis));
             Ok(Command::Backlash(BacklashWords { play, correction: words.value(b'F'), smoothing: words.value(b'S') }))
         }
-        569 => stealth_chop(code, remarks),
+        569 => drivers::stealth_chop(code, remarks),
         572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),
         900 => pressure_advance::parse(code, remarks, &pressure_advance::M900),
         593 => super::input_shaper::parse(code, remarks),
@@ -255,9 +249,9 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let [xy, of_xy, xz, yz] = b"ISJK".map(|plane| words.value(plane));
             Ok(Command::Skew(SkewCommand::Factors([xy.or(of_xy), xz, yz])))
         }
-        906 => Ok(Command::DriverCurrent(driver_words(code, remarks, MAX_CURRENT_MA)?)),
-        913 => Ok(Command::SpreadCycleAbove(driver_words(code, remarks, MAX_CHOPPER_MM_PER_S)?)),
-        914 => Ok(Command::StallThreshold(driver_words(code, remarks, MAX_STALL_THRESHOLD)?)),
+        906 => drivers::setting(DriverSetting::Current, code, remarks),
+        913 => drivers::setting(DriverSetting::SpreadCycleAbove, code, remarks),
+        914 => drivers::setting(DriverSetting::StallThreshold, code, remarks),
         955 | 956 => super::accelerometer::parse(code, remarks),
         790 => {
             let mut words = code.words(remarks)?;
@@ -426,29 +420,6 @@ fn filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Pa
     }
     let length = words.value(if loads { b'L' } else { b'U' });
     Ok(Command::LoadFilament { loads, tool: words.tool(b'T'), length, rise: words.value(b'Z') })
-}
-
-/// M569. With P it is the M569 of another firmware, which sets a driver's direction by its number.
-fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
-    if words.has(b'P') {
-        words.forgive();
-        words.remark(Remark::DriverByNumber);
-        return Ok(Command::Accepted);
-    }
-    let (motors, on) = (words.axis_flags(), words.switch(b'S')?);
-    if on.is_some() && motors.is_empty() {
-        return Err(ParseError::WordsExpected { command: "M569", words: "X, Y, Z or E" });
-    }
-    Ok(Command::StealthChop { motors, tool: words.tool(b'T'), on })
-}
-
-/// M906, M913 and M914.
-fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<DriverWords, ParseError> {
-    let mut words = code.words(remarks)?;
-    let tool = words.tool(b'T');
-    let mut number = |letter| words.whole_up_to(letter, high);
-    Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')?, tool })
 }
 
 /// M106 and M107. Slicers write powers such as 252.45, which are rounded.

@@ -4,8 +4,8 @@ mod heaters;
 
 use super::*;
 use crate::{
-    ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, FeedWords, GainWords, PinCommand, PrintClockCommand, Remarks,
-    RetractionWords, SupplyCommand, TunedHeater, Units, WaitTarget,
+    ArcForm, AxisFlags, AxisWords, Decimal, DriverSetting, DriverWords, FeedWords, GainWords, PinCommand,
+    PrintClockCommand, Remarks, RetractionWords, SupplyCommand, TunedHeater, Units, WaitTarget,
 };
 
 pub(super) fn number(text: &str) -> Decimal {
@@ -348,15 +348,15 @@ fn motor_drivers() {
     reads("M569 X S0", Command::StealthChop { motors: x, tool: None, on: Some(false) });
     reads("M569", Command::StealthChop { motors: AxisFlags::default(), tool: None, on: None });
     reads("M569 X", Command::StealthChop { motors: x, tool: None, on: None });
-    reads("M906", Command::DriverCurrent(DriverWords::default()));
+    reads("M906", Command::Driver(DriverSetting::Current, DriverWords::default()));
     let currents = DriverWords { x: Some(800), e: Some(3000), ..DriverWords::default() };
-    reads("M906 X800 E3000", Command::DriverCurrent(currents));
+    reads("M906 X800 E3000", Command::Driver(DriverSetting::Current, currents));
     let thresholds = DriverWords { y: Some(255), z: Some(0), ..DriverWords::default() };
-    reads("M914 Y255 Z0", Command::StallThreshold(thresholds));
+    reads("M914 Y255 Z0", Command::Driver(DriverSetting::StallThreshold, thresholds));
     let speeds = DriverWords { x: Some(120), e: Some(0), tool: Some(0), ..DriverWords::default() };
-    reads("M913 T0 X120 E0", Command::SpreadCycleAbove(speeds));
+    reads("M913 T0 X120 E0", Command::Driver(DriverSetting::SpreadCycleAbove, speeds));
     let of_second = DriverWords { e: Some(700), tool: Some(1), ..DriverWords::default() };
-    reads("M906 T1 E700", Command::DriverCurrent(of_second));
+    reads("M906 T1 E700", Command::Driver(DriverSetting::Current, of_second));
     let e = AxisFlags { e: true, ..AxisFlags::default() };
     reads("M569 S0 T1 E", Command::StealthChop { motors: e, tool: Some(1), on: Some(false) });
     assert_eq!(thresholds.all(), [None, Some(255), Some(0), None]);
@@ -365,10 +365,14 @@ fn motor_drivers() {
     assert_eq!(refused("M906 X3001"), "X: 3001 is out of range, expected 0 to 3000");
     assert_eq!(refused("M906 E-1"), "E: -1 is out of range, expected 0 to 3000");
     let z = DriverWords { z: Some(500), ..DriverWords::default() };
-    reads_with("M906 Z500.5", Command::DriverCurrent(z), "Z must be whole, the fraction is dropped");
+    reads_with("M906 Z500.5", Command::Driver(DriverSetting::Current, z), "Z must be whole, the fraction is dropped");
     assert_eq!(refused("M913 X2001"), "X: 2001 is out of range, expected 0 to 2000");
     assert_eq!(refused("M914 Y256"), "Y: 256 is out of range, expected 0 to 255");
-    reads_with("M914 X", Command::StallThreshold(DriverWords::default()), "X without a number is ignored");
+    reads_with(
+        "M914 X",
+        Command::Driver(DriverSetting::StallThreshold, DriverWords::default()),
+        "X without a number is ignored",
+    );
 }
 
 #[test]

@@ -4,9 +4,9 @@ use proptest::option::of;
 use proptest::prelude::*;
 
 use crate::{
-    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, Command, Decimal, DriverWords, FeedWords,
-    FilamentSensorWords, GainWords, PinCommand, PrintClockCommand, RetractionWords, SettingsCommand, ShaperWords,
-    SkewCommand, SupplyCommand, TunedHeater, Units, WaitTarget,
+    AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, Command, Decimal, DriverSetting, DriverWords,
+    FeedWords, FilamentSensorWords, GainWords, PinCommand, PrintClockCommand, RetractionWords, SettingsCommand,
+    ShaperWords, SkewCommand, SupplyCommand, TunedHeater, Units, WaitTarget,
 };
 
 const TEXTS: [&str; 5] = ["", "Hello", "Layer 3/100 (50 %)", "20*3", "Gr\u{fc}n \u{2014} fertig"];
@@ -52,9 +52,13 @@ fn any_flags() -> impl Strategy<Value = AxisFlags> {
     any::<[bool; 4]>().prop_map(|[x, y, z, e]| AxisFlags { x, y, z, e })
 }
 
-fn any_drivers(high: u16) -> impl Strategy<Value = DriverWords> {
-    ([of(0..=high), of(0..=high), of(0..=high), of(0..=high)], of(any_tool()))
-        .prop_map(|([x, y, z, e], tool)| DriverWords { x, y, z, e, tool })
+fn any_driver_setting() -> impl Strategy<Value = Command<'static>> {
+    let settings = [DriverSetting::Current, DriverSetting::SpreadCycleAbove, DriverSetting::StallThreshold];
+    proptest::sample::select(settings.to_vec()).prop_flat_map(|setting| {
+        let number = || of(0..=setting.max());
+        ([number(), number(), number(), number()], of(any_tool()))
+            .prop_map(move |([x, y, z, e], tool)| Command::Driver(setting, DriverWords { x, y, z, e, tool }))
+    })
 }
 
 fn any_stealth_chop() -> impl Strategy<Value = Command<'static>> {
@@ -236,9 +240,7 @@ pub(super) fn machine() -> impl Strategy<Value = Command<'static>> {
         any::<u8>().prop_map(Command::PromptAnswer),
         (544u16..=2_400).prop_map(|width_us| Command::ProbePin(PinCommand::Pulses { width_us })),
         any_stealth_chop(),
-        any_drivers(3000).prop_map(Command::DriverCurrent),
-        any_drivers(2000).prop_map(Command::SpreadCycleAbove),
-        any_drivers(255).prop_map(Command::StallThreshold),
+        any_driver_setting(),
         (of(0u8..=4), of(0u8..=3))
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         any_shaper(),

@@ -255,9 +255,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::StealthChop { motors, tool, on } => {
             (569, [flags(motors), given([('T', number_of(tool)), ('S', switch(on))])].concat())
         }
-        Command::DriverCurrent(words) => (906, drivers(words)),
-        Command::SpreadCycleAbove(words) => (913, drivers(words)),
-        Command::StallThreshold(words) => (914, drivers(words)),
+        Command::Driver(setting, words) => (setting.code(), drivers(words)),
         Command::ReceiveJob { size, silence_s } => {
             (790, given([('S', Some(whole(size.into()))), ('T', Some(whole(silence_s.into())))]))
         }
