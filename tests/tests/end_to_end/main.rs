@@ -27,6 +27,8 @@ mod homing_places;
 mod hostile;
 mod hosts;
 mod idle_heaters;
+mod import_parts;
+mod import_refusals;
 mod import_tools;
 mod import_z_motors;
 mod imports;
