@@ -12,6 +12,10 @@ use crate::{board, servo, supervision};
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
 const MAX_LOOKS: u32 = 200_000;
 
+/// Cycles between two feedings of the watchdog in the safe state where no pulse takes as long: 20 ms, or 0.2 s on the internal
+/// oscillator, of its second.
+const REST_CYCLES: u32 = CORE_HZ / 50;
+
 /// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB port off
 /// the bus, so that its host ends too.
 // Inlined, so that the test of what masks interrupts sees each caller.
@@ -50,7 +54,9 @@ pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
 pub fn rest() -> ! {
     loop {
         supervision::feed_at_the_end();
-        servo::pin_in_at_the_end();
+        if !servo::pin_in_at_the_end() {
+            cortex_m::asm::delay(REST_CYCLES);
+        }
     }
 }
 

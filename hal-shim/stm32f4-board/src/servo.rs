@@ -53,12 +53,13 @@ pub fn send(pulses: ServoPulses) {
     NVIC::pend(Interrupt::TIM6_DAC);
 }
 
-/// One pulse that calls a probe's pin in, for the panic and fault handlers, which no interrupt interrupts any more.
-pub(crate) fn pin_in_at_the_end() {
-    if let Some(pin) = SERVO {
-        // SAFETY: no other code runs any more.
-        servo_line::send_one(&mut unsafe { Volatile::new() }, pin, PIN_IN_US);
-    }
+/// One pulse that calls a probe's pin in, and the pause after it, for the panic and fault handlers, which no interrupt interrupts any
+/// more. `false` without a servo.
+pub(crate) fn pin_in_at_the_end() -> bool {
+    let Some(pin) = SERVO else { return false };
+    // SAFETY: no other code runs any more.
+    servo_line::send_one(&mut unsafe { Volatile::new() }, pin, PIN_IN_US);
+    true
 }
 
 /// Whether all pulses have been sent.
