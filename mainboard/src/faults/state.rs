@@ -16,7 +16,7 @@ const SECOND: u64 = 1_000_000_000;
 /// Targets of nozzle and bed, degrees Celsius.
 pub const TARGETS_CELSIUS: [f64; 2] = [200.0, 40.0];
 /// Time without a host after which the heaters go off, s: set by M86, so that a run need not last half an hour.
-pub const HEATER_TIMEOUT_S: u64 = 90;
+pub const HEATER_TIMEOUT_S: u64 = 30;
 /// Virtual time limit of the run through all states, ns.
 const LIMIT_NS: u64 = 400 * SECOND;
 /// Maximum number of the job's moves to print.

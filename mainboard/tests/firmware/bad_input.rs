@@ -6,10 +6,10 @@ use crate::job::Job;
 use crate::same_steps::{LINES, assert_printed_as_rehearsed};
 
 /// Lines of the job after which the motors run, with as much motion at hand as the image takes.
-const LINES_INTO_THE_PRINT: usize = 200;
+const LINES_INTO_THE_PRINT: usize = 100;
 
 /// Line before which the job pauses, so that a silent host does not affect the look-ahead.
-const PAUSE: usize = 260;
+const PAUSE: usize = 160;
 
 /// Lines in a burst: as many bytes as the image's receive buffer holds while a command waits for room.
 const BURST: usize = 240;

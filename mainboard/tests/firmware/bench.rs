@@ -197,6 +197,15 @@ impl Bench {
         })
     }
 
+    /// Gives a heater this temperature at once, so that a test need not wait for it.
+    pub fn set_celsius(&mut self, name: &str, celsius: f64) {
+        let name = name.to_owned();
+        self.change(move |plant, now_ns| {
+            let place = plant.heaters.iter_mut().find(|heater| heater.name == name).unwrap();
+            place.heater.set_temperature(now_ns, celsius);
+        });
+    }
+
     /// Whether any heater gets power.
     pub fn any_heater_on(&mut self) -> bool {
         self.with(|machine, _| machine.plant.any_heater_on())

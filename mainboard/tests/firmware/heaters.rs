@@ -163,10 +163,12 @@ fn fans_turn_on_command_and_above_a_hot_nozzle() {
         bench.pass(2000);
         assert!(rpm(&mut bench, "hotend") > FULL_RPM, "{}: no fan above a hot nozzle", board.name);
         bench.host.send("M104 S0").unwrap();
+        bench.set_celsius("nozzle", 51.0);
         while nozzle_celsius(&mut bench) > 47.0 {
             assert!(rpm(&mut bench, "hotend") > FULL_RPM, "{}: the fan stops too early", board.name);
             bench.pass(1000);
         }
+        bench.set_celsius("nozzle", 40.0);
         while nozzle_celsius(&mut bench) > 36.0 {
             bench.pass(1000);
         }

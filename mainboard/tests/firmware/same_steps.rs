@@ -7,8 +7,8 @@ use crate::noise::Noise;
 use crate::pins::PinLog;
 use crate::rehearsal::Rehearsal;
 
-/// Lines of the cube: up to the infill of the first layer.
-pub const LINES: usize = 320;
+/// Lines of the cube: into the infill of the first layer.
+pub const LINES: usize = 200;
 
 /// The reply to M797.
 #[derive(Debug)]
@@ -102,7 +102,7 @@ fn the_image_makes_the_rehearsed_steps() {
 
 #[test]
 fn corrupted_lines_are_sent_again_and_change_no_step() {
-    let job = Job::cube(LINES);
+    let job = Job::cube(LINES).without_heating();
     let mut bench = Bench::boot();
     bench.host.set_noise(Noise::new(8));
     stream(&mut bench.host, &job);

@@ -130,6 +130,7 @@ fn highs(bench: &mut Bench) -> [bool; 2] {
 #[test]
 fn each_nozzle_is_controlled_by_its_own_thermistor() {
     let mut bench = boot();
+    bench.set_celsius("nozzle1", 150.0);
     send(&mut bench, "M104 T1 S180\nM109 T1 S180");
     let celsius = |bench: &mut Bench, name: &'static str| {
         let now_ns = bench.now_ns();
