@@ -9,6 +9,7 @@ pub type Failure = String;
 /// A run of steps that ends with the first failure.
 pub struct Run {
     task: &'static str,
+    began: Instant,
     steps: Vec<Step>,
 }
 
@@ -22,14 +23,15 @@ struct Step {
 impl Run {
     /// A run without steps.
     pub fn new(task: &'static str) -> Run {
-        Run { task, steps: Vec::new() }
+        Run { task, began: Instant::now(), steps: Vec::new() }
     }
 
     /// Says the step's name and runs it.
     pub fn step<T>(&mut self, name: &'static str, action: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
         // Standard error, where cargo's own messages go: one stream keeps them in order.
-        eprintln!("\n==> {name}");
         let start = Instant::now();
+        // The summary does not come where a run is ended from outside.
+        eprintln!("\n==> {name} (after {} min)", start.duration_since(self.began).as_secs() / 60);
         let result = action();
         self.steps.push(Step { name, duration: start.elapsed(), passed: result.is_ok() });
         result
