@@ -1,8 +1,8 @@
 //! `ferrostep import`: parts that a machine may have, from Klipper's files and Marlin's.
 
-use ferrostep::import::of_text;
+use serde_json::Value;
 
-use crate::imports::{lost, marlin, profile, says};
+use crate::imports::{klipper, lost, marlin, profile, says};
 
 /// By lengths, or by factors, which hold where both are said; without its switch none is.
 #[test]
@@ -36,15 +36,15 @@ fn models_of_heaters_are_kept() {
 
     let path = ferrostep_tests::program::repository().join("tests/configurations/corexy.cfg");
     let text = std::fs::read_to_string(path).unwrap();
-    let klipper = |of_extruder: &str, of_bed: &str| {
+    let modelled = |of_extruder: &str, of_bed: &str| {
         let text = text
             .replacen("[extruder]\n", &format!("[extruder]\n{of_extruder}"), 1)
             .replacen("[heater_bed]\n", &format!("[heater_bed]\n{of_bed}"), 1)
             .replace("control: pid\n", "")
             .replace("control = pid\n", "");
-        serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+        klipper(&text)
     };
-    let imported = klipper(
+    let imported = modelled(
         "control: mpc\nheater_power: 60\nblock_heat_capacity: 22.3110\nsensor_responsiveness: 0.0998635\nambient_transfer: 0.155082\n\
          fan_ambient_transfer: 0.155082, 0.20156, 0.216441\nfilament_density: 1.25\nfilament_heat_capacity: 1.2\n",
         "control: mpc\nheater_power: 400\nblock_heat_capacity: 2078.86\nsensor_responsiveness: 0.0139945\nambient_transfer: 15.6868\n",
@@ -55,7 +55,7 @@ fn models_of_heaters_are_kept() {
          fanned_loss_w_per_k = 0.216441, filament_j_per_k_mm = 0.0036079 }\n\
          bed.control_model = { power_w = 400, capacity_j_per_k = 2078.86, sensor_per_s = 0.0139945, loss_w_per_k = 15.6868 }\n",
     );
-    let uncalibrated = klipper("control: mpc\nheater_power: 60\n", "");
+    let uncalibrated = modelled("control: mpc\nheater_power: 60\n", "");
     assert!(lost(&uncalibrated, "[extruder] control").unwrap().contains("M306 T"));
     assert!(profile(&uncalibrated)["nozzle"].get("control_model").is_none());
 }
@@ -83,9 +83,6 @@ fn a_motion_sensor_is_kept() {
     let path = ferrostep_tests::program::repository().join("tests/configurations/corexy.cfg");
     let text = std::fs::read_to_string(path).unwrap()
         + "\n[filament_motion_sensor encoder]\nswitch_pin = ^PC2\ndetection_length = 2.88\nextruder = extruder\n";
-    let klipper = |text: &str| {
-        serde_json::to_value(of_text("printer.cfg", text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
-    };
     let imported = klipper(&text);
     says(&imported, "filament_sensor = { kind = \"motion\", detection_mm = 2.88 }\n");
     assert!(profile(&imported)["filament_sensor"].get("missing_is_low").is_none());
@@ -118,6 +115,11 @@ fn a_module_that_says_that_the_supply_fails_is_kept() {
     }
 }
 
+/// What Klipper's text of a small machine with these sections says.
+fn small_klipper(sections: &str) -> Value {
+    klipper(&format!("[printer]\nkinematics: corexy\n[stepper_x]\nrotation_distance: 40\nmicrosteps: 16\n{sections}"))
+}
+
 #[test]
 fn a_switched_supply_is_kept_and_other_outputs_are_named() {
     let imported = marlin(
@@ -133,11 +135,7 @@ fn a_switched_supply_is_kept_and_other_outputs_are_named() {
     }
     assert!(!profile(&marlin("#define PSU_ACTIVE_STATE LOW\n")).contains_key("power_supply"));
 
-    let klipper = |text: &str| {
-        let text = format!("[printer]\nkinematics: corexy\n[stepper_x]\nrotation_distance: 40\nmicrosteps: 16\n{text}");
-        serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
-    };
-    let imported = klipper(
+    let imported = small_klipper(
         "[output_pin ps_on_pin]\npin: !PE11\nvalue: 1\nshutdown_value: 0\n[output_pin caselight]\npin: PD12\npwm: True\n",
     );
     says(&imported, "power_supply = { on_is_low = true, on_at_start = true }");
@@ -147,18 +145,14 @@ fn a_switched_supply_is_kept_and_other_outputs_are_named() {
     for key in ["[output_pin caselight] pin", "[output_pin caselight] pwm"] {
         assert!(lost(&imported, key).unwrap().contains("write a table outputs.NAME"));
     }
-    says(&klipper("[output_pin PSU]\npin: PE11\n"), "power_supply = { on_is_low = false, on_at_start = false }");
-    assert!(!profile(&klipper("[output_pin beeper]\npin: PC5\n")).contains_key("power_supply"));
+    says(&small_klipper("[output_pin PSU]\npin: PE11\n"), "power_supply = { on_is_low = false, on_at_start = false }");
+    assert!(!profile(&small_klipper("[output_pin beeper]\npin: PC5\n")).contains_key("power_supply"));
 }
 
 #[test]
 fn a_chamber_is_kept_with_its_thermometer_or_its_heater() {
-    let klipper = |text: &str| {
-        let text = format!("[printer]\nkinematics: corexy\n[stepper_x]\nrotation_distance: 40\nmicrosteps: 16\n{text}");
-        serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
-    };
     // As most machines of this kind have it, whose bed warms their chamber.
-    let imported = klipper(
+    let imported = small_klipper(
         "[temperature_sensor chamber_temp]\nsensor_type: Generic 3950\nsensor_pin: PF5\nmin_temp: 0\nmax_temp: 100\n\
          gcode_id: C\n",
     );
@@ -168,7 +162,7 @@ fn a_chamber_is_kept_with_its_thermometer_or_its_heater() {
          sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1770.0, 230.0] } }",
     );
     assert!(profile(&imported)["chamber"].get("heater").is_none());
-    let imported = klipper(
+    let imported = small_klipper(
         "[heater_generic chamber]\nheater_pin: PB10\nsensor_type: EPCOS 100K B57560G104F\nsensor_pin: PF6\n\
          control: watermark\nmin_temp: 0\nmax_temp: 70\n[verify_heater heater_generic chamber]\ncheck_gain_time: 600\n",
     );
@@ -178,7 +172,7 @@ fn a_chamber_is_kept_with_its_thermometer_or_its_heater() {
          sensor = \"epcos-100k\", watch_s = 600 }",
     );
     // No thermistor, no chamber.
-    let imported = klipper("[temperature_sensor chamber]\nsensor_type: BME280\ni2c_address: 118\n");
+    let imported = small_klipper("[temperature_sensor chamber]\nsensor_type: BME280\ni2c_address: 118\n");
     assert!(!profile(&imported).contains_key("chamber"));
     assert!(lost(&imported, "[temperature_sensor chamber] sensor_type").unwrap().contains("nozzle, bed and chamber"));
 

@@ -1,9 +1,8 @@
 //! `ferrostep import` of machines with two extruders.
 
-use ferrostep::import::of_text;
 use serde_json::Value;
 
-use super::imports::{lost, marlin, says};
+use super::imports::{self, lost, marlin, says};
 
 const KLIPPER: &str = "[printer]\nkinematics: cartesian\nmax_velocity: 300\nmax_accel: 3000\n\
                        [stepper_x]\nrotation_distance: 40\nmicrosteps: 16\nposition_endstop: 0\nposition_max: 300\nendstop_pin: PG6\n\
@@ -17,8 +16,7 @@ const SECOND: &str = "[extruder1]\nstep_pin: PB0\ndir_pin: !PC5\nrotation_distan
                       pressure_advance: 0.04\nnozzle_diameter: 0.4\n[tmc2209 extruder1]\nrun_current: 0.65\n";
 
 fn klipper(more: &str) -> Value {
-    let text = format!("{KLIPPER}{more}");
-    serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+    imports::klipper(&format!("{KLIPPER}{more}"))
 }
 
 fn parsed(imported: &Value) -> ferrostep_printer::Profile {

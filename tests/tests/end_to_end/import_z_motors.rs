@@ -3,7 +3,7 @@
 use ferrostep::import::of_text;
 use serde_json::Value;
 
-use super::imports::{lost, marlin, profile, says};
+use super::imports::{self, lost, marlin, profile, says};
 
 /// A machine of Klipper's with a probe; the corners and points of its gantry are those of a Voron 2.4 of 300 mm.
 const KLIPPER: &str = "[printer]\nkinematics: corexy\nmax_velocity: 300\nmax_accel: 3000\n\
@@ -17,8 +17,7 @@ const KLIPPER: &str = "[printer]\nkinematics: corexy\nmax_velocity: 300\nmax_acc
                        [tmc2209 stepper_z1]\nrun_current: 0.8\n";
 
 fn klipper(more: &str) -> Value {
-    let text = format!("{KLIPPER}{more}");
-    serde_json::to_value(of_text("printer.cfg", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+    imports::klipper(&format!("{KLIPPER}{more}"))
 }
 
 #[test]

@@ -216,7 +216,16 @@ fn what_a_file_says_is_not_assumed() {
 /// The parts of a profile that a text in Marlin's form says.
 pub(super) fn marlin(text: &str) -> Value {
     let text = format!("#define DEFAULT_AXIS_STEPS_PER_UNIT {{ 100, 100, 400, 95 }}\n{text}");
-    serde_json::to_value(of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
+    imported("Configuration.h", &text)
+}
+
+/// What a text in Klipper's form says.
+pub(super) fn klipper(text: &str) -> Value {
+    imported("printer.cfg", text)
+}
+
+fn imported(name: &str, text: &str) -> Value {
+    serde_json::to_value(of_text(name, text, &mut |_| Err("none".to_owned())).unwrap()).unwrap()
 }
 
 /// A mesh with a radius makes a round bed.
@@ -229,8 +238,7 @@ fn klippers_round_bed_is_kept() {
     assert!(round.contains("mesh_radius") && round.contains("mesh_origin"), "{text}");
     let count = round.lines().find(|line| line.starts_with("probe_count")).unwrap().to_owned();
     round = round.replace(&count, "round_probe_count: 7");
-    let imported =
-        serde_json::to_value(of_text("printer.cfg", &round, &mut |_| Err("none".to_owned())).unwrap()).unwrap();
+    let imported = klipper(&round);
     says(
         &imported,
         "homing.bed_mm = { x = [20.0, 200.0], y = [22.0, 202.0], round = true }\nmesh.points = { x = 7, y = 7 }\n",
