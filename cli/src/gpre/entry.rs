@@ -31,9 +31,7 @@ impl Passed {
         while let Some(item) = items.next_item()? {
             let Item::Command { line, text } = item else { continue };
             match parse(text) {
-                Ok(
-                    Command::StealthChop { .. } | Command::Driver(..),
-                ) => {
+                Ok(Command::StealthChop { .. } | Command::Driver(..)) => {
                     self.drivers.push((line, text.to_owned()));
                 }
                 Ok(
