@@ -192,6 +192,7 @@ fn a_stop_in_the_midst_leaves_no_motor_out() {
         bench.host.send("G34").unwrap();
         let left = tilt(&mut bench);
         assert!(left < 0.02, "{stop}: {left}");
+        assert_together(&mut bench);
         height(&mut bench);
     }
 }
