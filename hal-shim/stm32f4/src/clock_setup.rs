@@ -7,12 +7,11 @@
 
 use super::ChipFamily;
 use crate::clock_tree::{ClockTree, PllSource};
-use crate::rcc::{POWER_CLOCK, RCC, RCC_APB1ENR};
+use crate::rcc::{POWER_CLOCK, RCC, RCC_APB1ENR, RCC_CFGR as CFGR, SWS, is_on_pll};
 use crate::registers::Registers;
 
 const CR: u32 = RCC;
 const PLLCFGR: u32 = RCC + 0x04;
-const CFGR: u32 = RCC + 0x08;
 const CIR: u32 = RCC + 0x0c;
 const SSCGR: u32 = RCC + 0x80;
 /// Prescaler of all timers (TIMPRE), clock gating, and what USB's 48 MHz come from (CK48MSEL): an STM32F446 only.
@@ -40,8 +39,6 @@ const OTHERS_READY: u32 = 1 << 27 | 1 << 29;
 // CFGR.
 const SW: u32 = 0b11;
 const SW_PLL: u32 = 0b10;
-const SWS: u32 = 0b11 << 2;
-const SWS_PLL: u32 = 0b10 << 2;
 
 /// CIR: clears all flags, that of a failed crystal (bit 23) included, and asks for no interrupt.
 const CLEAR_FLAGS: u32 = 0xff << 16;
@@ -167,7 +164,7 @@ impl<R: Registers> ClockRegisters<R> {
             let _look = registers.read(CFGR);
         });
         registers.modify(CFGR, SW, SW_PLL);
-        (0..MAX_LOOKS).any(|_| registers.read(CFGR) & SWS == SWS_PLL)
+        (0..MAX_LOOKS).any(|_| is_on_pll(registers))
     }
 }
 

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicU16, Ordering};
 use ferrostep_hal_shim::Heater;
 
-use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
+use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR, is_on_pll};
 use crate::registers::Registers;
 use ferrostep_thermistor::CONVERSIONS_A_READING;
 
@@ -14,7 +14,7 @@ pub const CONVERSIONS: usize = CONVERSIONS_A_READING as usize;
 const TAKEN: u16 = u16::MAX;
 
 /// Number of readings in a row with old conversions after which the converter counts as stopped: 80 ms at the control's pace.
-/// A working one makes a reading in 2 ms ([`Converter`]); the start may take several readings at once.
+/// A working one makes a reading in 4 ms ([`Converter`]); the start may take several readings at once.
 const MAX_OLD: u8 = 8;
 
 /// A pair of looks at a register takes two cycles of the fast bus or more, so this is 3 us or longer up to 84 MHz: what
@@ -50,10 +50,12 @@ const CONT: u32 = 1 << 1;
 const DMA: u32 = 1 << 8;
 const DDS: u32 = 1 << 9;
 const SWSTART: u32 = 1 << 30;
-/// CCR: a quarter of the bus's frequency, 21 MHz of 84. The limit is 36 MHz, 18 MHz below 2.4 V (DS8626, fADC).
+/// CCR: the converter's clock as a part of the bus's frequency, at most 36 MHz and below 2.4 V 18 MHz (DS8626, fADC). An
+/// eighth is the least, 10.5 MHz of 84; a quarter of the bare internal oscillator's 16 MHz gives each sample its reading.
 const ADCPRE: u32 = 0b11 << 16;
+const EIGHTH: u32 = 0b11 << 16;
 const QUARTER: u32 = 0b01 << 16;
-/// 480 cycles of sampling for every channel, 23 us: a thermistor is a source of up to 4.7 kilohms. The conversion takes
+/// 480 cycles of sampling for every channel, 46 us: a thermistor is a source of up to 4.7 kilohms. The conversion takes
 /// 12 more.
 const MAX_SAMPLING: u32 = 0x3fff_ffff;
 /// Sampling times of channels 10 to 18.
@@ -110,7 +112,7 @@ impl ConverterNumber {
 
 /// A converter that goes round its channels without end.
 ///
-/// A conversion is 492 cycles of 21 MHz, 23.4 us: with five sensors a reading of each is new every 1.9 ms. On the bare
+/// A conversion is 492 cycles of 10.5 MHz, 46.9 us: with five sensors a reading of each is new every 3.7 ms. On the bare
 /// internal oscillator, 16 MHz, it is every 9.8 ms.
 ///
 /// **A reading that stands still is noticed.** A conversion that has been taken is marked in memory, so that the next
@@ -179,7 +181,8 @@ impl Converter {
         registers.write(S0CR, stream);
         registers.write(S0CR, stream | STREAM_ENABLE);
 
-        registers.modify(ADC_CCR, ADCPRE, QUARTER);
+        let prescaler = if is_on_pll(registers) { EIGHTH } else { QUARTER };
+        registers.modify(ADC_CCR, ADCPRE, prescaler);
         registers.write(base + CR1, SCAN);
         registers.write(base + SMPR1, MAX_SAMPLING_HIGH);
         registers.write(base + SMPR2, MAX_SAMPLING);
@@ -258,15 +261,20 @@ mod tests {
     }
 
     impl Bench {
+        /// On the PLL.
         fn start(number: ConverterNumber, channels: &'static [u8]) -> Self {
+            Self::start_with(Recorder::default().with(0x4002_3808, 0b10 << 2), number, channels)
+        }
+
+        fn start_with(registers: Recorder, number: ConverterNumber, channels: &'static [u8]) -> Self {
             let memory: Vec<AtomicU16> = (0..channels.len() * CONVERSIONS).map(|_| AtomicU16::new(0)).collect();
             let memory: &'static [AtomicU16] = memory.leak();
-            let mut registers = Recorder::default().with(S0CR, 0xffff_fffe);
+            let mut registers = registers.with(S0CR, 0xffff_fffe);
             let converter = Converter::start(number, channels, memory, MEMORY_ADDRESS, &mut registers);
             Self { converter, registers, memory }
         }
 
-        /// What the hardware does in 2 ms: a conversion of each channel, 16 times.
+        /// What the hardware does: a conversion of each channel, 16 times.
         fn convert(&self, value: impl Fn(usize, usize) -> u16) {
             let channels = self.converter.channels.len();
             for (place, conversion) in self.memory.iter().enumerate() {
@@ -291,7 +299,7 @@ mod tests {
         assert_eq!(registers.value(0x4001_2234), 9 | 14 << 5 | 4 << 10);
         // 480 cycles each: 0b111.
         assert_eq!((registers.value(0x4001_220c) >> 12 & 7, registers.value(0x4001_2210) >> 12 & 7), (7, 7));
-        assert_eq!(registers.value(0x4001_2304), 0b01 << 16, "a quarter of 84 MHz");
+        assert_eq!(registers.value(0x4001_2304), 0b11 << 16, "an eighth of 84 MHz");
         assert_eq!(registers.value(0x4001_2204), 1 << 8, "scan, 12 bits, no interrupts");
         // On and told what to do first, started last.
         assert_eq!(registers.stored(0x4001_2208), [0, 0x303, 0x4000_0303]);
@@ -302,13 +310,14 @@ mod tests {
     /// on the bare internal oscillator too.
     #[test]
     fn every_sensor_is_read_a_hundred_times_a_second() {
-        let registers = Bench::start(ConverterNumber::Three, &[9, 14, 15, 4, 5]).registers;
-        let divider = 2 * ((registers.value(0x4001_2304) >> 16 & 3) + 1);
-        let cycles = [3, 15, 28, 56, 84, 112, 144, 480][(registers.value(0x4001_2210) >> 12 & 7) as usize] + 12;
-        let conversions = registers.value(0x4002_6414);
-        for (bus_hz, readings) in [(84_000_000, 533), (16_000_000, 101)] {
+        for (clock_source, bus_hz, readings) in [(0b10, 84_000_000, 266), (0b00, 16_000_000, 101)] {
+            let registers = Recorder::default().with(0x4002_3808, clock_source << 2);
+            let registers = Bench::start_with(registers, ConverterNumber::Three, &[9, 14, 15, 4, 5]).registers;
+            let divider = 2 * ((registers.value(0x4001_2304) >> 16 & 3) + 1);
+            let cycles = [3, 15, 28, 56, 84, 112, 144, 480][(registers.value(0x4001_2210) >> 12 & 7) as usize] + 12;
+            let conversions = registers.value(0x4002_6414);
             let clock_hz = bus_hz / divider;
-            assert!(clock_hz <= 36_000_000);
+            assert!(clock_hz <= 18_000_000);
             assert_eq!(clock_hz / cycles / conversions, readings);
         }
     }

@@ -1,7 +1,14 @@
-//! The registers that switch the clocks of the chip's parts (RM0090 7.3, RM0390 6.3; alike on all chips of the family).
+//! The registers of the clocks, and of those of the chip's parts (RM0090 7.3, RM0390 6.3; alike on all chips of the family).
+
+use crate::registers::Registers;
 
 /// The first register, RCC_CR.
 pub const RCC: u32 = 0x4002_3800;
+/// What the core's clock comes from, and the buses' dividers.
+pub const RCC_CFGR: u32 = RCC + 0x08;
+/// In [`RCC_CFGR`]: what the core's clock comes from; the internal oscillator is 0.
+pub const SWS: u32 = 0b11 << 2;
+const SWS_PLL: u32 = 0b10 << 2;
 /// Of the ports and DMA: port A is bit 0.
 pub const RCC_AHB1ENR: u32 = 0x4002_3830;
 /// Of AHB2, with the USB controller.
@@ -12,3 +19,8 @@ pub const RCC_APB1ENR: u32 = 0x4002_3840;
 pub const RCC_APB2ENR: u32 = 0x4002_3844;
 /// In [`RCC_APB1ENR`]: the power control.
 pub const POWER_CLOCK: u32 = 1 << 28;
+
+/// Whether the core's clock comes from the PLL.
+pub fn is_on_pll(registers: &mut impl Registers) -> bool {
+    registers.read(RCC_CFGR) & SWS == SWS_PLL
+}
