@@ -149,23 +149,34 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     })?;
     firmware::check(run)?;
     let mainboard = mainboard::build(run)?;
-    // All boards; the bench's comes first.
-    let images = firmware::build_images(run, &firmware::Options::default())?;
-    let image = images.into_iter().next().ok_or("there is no board")?;
-    bench::check(run, &mainboard, &image)?;
-    on_target::rehearse(run, &mainboard)?;
+    let cura = run.step("slicers to test with", slicers::find)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
-    let hosts = hosts::install(run)?;
-    let cura = run.step("slicers to test with", slicers::find)?;
-    run.step("tests", || {
+    let tests = || {
         let mut tests = cargo();
         tests.args(["test", "--no-fail-fast"]).args(DESK);
-        if let Some(cura) = cura {
+        if let Some(cura) = &cura {
             tests.args(["--features", slicers::FEATURE]).env(slicers::CURA_VARIABLE, cura);
         }
-        tests.env(HOSTS_VARIABLE, &hosts);
-        system::run_tests(tests.env(FIRMWARE_VARIABLE, &image).env(image::IMAGES_VARIABLE, image::images()))
+        tests
+    };
+    // Images are linked and counted on one core.
+    let (image, hosts) = run.beside(
+        "tests: build",
+        || system::run(tests().arg("--no-run")),
+        |run| {
+            // All boards; the bench's comes first.
+            let images = firmware::build_images(run, &firmware::Options::default())?;
+            let image = images.into_iter().next().ok_or("there is no board")?;
+            bench::check(run, &mainboard, &image)?;
+            on_target::rehearse(run, &mainboard)?;
+            Ok((image, hosts::install(run)?))
+        },
+    )?;
+    run.step("tests", || {
+        let mut tests = tests();
+        tests.env(HOSTS_VARIABLE, &hosts).env(FIRMWARE_VARIABLE, &image);
+        system::run_tests(tests.env(image::IMAGES_VARIABLE, image::images()))
     })?;
     run.step("documentation", || {
         system::run(

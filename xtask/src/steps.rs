@@ -28,13 +28,41 @@ impl Run {
 
     /// Says the step's name and runs it.
     pub fn step<T>(&mut self, name: &'static str, action: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
-        // Standard error, where cargo's own messages go: one stream keeps them in order.
-        let start = Instant::now();
-        // The summary does not come where a run is ended from outside.
-        eprintln!("\n==> {name} (after {} min)", start.duration_since(self.began).as_secs() / 60);
+        let start = self.begin(name);
         let result = action();
-        self.steps.push(Step { name, duration: start.elapsed(), passed: result.is_ok() });
+        self.end(name, start, result.is_ok());
         result
+    }
+
+    /// Runs a step that takes all cores beside steps that leave some idle, and waits for both. Of two failures the step's is
+    /// returned.
+    pub fn beside<T>(
+        &mut self,
+        name: &'static str,
+        action: impl FnOnce() -> Result<(), Failure> + Send,
+        steps: impl FnOnce(&mut Run) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let start = self.begin(name);
+        let (beside, value) = std::thread::scope(|scope| {
+            let beside = scope.spawn(action);
+            let value = steps(self);
+            (beside.join().unwrap_or_else(|_| Err(format!("{name} panicked"))), value)
+        });
+        self.end(name, start, beside.is_ok());
+        beside.and(value)
+    }
+
+    /// Says a step's name.
+    fn begin(&self, name: &str) -> Instant {
+        let start = Instant::now();
+        // Standard error, where cargo's own messages go: one stream keeps them in order. The summary does not come where a
+        // run is ended from outside.
+        eprintln!("\n==> {name} (after {} min)", start.duration_since(self.began).as_secs() / 60);
+        start
+    }
+
+    fn end(&mut self, name: &'static str, start: Instant, passed: bool) {
+        self.steps.push(Step { name, duration: start.elapsed(), passed });
     }
 
     /// Prints what was done and turns the result into the process's exit code: 0, or 1 after a failure.
@@ -57,5 +85,35 @@ impl Run {
                 ExitCode::FAILURE
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_beside_ends_the_run() {
+        let results = |beside: Result<(), &'static str>, within: Result<u8, &'static str>| {
+            let mut run = Run::new("test");
+            let result = run.beside(
+                "beside",
+                || beside.map_err(str::to_owned),
+                |run| run.step("within", || within.map_err(str::to_owned)),
+            );
+            let steps: Vec<_> = run.steps.iter().map(|step| (step.name, step.passed)).collect();
+            assert_eq!(steps, [("within", within.is_ok()), ("beside", beside.is_ok())]);
+            result
+        };
+        assert_eq!(results(Ok(()), Ok(7)), Ok(7));
+        assert_eq!(results(Ok(()), Err("w")), Err("w".to_owned()));
+        assert_eq!(results(Err("b"), Ok(7)), Err("b".to_owned()));
+        assert_eq!(results(Err("b"), Err("w")), Err("b".to_owned()));
+    }
+
+    #[test]
+    fn a_panic_beside_is_a_failure() {
+        let result = Run::new("test").beside("beside", || panic!("on purpose"), |_| Ok(()));
+        assert_eq!(result, Err("beside panicked".to_owned()));
     }
 }
