@@ -147,8 +147,6 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
         clippy.arg("clippy").args(DESK).args(["--all-targets", "--features", slicers::FEATURE]);
         system::run(clippy.args(["--", "-D", "warnings"]))
     })?;
-    firmware::check(run)?;
-    let mainboard = mainboard::build(run)?;
     let cura = run.step("slicers to test with", slicers::find)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
@@ -160,17 +158,20 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
         }
         tests
     };
-    // Images are linked and counted on one core.
-    let (image, hosts) = run.beside(
+    // Images are checked, linked and counted on one core.
+    let (mainboard, image) = run.beside(mainboard::BUILD, mainboard::compile, |run| {
+        firmware::check(run)?;
+        // All boards; the bench's comes first.
+        let images = firmware::build_images(run, &firmware::Options::default())?;
+        images.into_iter().next().ok_or_else(|| "there is no board".to_owned())
+    })?;
+    let ((), hosts) = run.beside(
         "tests: build",
         || system::run(tests().arg("--no-run")),
         |run| {
-            // All boards; the bench's comes first.
-            let images = firmware::build_images(run, &firmware::Options::default())?;
-            let image = images.into_iter().next().ok_or("there is no board")?;
             bench::check(run, &mainboard, &image)?;
             on_target::rehearse(run, &mainboard)?;
-            Ok((image, hosts::install(run)?))
+            hosts::install(run)
         },
     )?;
     run.step("tests", || {
