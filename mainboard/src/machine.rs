@@ -197,6 +197,11 @@ impl Machine {
             }
             self.follow_rail(now_ns);
         }
+        self.drive_inputs(now_ns);
+    }
+
+    /// Drives the chip's inputs as the printer around it does now.
+    pub fn drive_inputs(&mut self, now_ns: u64) {
         for (pin, level) in self.plant.take_inputs() {
             self.chip.drive_pin(VirtualNanos(now_ns), pin, level);
         }

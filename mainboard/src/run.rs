@@ -12,7 +12,7 @@ use crate::chip::Halt;
 use crate::machine::Machine;
 
 /// Length of a slice, ns: everything outside the chip advances once a slice, and at its own events in between.
-pub const SLICE_NS: u64 = 100_000;
+pub const SLICE_NS: u64 = 500_000;
 
 /// What the run does after an operator's turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -160,6 +160,8 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
         let machine = session.board_mut();
         machine.advance(now_ns, resets);
         let turn = self.operator.turn(machine, now_ns, host);
+        // What the operator has done at a switch is there at once.
+        machine.drive_inputs(now_ns);
         let next = [machine.plant.next_event_ns(), machine.usb_next_ns(), self.operator.next_turn_ns()]
             .into_iter()
             .flatten()

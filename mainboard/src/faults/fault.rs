@@ -101,7 +101,7 @@ pub enum Fault {
     ConverterStands,
     /// The converters are switched off once.
     ConverterHiccup,
-    /// The DMA stream from the converters is switched off, and again within 0.1 ms if the firmware switches it on.
+    /// The DMA stream from the converters is switched off, and again within 0.5 ms if the firmware switches it on.
     TransferStands,
     /// The DMA stream from the converters ends once.
     TransferHiccup,

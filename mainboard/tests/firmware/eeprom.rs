@@ -194,7 +194,7 @@ fn a_power_cut_leaves_the_old_settings_or_the_new() {
     bench.host.ask("M500", "echo:Settings Stored").unwrap();
     let old = with_chip(&mut bench, |chip| chip.bytes().to_vec());
     let (mut kept, mut new) = (0, 0);
-    for round in 0..8 {
+    for round in 0..5 {
         let bytes = old.clone();
         let (mut bench, _) = boot(move |chip| chip.set_bytes(&bytes));
         for command in ALL {
@@ -203,7 +203,7 @@ fn a_power_cut_leaves_the_old_settings_or_the_new() {
         bench.host.send("M203 X152").unwrap();
         bench.host.send_raw(b"M500\n").unwrap();
         // The erasure of 32 pages and 11 pages of the record take some 450 ms, reading before and after 200 ms.
-        bench.wait_us(20_000 + 175_000 * round);
+        bench.wait_us(20_000 + 280_000 * round);
         let now_ns = bench.now_ns();
         let left = with_chip(&mut bench, move |chip| {
             chip.set_power(now_ns, false);
