@@ -23,6 +23,8 @@ ACTS_AT = int(sys.argv[4]) if len(sys.argv) > 4 else 1500
 # which polls temperatures, goes on after its own while. A host that asks too soon gets one answer too many, and from then on has a
 # line more under way, which printcore's way of sending again does not bear.
 ASKS_AFTER_S = 0.5
+# What the printer says for the host to know how far it is.
+MARK = "as far as here"
 # What printcore does without a word from the printer (its own counters) is looked at this often, s.
 LOOKS_EVERY_S = 0.01
 
@@ -96,6 +98,16 @@ class Host:
         self.wait(answered, f"no answer to {command}")
         return self.heard[before:]
 
+    def catch_up(self):
+        """Waits for the answer to the line that was under way when the print ended: the next one is the next command's."""
+        self.core.send_now(f"M118 {MARK}")
+
+        def caught_up():
+            after = self.heard[self.heard.index(MARK) :] if MARK in self.heard else []
+            return any(line.startswith("ok") for line in after)
+
+        self.wait(caught_up, "no answer to M118")
+
     def figures(self):
         """What M797 says: digests and counters."""
         before = len(self.heard)
@@ -132,6 +144,7 @@ def pauses_and_resumes(host, file):
     host.start(file)
     host.until_line(ACTS_AT)
     host.core.pause()
+    host.catch_up()
     # Its answer says that the printer stands.
     host.say("M400")
     host.core.resume()
@@ -142,6 +155,7 @@ def cancels(host, file):
     host.start(file)
     host.until_line(ACTS_AT)
     host.core.cancelprint()
+    host.catch_up()
     host.say("M104 S0")
     host.say("M140 S0")
     host.say("M84")
