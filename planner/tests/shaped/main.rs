@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use std::num::NonZeroUsize;
+
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
     AccelerationProfile, AxisShaper, ChoiceError, Kinematics, MotionChoice, Move, Planner, ShaperError, ShaperKind,
@@ -123,13 +125,22 @@ fn worst(case: &Case) -> (f64, usize) {
 #[test]
 fn every_step_is_where_the_filtered_law_has_it() {
     let plans = std::env::var(PLANS_VARIABLE).ok().map_or(PLANS, |plans| plans.parse().unwrap());
-    let (mut most, mut steps) = (0.0f64, 0);
-    for plan in 1..=plans {
-        let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
-        let (worst, count) = worst(&case(&mut random));
-        most = most.max(worst);
-        steps += count;
-    }
+    let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    // Each core's share of the plans: the worst step and their number.
+    let share = |first: usize| {
+        (1..=plans).skip(first).step_by(cores).fold((0.0f64, 0), |(most, steps), plan| {
+            let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+            let (worst, count) = worst(&case(&mut random));
+            (most.max(worst), steps + count)
+        })
+    };
+    let (most, steps) = std::thread::scope(|scope| {
+        let shares: Vec<_> = (0..cores).map(|first| scope.spawn(move || share(first))).collect();
+        shares
+            .into_iter()
+            .map(|share| share.join().unwrap())
+            .fold((0.0f64, 0), |(most, steps), (worst, count)| (most.max(worst), steps + count))
+    });
     println!("{plans} plans, {steps} events, the worst step {most:.2} ticks off");
 }
 
