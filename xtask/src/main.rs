@@ -158,20 +158,19 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
         }
         tests
     };
+    let mainboard = mainboard::build(run)?;
     // Images are checked, linked and counted on one core.
-    let (mainboard, image) = run.beside(mainboard::BUILD, mainboard::compile, |run| {
-        firmware::check(run)?;
-        // All boards; the bench's comes first.
-        let images = firmware::build_images(run, &firmware::Options::default())?;
-        images.into_iter().next().ok_or_else(|| "there is no board".to_owned())
-    })?;
-    let ((), hosts) = run.beside(
+    let (image, hosts) = run.beside(
         "tests: build",
         || system::run(tests().arg("--no-run")),
         |run| {
+            firmware::check(run)?;
+            // All boards; the bench's comes first.
+            let images = firmware::build_images(run, &firmware::Options::default())?;
+            let image = images.into_iter().next().ok_or("there is no board")?;
             bench::check(run, &mainboard, &image)?;
             on_target::rehearse(run, &mainboard)?;
-            hosts::install(run)
+            Ok((image, hosts::install(run)?))
         },
     )?;
     run.step("tests", || {

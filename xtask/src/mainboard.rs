@@ -57,17 +57,9 @@ pub fn cargo_there() -> Command {
     command
 }
 
-/// The step that builds the program.
-pub const BUILD: &str = "virtual mainboard: build";
-
 /// Builds the program and returns its path.
 pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
-    run.step(BUILD, compile)
-}
-
-/// The same within a step.
-pub fn compile() -> Result<PathBuf, Failure> {
-    system::run(cargo_there().args(["build", "--release"]))?;
+    run.step("virtual mainboard: build", || system::run(cargo_there().args(["build", "--release"])))?;
     Ok(folder().join("target/release/ferrostep-mainboard"))
 }
 

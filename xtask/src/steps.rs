@@ -36,20 +36,20 @@ impl Run {
 
     /// Runs a step that takes all cores beside steps that leave some idle, and waits for both. Of two failures the step's is
     /// returned.
-    pub fn beside<T: Send, S>(
+    pub fn beside<T>(
         &mut self,
         name: &'static str,
-        action: impl FnOnce() -> Result<T, Failure> + Send,
-        steps: impl FnOnce(&mut Run) -> Result<S, Failure>,
-    ) -> Result<(T, S), Failure> {
+        action: impl FnOnce() -> Result<(), Failure> + Send,
+        steps: impl FnOnce(&mut Run) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
         let start = self.begin(name);
-        let (value, values) = std::thread::scope(|scope| {
-            let value = scope.spawn(action);
-            let values = steps(self);
-            (value.join().unwrap_or_else(|_| Err(format!("{name} panicked"))), values)
+        let (ended, value) = std::thread::scope(|scope| {
+            let action = scope.spawn(action);
+            let value = steps(self);
+            (action.join().unwrap_or_else(|_| Err(format!("{name} panicked"))), value)
         });
-        self.end(name, start, value.is_ok());
-        Ok((value?, values?))
+        self.end(name, start, ended.is_ok());
+        ended.and(value)
     }
 
     /// Says a step's name.
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_failure_beside_ends_the_run() {
-        let results = |beside: Result<u8, &'static str>, within: Result<u8, &'static str>| {
+        let results = |beside: Result<(), &'static str>, within: Result<u8, &'static str>| {
             let mut run = Run::new("test");
             let result = run.beside(
                 "beside",
@@ -105,15 +105,15 @@ mod tests {
             assert_eq!(steps, [("within", within.is_ok()), ("beside", beside.is_ok())]);
             result
         };
-        assert_eq!(results(Ok(3), Ok(7)), Ok((3, 7)));
-        assert_eq!(results(Ok(3), Err("w")), Err("w".to_owned()));
+        assert_eq!(results(Ok(()), Ok(7)), Ok(7));
+        assert_eq!(results(Ok(()), Err("w")), Err("w".to_owned()));
         assert_eq!(results(Err("b"), Ok(7)), Err("b".to_owned()));
         assert_eq!(results(Err("b"), Err("w")), Err("b".to_owned()));
     }
 
     #[test]
     fn a_panic_beside_is_a_failure() {
-        let result: Result<((), ()), Failure> = Run::new("test").beside("beside", || panic!("on purpose"), |_| Ok(()));
+        let result = Run::new("test").beside("beside", || panic!("on purpose"), |_| Ok(()));
         assert_eq!(result, Err("beside panicked".to_owned()));
     }
 }
