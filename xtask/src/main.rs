@@ -196,6 +196,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
 /// mutants, which show what the tests miss.
 fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
     policy::check(run)?;
+    bench::check_desk(run)?;
     let seed = seed::of_this_run();
     run.step("tests as released, with more and other random cases", || {
         eprintln!("    random cases of seed {seed}: {}={seed} tries them again", seed::VARIABLE);

@@ -245,7 +245,11 @@ impl<'a> Machine<'a> {
         };
         let trace = folder.join(format!("{name}.trace"));
         let mut desk = cargo();
-        desk.args(["run", "--release", "--quiet", "--", "print"]).arg(&file).arg("--profile").arg(&self.profile);
+        // As the tests have built it: no link-time optimisation.
+        desk.args(["run", "--package", "ferrostep", "--profile", "test", "--quiet", "--", "print"])
+            .arg(&file)
+            .arg("--profile")
+            .arg(&self.profile);
         desk.arg("--trace").arg(&trace).arg("--json");
         let output = desk.output().map_err(|error| format!("cannot run cargo: {error}"))?;
         if !output.status.success() {
