@@ -39,7 +39,8 @@ pub struct Options {
     more: Vec<String>,
 }
 
-/// Each image prints in every test, and each line of a board is printed over. The bench has no sensors and no drivers of its own.
+/// Boards whose images print in every test, with the line that each prints over: each line once at least. The bench has no sensors
+/// and no drivers of its own.
 const PRINTS: [(&str, &str); 3] = [("prusa-buddy", "usb"), ("btt-octopus-1.1", "uart"), ("bench", "uart")];
 const PRINTED: &str = "examples/cube.gcode";
 const LAYERS: usize = 2;

@@ -126,7 +126,7 @@ fn worst(case: &Case) -> (f64, usize) {
 fn every_step_is_where_the_filtered_law_has_it() {
     let plans = std::env::var(PLANS_VARIABLE).ok().map_or(PLANS, |plans| plans.parse().unwrap());
     let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    // Each core's share of the plans: the worst step and their number.
+    // Each core's share of the plans: how far its worst step is off, and the number of its steps.
     let share = |first: usize| {
         (1..=plans).skip(first).step_by(cores).fold((0.0f64, 0), |(most, steps), plan| {
             let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
