@@ -12,7 +12,7 @@ use ferrostep_checked_toml::closest;
 use crate::arguments::ServeArguments;
 
 /// The program, as `cargo xtask mainboard` builds it.
-const PROGRAM: &str = "mainboard/target/release/ferrostep-mainboard";
+const PROGRAM: &str = "target/debug/ferrostep-mainboard";
 
 /// Serves until the process is interrupted.
 ///

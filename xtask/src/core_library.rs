@@ -68,10 +68,6 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
     Ok([folders, resolved].concat())
 }
 
-/// Packages that are optimised for speed on the desk and for size in an image. Not the planner: it would take 4 KB less, and half as long again for
-/// each change that an input shaper makes.
-const FOR_SIZE: [&str; 5] = ["ferrostep-card", "ferrostep-gcode", "ferrostep-gpre", "ferrostep-printer", "\"*\""];
-
 /// What a failed check does: an overflow, an index out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FailedCheck {
@@ -82,20 +78,19 @@ pub enum FailedCheck {
     Traps,
 }
 
-/// Makes a cargo command build for [`TARGET`], with the core library compiled from its source.
+/// Profile of Cargo.toml that the images are built with.
+pub const PROFILE: &str = "image";
+
+/// Makes a cargo command build for [`TARGET`] with [`PROFILE`], with the core library compiled from its source.
 pub fn apply(command: &mut Command, failed_check: FailedCheck) {
-    command.args(["--target", TARGET]);
-    command.args(["--config", "profile.release.package.ferrostep-planner.opt-level=\"s\""]);
-    for package in FOR_SIZE {
-        command.arg("--config").arg(format!("profile.release.package.{package}.opt-level=\"z\""));
-    }
+    command.args(["--target", TARGET, "--profile", PROFILE]);
     // The smaller of two ways where the library has both, as for writing numbers: another KB.
     command
         .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem,optimize_for_size"]);
     // The linked part mostly formats text: optimised for size it takes 2 KB less.
-    command.args(["--config", "profile.release.package.core.opt-level=\"s\""]);
+    command.args(["--config", "profile.image.package.core.opt-level=\"s\""]);
     // The arithmetic of f64 is software: at level "z" an input shaper takes half as much again.
-    command.args(["--config", "profile.release.package.compiler_builtins.opt-level=\"s\""]);
+    command.args(["--config", "profile.image.package.compiler_builtins.opt-level=\"s\""]);
     let flags: &[&str] = match failed_check {
         // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode: 4 KB.
         // A panic says its file: lines would make a place of its own of every check.

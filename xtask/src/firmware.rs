@@ -271,7 +271,7 @@ fn cargo_in(folder: &str, target: &Target) -> Command {
 /// Lints of the targets that cargo's arguments name.
 fn lint_command(target: &Target, targets: &[&str]) -> Command {
     let mut command = cargo_in("app", target);
-    command.args(["clippy", "--release", "--locked"]).args(targets);
+    command.args(["clippy", "--locked"]).args(targets);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     core_library::apply(&mut command, FailedCheck::Traps);
     command.args(["--", "-D", "warnings"]);
@@ -280,7 +280,7 @@ fn lint_command(target: &Target, targets: &[&str]) -> Command {
 
 fn build_command(program: Program, target: &Target) -> Result<Command, Failure> {
     let mut command = cargo_in(program.folder(), target);
-    command.args(["build", "--release", "--locked", "--message-format", "json-render-diagnostics"]);
+    command.args(["build", "--locked", "--message-format", "json-render-diagnostics"]);
     // The chip of the board in the place of the default's.
     command.args(["--no-default-features", "--features", target.board.chip.feature]);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
@@ -364,7 +364,7 @@ mod tests {
 
     #[test]
     fn a_shell_does_not_change_an_image() {
-        let changing = ["CARGO_INCREMENTAL", "CARGO_PROFILE_RELEASE_LTO", "CARGO_PROFILE_RELEASE_CODEGEN_UNITS"];
+        let changing = ["CARGO_INCREMENTAL", "CARGO_PROFILE_IMAGE_LTO", "CARGO_PROFILE_RELEASE_CODEGEN_UNITS"];
         assert!(changing.into_iter().all(changes_profile));
         assert!(!["CARGO_HOME", "CARGO_TARGET_DIR", "CARGO"].into_iter().any(changes_profile));
     }

@@ -1,4 +1,4 @@
-//! The virtual mainboard: a workspace of its own (`mainboard/`), since its emulator needs a newer Rust than the rest.
+//! The virtual mainboard: it prints with the boards' images, counts for the bench, and is served to hosts.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -45,23 +45,13 @@ const PRINTS: [(&str, &str); 3] = [("prusa-buddy", "usb"), ("btt-octopus-1.1", "
 const PRINTED: &str = "examples/cube.gcode";
 const LAYERS: usize = 2;
 
-fn folder() -> PathBuf {
-    system::root().join("mainboard")
-}
-
-/// Cargo in that folder, a workspace of its own.
-pub fn cargo_there() -> Command {
-    let mut command = system::cargo();
-    command.current_dir(folder());
-    // The target folder around this program belongs to the other workspace.
-    command.env_remove("CARGO_TARGET_DIR");
-    command
-}
+/// The package of the virtual mainboard.
+pub const PACKAGE: &str = "ferrostep-mainboard";
 
 /// Builds the program and returns its path.
 pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
-    run.step("virtual mainboard: build", || system::run(cargo_there().args(["build", "--release"])))?;
-    Ok(folder().join("target/release/ferrostep-mainboard"))
+    run.step("virtual mainboard: build", || system::run(cargo().args(["build", "--package", PACKAGE])))?;
+    Ok(system::target_directory().join("debug").join(PACKAGE))
 }
 
 /// Instructions a second of the bench's own programs: one for every two ticks of their timers on the chip's internal oscillator of
@@ -142,18 +132,14 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
     })
 }
 
-/// Lints, tests, and the first layers of the cube on every board.
+/// Tests, and the first layers of the cube on every board.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
     let program = build(run)?;
-    run.step("virtual mainboard: format", || system::run(cargo_there().args(["fmt", "--check"])))?;
-    run.step("virtual mainboard: lints", || {
-        system::run(cargo_there().args(["clippy", "--release", "--all-targets", "--", "-D", "warnings"]))
-    })?;
     let hosts = crate::hosts::install(run)?;
     run.step("virtual mainboard: tests", || {
-        let mut tests = cargo_there();
-        tests.args(["test", "--release", "--no-fail-fast"]).env(crate::image::IMAGES_VARIABLE, crate::image::images());
-        tests.env(crate::HOSTS_VARIABLE, &hosts);
+        let mut tests = cargo();
+        tests.args(["test", "--package", PACKAGE, "--no-fail-fast"]);
+        tests.env(crate::image::IMAGES_VARIABLE, crate::image::images()).env(crate::HOSTS_VARIABLE, &hosts);
         system::run_tests(&mut tests)
     })?;
     run.step("virtual mainboard: the images print", || {

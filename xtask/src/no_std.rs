@@ -35,7 +35,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
 /// The check itself, with the profile and in the folder of the images, whose core library has been checked there by their lints.
 fn check_command() -> Command {
     let mut command = cargo();
-    command.args(["check", "--release", "--target-dir"]);
+    command.args(["check", "--target-dir"]);
     command.arg(system::target_directory().join("firmware"));
     core_library::apply(&mut command, FailedCheck::Traps);
     for package in PACKAGES {

@@ -65,11 +65,11 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
     run.step("images", || collect_images(&folder, version))?;
     run.step("command", || {
         let mut build = cargo();
-        build.args(["build", "--release", "--locked", "--package", "ferrostep"]);
+        build.args(["build", "--profile", "dist", "--locked", "--package", "ferrostep"]);
         build.arg("--config").arg(firmware::renamed_folders("build", &core_library::folders()?)?);
         system::run(&mut build)?;
         let name = format!("ferrostep{}", std::env::consts::EXE_SUFFIX);
-        let program = system::target_directory().join("release").join(&name);
+        let program = system::target_directory().join("dist").join(&name);
         copy(&program, &folder.join(name))?;
         write_manual(&program, &folder)
     })?;

@@ -19,8 +19,8 @@ pub fn count() -> Result<Option<Value>, Failure> {
         eprintln!("    valgrind is missing: the instructions of estimates are neither counted nor compared");
         return Ok(None);
     }
-    system::run(cargo().args(["build", "--release", "--package", "ferrostep", "--bin", "ferrostep"]))?;
-    let program = system::target_directory().join("release/ferrostep");
+    system::run(cargo().args(["build", "--profile", "dist", "--package", "ferrostep", "--bin", "ferrostep"]))?;
+    let program = system::target_directory().join("dist/ferrostep");
     let mut counts = serde_json::Map::new();
     for name in FILES {
         let path = Path::new("examples").join(name);

@@ -10,8 +10,8 @@ use crate::system::{self, cargo};
 
 /// Builds `ferrostep` and lets it estimate and print all examples: lines and seconds of motion for each second.
 pub fn measure() -> Result<Value, Failure> {
-    system::run(cargo().args(["build", "--release", "--package", "ferrostep", "--bin", "ferrostep"]))?;
-    let program = system::target_directory().join("release/ferrostep");
+    system::run(cargo().args(["build", "--profile", "dist", "--package", "ferrostep", "--bin", "ferrostep"]))?;
+    let program = system::target_directory().join("dist/ferrostep");
     let (mut lines, mut estimate_s) = (0.0, 0.0);
     let (mut motion_s, mut print_s) = (0.0, 0.0);
     for file in examples()? {
