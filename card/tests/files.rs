@@ -1,15 +1,14 @@
 //! Cards that mkfs.fat and mtools have written are read as mtools reads them, and the other way round.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
 use std::path::Path;
 use std::process::Command;
 
-use common::{Card, IMAGES, ask, image, lines_file, list, mounted, path, read, write};
 use ferrostep_card::{Answer, CardFailure, ListOptions, Request};
 use ferrostep_hal_shim::card::CardError;
 use ferrostep_virtual_board::VirtualCard;
+
+use crate::common::{self, Card, IMAGES, ask, image, lines_file, list, mounted, path, read, write};
 
 /// Lines of M20 L T, made of mtools' list.
 fn expected(name: &str) -> Vec<String> {

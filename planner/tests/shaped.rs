@@ -11,20 +11,16 @@ use ferrostep_planner::{
     AccelerationProfile, AxisShaper, ChoiceError, Kinematics, MotionChoice, Move, Planner, ShaperError, ShaperKind,
     TICKS_PER_SECOND, smooth_ticks,
 };
+use ferrostep_random_cases::Random;
 use ferrostep_simulator::shapers::Impulse;
 
 mod average;
 mod case;
 mod law;
-#[path = "../../src/random.rs"]
-mod random;
-#[path = "../textbook/mod.rs"]
-mod textbook;
 
 use average::Averaged;
 use case::{Case, case, limits};
 use law::{impulses, laws};
-use random::Random;
 
 /// More or fewer random plans.
 const PLANS_VARIABLE: &str = "FERROSTEP_PLANS";

@@ -1,10 +1,12 @@
 //! Random numbers for searches that are longer than a property test's, the same everywhere.
 
-/// Marsaglia's xorshift.
+/// Marsaglia's xorshift; its state, which is never 0.
+#[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
 impl Random {
-    pub fn next(&mut self) -> u64 {
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -13,7 +15,7 @@ impl Random {
 
     /// In 0..1.
     pub fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// In a range, every magnitude as likely as the others.

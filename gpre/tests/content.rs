@@ -4,15 +4,14 @@
 #![allow(clippy::unwrap_used)]
 
 mod bits;
-#[path = "../framed/mod.rs"]
-mod framed;
 mod items;
 mod starts;
 
 use bits::Bits;
 use ferrostep_gpre::compact::Frame;
 use ferrostep_gpre::{Fault, Item, PreparedMove};
-use framed::framed;
+
+use crate::framed::framed;
 
 /// How a frame begins; what a test does not change has a meaning.
 #[derive(Clone, Debug)]

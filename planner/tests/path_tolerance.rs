@@ -6,15 +6,11 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 mod paths;
-#[path = "../../src/random.rs"]
-mod random;
 mod reference;
-#[path = "../textbook/mod.rs"]
-mod textbook;
 
 use ferrostep_planner::PlannedBlock;
+use ferrostep_random_cases::Random;
 use paths::{Case, case, on_the_way};
-use random::Random;
 use reference::{Filters, Plan, from_line};
 
 /// More or fewer corners.

@@ -1,5 +1,5 @@
 //! Images that other programs have made, and a printer's side of the mailbox.
-#![allow(dead_code, clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::io::Read;
 use std::path::Path;
