@@ -9,7 +9,7 @@ use ferrostep::session::JobReplies;
 use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
 use ferrostep_gpre::{Encoding, EntrySpeed};
 use ferrostep_printer::Profile;
-use ferrostep_tests::hand_made::{self, given};
+use ferrostep_testkit::hand_made::{self, given};
 
 use crate::bench::{self, Bench};
 use crate::host::{Host, Port};
