@@ -5,6 +5,7 @@ mod bed;
 mod card;
 mod docs;
 mod end_to_end;
+mod house;
 mod overload;
 mod serve;
 mod show;

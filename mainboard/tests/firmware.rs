@@ -12,8 +12,6 @@ mod bench;
 mod black_box;
 mod bltouch;
 mod board_pins;
-#[path = "../../../tests/tests/firmware/boards.rs"]
-mod boards;
 mod boot_loader;
 mod button;
 mod card;

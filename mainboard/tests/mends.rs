@@ -5,7 +5,7 @@
 //! prusa-buddy`). To test an image of another time, set `FERROSTEP_IMAGE=ELF`, and `FERROSTEP_BOARD` and
 //! `FERROSTEP_PROFILE` to its board's and profile's files.
 //!
-//!     cargo test --release --test mends
+//!     cargo test --release mends::
 
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
