@@ -1,12 +1,11 @@
 //! Cards with bytes changed at random, and cards that are pulled out at any instant.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{Card, IMAGES, Random, ask, image, lines_file, list, mounted, path, read, take_rest, write};
 use ferrostep_card::{Answer, CardFailure, CardPort, ListOptions, Request, Taken};
 use ferrostep_hal_shim::card::CardError;
 use ferrostep_virtual_board::{CardFault, VirtualCard};
+
+use crate::common::{self, Card, IMAGES, Random, ask, image, lines_file, list, mounted, path, read, take_rest, write};
 
 /// Blocks that a task may need: as many as a list may.
 const MAX_ACCESSES: u64 = 65_536 + 10_000;

@@ -1,12 +1,11 @@
 //! The place of a print on its card, and power cuts while it is written.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod common;
-
-use common::{Card, IMAGES, Random, ask, image, list, mounted, opened, path, read, take_all};
 use ferrostep_card::{Answer, CardFailure, CardPort, KEPT_BYTES, KEPT_NAME, ListOptions, Request};
 use ferrostep_hal_shim::card::CardError;
 use ferrostep_virtual_board::{CardFault, VirtualCard};
+
+use crate::common::{self, Card, IMAGES, Random, ask, image, list, mounted, opened, path, read, take_all};
 
 const FILE: &str = "PARTS/ONE.GCO";
 

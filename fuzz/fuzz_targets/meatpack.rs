@@ -4,7 +4,7 @@
 
 use ferrostep_gcode::Emergency;
 use ferrostep_gcode::meatpack::{BEGIN, END, Settings, Unpacker, pack};
-use ferrostep_tests::host_side::PortBuffers;
+use ferrostep_testkit::host_side::PortBuffers;
 use ferrostep_usb::Incoming;
 use libfuzzer_sys::fuzz_target;
 

@@ -4,7 +4,7 @@
 use std::cell::OnceCell;
 
 use ferrostep_printer::Profile;
-use ferrostep_tests::stored_settings::any_memory;
+use ferrostep_testkit::stored_settings::any_memory;
 use libfuzzer_sys::fuzz_target;
 
 thread_local! {

@@ -5,7 +5,7 @@
 use std::cell::OnceCell;
 
 use ferrostep_printer::Profile;
-use ferrostep_tests::live_machine::{small, small_machine};
+use ferrostep_testkit::live_machine::{small, small_machine};
 use libfuzzer_sys::fuzz_target;
 
 thread_local! {

@@ -1,12 +1,11 @@
 //! Frames: what is written is what is read, and what is not well-formed is refused.
 #![allow(clippy::unwrap_used)]
 
-mod framed;
-
 use ferrostep_gpre::compact::{Decoder, Frame, FrameWriter, HEAD_BYTES, MAX_FRAME_BYTES, frame_length};
 use ferrostep_gpre::{Coordinate, EntrySpeed, Fault, Item, ModalState, PreparedMove, SquaredSpeed};
-use framed::framed;
 use proptest::prelude::*;
+
+use crate::framed::framed;
 
 /// An item that owns its text.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,5 +1,5 @@
-//! The instructions of a firmware image: where they lead, how long the step interrupt takes by them, and how long interrupts
-//! are masked.
+//! The instructions of a firmware image: where they lead, how long the step interrupt takes by them, how long interrupts
+//! are masked, and how deep the stack gets.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
@@ -10,3 +10,4 @@ pub mod flow;
 mod graph;
 pub mod interrupt_time;
 pub mod masked;
+pub mod stack;

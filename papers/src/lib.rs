@@ -31,9 +31,6 @@ mod papers;
 mod pattern;
 mod pulses;
 #[cfg(test)]
-#[path = "../../planner/src/random.rs"]
-mod random;
-#[cfg(test)]
 mod staircase_tests;
 
 pub use curve_error::CurveError;

@@ -6,10 +6,10 @@ use ferrostep_planner::methods::SpeedRule;
 use ferrostep_planner::stretches::Stretch;
 use ferrostep_planner::time_units::FRACTION_BITS;
 use ferrostep_planner::{Acceleration, Block, MotorSteps, PlannedBlock, Speed};
+use ferrostep_random_cases::Random;
 
 use crate::laws::PaperRule;
 use crate::pulses::{Law, Times};
-use crate::random::Random;
 use crate::staircase::{BlockPulses, Staircase};
 use crate::table::FrequencyTable;
 
@@ -27,12 +27,12 @@ fn random_steps(random: &mut Random, length_mm: f64, fastest: f64) -> Option<(Mo
         return None;
     }
     let count = random.magnitude(1.0, (length_mm * 1_600.0).clamp(1.0, most)) as u32;
-    if !random.next().is_multiple_of(4) {
+    if !random.bits().is_multiple_of(4) {
         let spacing = 1.0 / f64::from(count);
         return Some((MotorSteps::Even { count }, count, [0.5 * spacing, spacing]));
     }
-    let first = (random.next() % 257) as u32;
-    let whole = (first + (random.next() % 256) as u32 + (count - 1) * 256).max(1);
+    let first = (random.bits() % 257) as u32;
+    let whole = (first + (random.bits() % 256) as u32 + (count - 1) * 256).max(1);
     let shares = [f64::from(first), 256.0].map(|travel| travel / f64::from(whole));
     Some((MotorSteps::Extruder { whole, first, count }, count, shares))
 }
@@ -73,7 +73,7 @@ fn steps_of_random_staircases_are_within_a_microsecond() {
         for index in 0..count {
             let time = times.next().unwrap();
             assert!(time >= last, "step {index} of {count}");
-            if count <= 2_000 || index < 20 || count - index < 20 || random.next().is_multiple_of(64) {
+            if count <= 2_000 || index < 20 || count - index < 20 || random.bits().is_multiple_of(64) {
                 let place = length * (first + spacing * f64::from(index));
                 let off = (time as f64 - exact.time(place)).abs() * UNIT;
                 assert!(off <= MAX_TICKS_OFF, "{off} ticks off: {planned:?} {table:?}");

@@ -6,23 +6,32 @@ use ferrostep_papers::closed_form::Ramp;
 use ferrostep_papers::five_segments::FiveSegments;
 use ferrostep_papers::table::FrequencyTable;
 use ferrostep_planner::block_queue::BlockQueue;
+use ferrostep_planner::inner_ends::InnerEnds;
 use ferrostep_planner::look_ahead::{BlockStart, Released, Slot, SpeedLaw};
 use ferrostep_planner::methods::SpeedRule;
-use ferrostep_planner::{Pace, PlannedBlock, Speed};
+use ferrostep_planner::{Acceleration, Block, Pace, PlannedBlock, Speed};
+use ferrostep_random_cases::{Random, SlicerBlock, SlicerBlocks};
 
-#[path = "../../planner/src/random.rs"]
-mod random;
-#[path = "../../planner/tests/random_blocks/mod.rs"]
-mod random_blocks;
-
-use random::Random;
-use random_blocks::Blocks;
+/// A drawn block for the ring, and the most that the corner before it allows.
+fn of_slicer(drawn: &SlicerBlock) -> (Block, Speed) {
+    let block = Block {
+        steps: drawn.steps,
+        extruder_256ths: drawn.extruder_256ths,
+        length_10nm: drawn.length_10nm,
+        nominal: Speed::from_mm_per_s(drawn.nominal_mm_per_s).max(Speed(1)),
+        acceleration: Acceleration::from_mm_per_s2(drawn.acceleration_mm_per_s2),
+        line: 1,
+        ends_move: true,
+        inner_ends: InnerEnds::NONE,
+    };
+    (block, Speed::from_mm_per_s(drawn.corner_mm_per_s))
+}
 
 /// Sends random blocks through look-ahead; every one that leaves, which begins as fast as the one before ended, is checked.
 fn check_blocks<R: SpeedRule>(random: &mut Random, rule: R, pace: Pace, mut check: impl FnMut(&PlannedBlock)) {
-    let mut ring = BlockQueue::new(vec![Slot::EMPTY; 2 + random.next() as usize % 40]);
+    let mut ring = BlockQueue::new(vec![Slot::EMPTY; 2 + random.bits() as usize % 40]);
     ring.look_ahead(&SpeedLaw::Other(rule));
-    let mut kind = Blocks::new(random);
+    let mut kind = SlicerBlocks::new(random);
     let mut speed = Speed::ZERO;
     let mut leave = |left: Released| {
         let Released::Block(planned) = left else { panic!("{left:?}") };
@@ -36,7 +45,7 @@ fn check_blocks<R: SpeedRule>(random: &mut Random, rule: R, pace: Pace, mut chec
         while !ring.has_room() {
             leave(ring.pop(pace).unwrap());
         }
-        let (block, corner) = kind.next(random);
+        let (block, corner) = of_slicer(&kind.next(random));
         assert!(ring.push(&block, &BlockStart::after_corner(corner.min(block.nominal), &block)));
     }
     ring.flush();

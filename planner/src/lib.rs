@@ -50,8 +50,6 @@ mod path;
 mod pieces;
 mod planner;
 mod pressure_advance;
-#[cfg(test)]
-mod random;
 mod ring;
 mod spacing;
 mod speed_plan;

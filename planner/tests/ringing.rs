@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
-#[path = "ringing/chart.rs"]
 mod chart;
 
 use std::path::Path;

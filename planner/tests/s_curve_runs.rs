@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use ferrostep_planner::block_queue::BlockQueue;
+use ferrostep_planner::inner_ends::InnerEnds;
 use ferrostep_planner::interpolator::Interpolator;
 use ferrostep_planner::look_ahead::{BlockStart, Marker, Part, Released, Slot, SpeedLaw};
 use ferrostep_planner::methods::Never;
@@ -14,15 +15,11 @@ use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{
     Acceleration, Block, Notice, Pace, PlannedBlock, Speed, StepEntry, StepKind, StepSink, TICKS_PER_SECOND,
 };
+use ferrostep_random_cases::{Random, SlicerBlock, SlicerBlocks};
 
-#[path = "../src/random.rs"]
-mod random;
-mod random_blocks;
 #[path = "../src/s_curve/textbook.rs"]
 mod textbook;
 
-use random::Random;
-use random_blocks::Blocks;
 use textbook::Ramp;
 
 /// More or fewer random runs.
@@ -30,6 +27,21 @@ const RUNS_VARIABLE: &str = "FERROSTEP_RUNS";
 
 /// The default.
 const RUNS: u64 = 100_000;
+
+/// A drawn block for the ring, and the most that the corner before it allows.
+fn of_slicer(drawn: &SlicerBlock) -> (Block, Speed) {
+    let block = Block {
+        steps: drawn.steps,
+        extruder_256ths: drawn.extruder_256ths,
+        length_10nm: drawn.length_10nm,
+        nominal: Speed::from_mm_per_s(drawn.nominal_mm_per_s).max(Speed(1)),
+        acceleration: Acceleration::from_mm_per_s2(drawn.acceleration_mm_per_s2),
+        line: 1,
+        ends_move: true,
+        inner_ends: InnerEnds::NONE,
+    };
+    (block, Speed::from_mm_per_s(drawn.corner_mm_per_s))
+}
 
 /// Counts steps and ticks.
 #[derive(Default)]
@@ -241,13 +253,13 @@ fn speed_at([up, down]: &[Ramp; 2], run: &Run, at: u32) -> f64 {
 
 fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
     let jerk = random.magnitude(10.0, 5e6).floor();
-    let capacity = if random.next().is_multiple_of(3) { 128 } else { 2 + random.next() as usize % 40 };
+    let capacity = if random.bits().is_multiple_of(3) { 128 } else { 2 + random.bits() as usize % 40 };
     let mut ring = BlockQueue::<_>::new(vec![Slot::EMPTY; capacity]);
     ring.look_ahead(&SpeedLaw::SCurve(jerks(jerk)));
-    let mut kind = Blocks::new(random);
+    let mut kind = SlicerBlocks::new(random);
     let mut pace = Pace::FULL;
-    let starves = random.next().is_multiple_of(4);
-    let overloads = random.next().is_multiple_of(4);
+    let starves = random.bits().is_multiple_of(4);
+    let overloads = random.bits().is_multiple_of(4);
     let mut checker = Checker {
         jerk,
         stepper: Stepper::new(),
@@ -268,26 +280,26 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
         while !ring.has_room() {
             checker.take(ring.pop(pace).unwrap());
         }
-        let (block, corner) = kind.next(random);
+        let (block, corner) = of_slicer(&kind.next(random));
         // Where the ring had nothing more to go on with, motion has stopped.
         let corner = corner.min(block.nominal).min(nominal_before);
         assert!(ring.push(&block, &BlockStart::after_corner(corner, &block)));
         checker.waiting.push_back((block, if stopped { Speed::ZERO } else { corner }));
         nominal_before = block.nominal;
         stopped = false;
-        if random.next().is_multiple_of(50) && ring.has_room() {
+        if random.bits().is_multiple_of(50) && ring.has_room() {
             assert!(ring.push_marker(Marker::FanPower { fan: 0, power: 1 }));
         }
-        if starves && random.next().is_multiple_of(10) {
+        if starves && random.bits().is_multiple_of(10) {
             ring.release();
             if let Some(left) = ring.pop(pace) {
                 checker.take(left);
             }
         }
-        if overloads && random.next().is_multiple_of(100) {
-            pace = Pace::from_256ths((random.next() % 300) as u16);
+        if overloads && random.bits().is_multiple_of(100) {
+            pace = Pace::from_256ths((random.bits() % 300) as u16);
         }
-        if random.next().is_multiple_of(500) {
+        if random.bits().is_multiple_of(500) {
             ring.flush();
             stopped = true;
         }
@@ -311,7 +323,7 @@ fn random_runs_keep_every_limit_and_make_their_steps() {
     let mut random = Random(20_170_801);
     let mut sum = Sum::default();
     while sum.runs < wanted {
-        let length = 1 + random.next() % 2_000;
+        let length = 1 + random.bits() % 2_000;
         check_a_job(&mut random, length, &mut sum);
         if sum.runs < wanted && sum.runs / 100_000 > sum.told {
             sum.told = sum.runs / 100_000;
@@ -344,10 +356,10 @@ fn a_short_block_gets_the_fastest_speed_from_which_it_can_stop() {
     for _ in 0..10_000 {
         let jerk = random.magnitude(100.0, 1e6).floor();
         let acceleration = random.magnitude(50.0, 10_000.0);
-        let mut kind = Blocks::new(&mut random);
-        (kind.nominal, kind.acceleration) = (300.0, acceleration);
+        let mut kind = SlicerBlocks::new(&mut random);
+        (kind.nominal_mm_per_s, kind.acceleration_mm_per_s2) = (300.0, acceleration);
         let mut block = |length_mm: f64| {
-            let (block, _) = kind.next(&mut random);
+            let (block, _) = of_slicer(&kind.next(&mut random));
             let acceleration = Acceleration::from_mm_per_s2(acceleration);
             Block { length_10nm: (length_mm * 1e5) as u32, nominal: Speed::from_mm_per_s(300.0), acceleration, ..block }
         };

@@ -1,9 +1,16 @@
-//! How many random cases a property tries: one rule for the tests of all crates.
+//! How many random cases a property tries: one rule for the tests of all crates. And what searches beyond properties draw
+//! from: [`Random`] numbers, and [`SlicerBlocks`] made of them.
 //!
 //! A property without a number of its own tries proptest's 256 cases, or as many as `PROPTEST_CASES` says. A number that a
 //! test sets itself would win over the variable; [`cases`] lets the variable scale it instead, so that a cheap property
 //! keeps trying more than an expensive one.
 #![forbid(unsafe_code)]
+
+mod random;
+mod slicer_blocks;
+
+pub use random::Random;
+pub use slicer_blocks::{SlicerBlock, SlicerBlocks};
 
 use proptest::test_runner::Config;
 

@@ -38,7 +38,7 @@ enum Kind {
 }
 
 /// Folders of tests and tools, from the root.
-const TOOLS: [&str; 5] = ["fuzz", "image-code", "random-cases", "tests", "xtask"];
+const TOOLS: [&str; 7] = ["fuzz", "image-code", "random-cases", "tests", "tests/outside", "tests/testkit", "xtask"];
 
 impl Kind {
     const ALL: [Self; 4] = [Self::Both, Self::Board, Self::Desk, Self::Tool];

@@ -51,12 +51,12 @@ const DESK: [Writer; 9] = [
     },
     Writer {
         what: "play of drives",
-        arguments: &["test", "-p", "ferrostep-planner", "--test", "backlash", "picture"],
+        arguments: &["test", "-p", "ferrostep-planner", "--test", "planner", "backlash::picture"],
         sources: &["planner/tests/backlash/picture.rs"],
     },
     Writer {
         what: "input shapers",
-        arguments: &["test", "-p", "ferrostep-planner", "--test", "shapers", "--test", "ringing"],
+        arguments: &["test", "-p", "ferrostep-planner", "--test", "planner", "--", "shapers::", "ringing::"],
         sources: &["planner/tests/shapers.rs", "planner/tests/ringing.rs"],
     },
     Writer {
@@ -70,17 +70,15 @@ const DESK: [Writer; 9] = [
             "test",
             "-p",
             "ferrostep-tests",
-            "--test",
-            "end_to_end",
             "--",
-            "papers",
-            "pause_times",
-            "slicer_profiles",
-            "slaved_extruder",
-            "prepared",
-            "refusals_page",
-            "fault_matrix",
-            "on_the_way",
+            "end_to_end::papers",
+            "end_to_end::pause_times",
+            "end_to_end::slicer_profiles",
+            "end_to_end::slaved_extruder",
+            "end_to_end::prepared",
+            "end_to_end::refusals_page",
+            "end_to_end::fault_matrix",
+            "end_to_end::on_the_way",
         ],
         sources: &[
             "tests/tests/end_to_end/papers.rs",
@@ -95,20 +93,20 @@ const DESK: [Writer; 9] = [
     },
     Writer {
         what: "pictures of pages",
-        arguments: &["test", "-p", "ferrostep-tests", "--test", "show", "--", "pictures"],
-        sources: &["tests/tests/show/pictures.rs"],
+        arguments: &["test", "-p", "ferrostep-outside-tests", "browser::pictures"],
+        sources: &["tests/outside/tests/browser/pictures.rs"],
     },
     Writer {
         what: "feed with slow input and a slow planner",
-        arguments: &["run", "--release", "-p", "ferrostep-tests", "--example", "feed_plot"],
-        sources: &["tests/examples/feed_plot.rs"],
+        arguments: &["run", "--release", "-p", "ferrostep-testkit", "--example", "feed_plot"],
+        sources: &["tests/testkit/examples/feed_plot.rs"],
     },
     Writer {
         what: "against Klipper's rules",
-        arguments: &["run", "--release", "-p", "ferrostep-tests", "--example", "against_klipper"],
+        arguments: &["run", "--release", "-p", "ferrostep-testkit", "--example", "against_klipper"],
         sources: &[
-            "tests/examples/against_klipper/main.rs",
-            "tests/examples/against_klipper/chart.rs",
+            "tests/testkit/examples/against_klipper/main.rs",
+            "tests/testkit/src/against_klipper/chart.rs",
             "tests/tests/end_to_end/against_klipper.rs",
         ],
     },
@@ -117,8 +115,8 @@ const DESK: [Writer; 9] = [
 /// The writer that reads the boards' images.
 const MASKED: Writer = Writer {
     what: "masked sections of the images",
-    arguments: &["test", "-p", "ferrostep-tests", "--test", "firmware", "masked_sections"],
-    sources: &["tests/tests/firmware/masked_sections.rs"],
+    arguments: &["test", "-p", "ferrostep-outside-tests", "firmware::masked_sections"],
+    sources: &["tests/outside/tests/firmware/masked_sections.rs"],
 };
 
 /// Writes all of it.

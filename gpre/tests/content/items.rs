@@ -3,8 +3,8 @@
 use ferrostep_gpre::{EntrySpeed, Fault, PreparedMove, SquaredSpeed};
 
 use super::bits::Bits;
-use super::framed::framed;
 use super::{COUNTS, ENDS_MOVE, FILAMENT, Read, SAME_LINE, Start, WAY, moves, read, refused};
+use crate::framed::framed;
 
 /// A move of this shape; its entry's bits and its numbers are to follow.
 fn shaped(bits: &mut Bits, shape: u64) {

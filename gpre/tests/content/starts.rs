@@ -3,8 +3,8 @@
 use ferrostep_gpre::compact::{Frame, FrameState};
 use ferrostep_gpre::{Fault, LimitValues, ModalState};
 
-use super::framed::framed;
 use super::{Limit, Start, refused};
+use crate::framed::framed;
 
 /// How a frame without items begins, or why it is refused.
 fn start(start: &Start) -> Result<FrameState, Fault> {

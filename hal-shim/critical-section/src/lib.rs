@@ -7,7 +7,7 @@
 //!
 //! The price is a rule: **nothing at priority 16 may enter a critical section, nor touch what one guards.** The step
 //! task has `local` resources and atomics only. RTIC would guard a `#[shared]` resource of that task with these very
-//! sections, so it has none. `tests/tests/firmware/` checks the built image: the code that the step timer's vector
+//! sections, so it has none. `tests/outside/tests/firmware/` checks the built image: the code that the step timer's vector
 //! leads to never writes BASEPRI_MAX and calls no function.
 //!
 //! crates.io's crate lets any crate provide the sections, but only one in an image, and stm32f4xx-hal has cortex-m provide

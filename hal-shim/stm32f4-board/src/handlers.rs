@@ -7,7 +7,7 @@
 /// at their end do not meet it, for those loads follow the store on the same bus; but what a handler pops is the compiler's
 /// choice. The barrier costs the few cycles that the store takes.
 ///
-/// `tests/tests/firmware/handlers.rs` checks it in the images.
+/// `tests/outside/tests/firmware/handlers.rs` checks it in the images.
 #[inline(always)]
 pub fn complete_stores() {
     cortex_m::asm::dsb();

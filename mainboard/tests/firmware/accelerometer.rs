@@ -15,14 +15,14 @@ use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::parts::adxl345::{Adxl345, Config, Violations};
 use ferrostep_mainboard::wiring::{Board, Printer};
 use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
+use ferrostep_testkit::boards::{BOARDS, pin};
 use rigless::image::Image;
 
-use crate::bench::Line;
-use crate::boards::{BOARDS, pin};
-use crate::host::{Host, Port};
-use crate::images::{image_of, root};
-use crate::port_log::{PortState, PortWrite};
-use crate::same_steps::Motion;
+use crate::firmware::bench::Line;
+use crate::firmware::host::{Host, Port};
+use crate::firmware::images::{image_of, root};
+use crate::firmware::port_log::{PortState, PortWrite};
+use crate::firmware::same_steps::Motion;
 
 /// The board with the plug.
 const BOARD: &str = "btt-octopus-1.1";
@@ -260,7 +260,7 @@ fn an_unread_record_ends() {
 /// Boards without a plug have no code for it.
 #[test]
 fn other_boards_refuse() {
-    let mut bench = crate::bench::Bench::boot();
+    let mut bench = crate::firmware::bench::Bench::boot();
     for command in ["M955", "M956 S100"] {
         let line = bench.host.ask(command, "echo:line").unwrap();
         assert!(

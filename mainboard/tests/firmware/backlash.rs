@@ -1,9 +1,9 @@
 //! The play of Z on the Octopus: its motor goes farther where it turns, and the image's own count agrees.
 
-use crate::bench::Bench;
-use crate::equipped::octopus;
-use crate::heater_model::with_model;
-use crate::images::Variant;
+use crate::firmware::bench::Bench;
+use crate::firmware::equipped::octopus;
+use crate::firmware::heater_model::with_model;
+use crate::firmware::images::Variant;
 
 /// `play_mm.z` of the profile.
 const PLAY_MM: f64 = 0.1;

@@ -1,9 +1,9 @@
 //! Input that no host should send, in the middle of a print: the image answers it, and not a single step changes.
 
-use crate::bench::{Bench, Line};
-use crate::host::Host;
-use crate::job::Job;
-use crate::same_steps::{LINES, assert_printed_as_rehearsed};
+use crate::firmware::bench::{Bench, Line};
+use crate::firmware::host::Host;
+use crate::firmware::job::Job;
+use crate::firmware::same_steps::{LINES, assert_printed_as_rehearsed};
 
 /// Lines of the job after which the motors run, with as much motion at hand as the image takes.
 const LINES_INTO_THE_PRINT: usize = 100;

@@ -7,16 +7,16 @@ use ferrostep_mainboard::machine::{Machine, Store};
 use ferrostep_mainboard::plant::Plant;
 use ferrostep_mainboard::run::Finished;
 use ferrostep_mainboard::wiring::{Board, Printer};
+use ferrostep_testkit::boards::{BOARDS, BoardFacts};
 use rigless::emulator::Host as Core;
 use rigless::image::Image;
 use rigless::soc::Width;
 
-use crate::boards::{BOARDS, BoardFacts};
-use crate::foreign_code::{JUMP_TARGET, PROGRAM, PatchedImage};
-use crate::host::{Host, Port};
-use crate::images::{image_of, root};
-use crate::pins::PinLog;
-use crate::port_log::{PortState, PortWrite};
+use crate::firmware::foreign_code::{JUMP_TARGET, PROGRAM, PatchedImage};
+use crate::firmware::host::{Host, Port};
+use crate::firmware::images::{image_of, root};
+use crate::firmware::pins::PinLog;
+use crate::firmware::port_log::{PortState, PortWrite};
 
 /// Virtual time after which a silent printer counts as dead, ns.
 const LIMIT_NS: u64 = 40_000_000_000;

@@ -5,13 +5,13 @@ use ferrostep::black_box::{BlackBoxReport, Image, replay_made};
 use ferrostep::send::fetch_black_box;
 use ferrostep_black_box::Contents;
 use ferrostep_mainboard::decode::Event;
+use ferrostep_testkit::boards::{BOARDS, BoardFacts};
 
-use crate::bench::Bench;
-use crate::board_pins::force_panic;
-use crate::boards::{BOARDS, BoardFacts};
-use crate::images::image_of;
-use crate::prepared::{Line, PATIENCE};
-use crate::watchdog::NO_PLANNER;
+use crate::firmware::bench::Bench;
+use crate::firmware::board_pins::force_panic;
+use crate::firmware::images::image_of;
+use crate::firmware::prepared::{Line, PATIENCE};
+use crate::firmware::watchdog::NO_PLANNER;
 
 /// A tick of the motion clock, ns.
 const TICK_NS: f64 = 1e9 / 84e6;

@@ -2,9 +2,9 @@
 
 use ferrostep_mainboard::parts::bltouch::{Fault, Record};
 
-use crate::bench::Bench;
-use crate::board_pins::force_panic;
-use crate::equipped::{self, equipped};
+use crate::firmware::bench::Bench;
+use crate::firmware::board_pins::force_panic;
+use crate::firmware::equipped::{self, equipped};
 
 fn boot() -> Bench {
     let mut bench = equipped::boot();

@@ -6,12 +6,12 @@ use std::path::Path;
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::flow::{Flow, flow};
 use ferrostep_mainboard::parts::wire::LineFault;
+use ferrostep_testkit::boards::{BOARDS, BoardFacts, pin};
 
-use crate::bench::Bench;
-use crate::boards::{BOARDS, BoardFacts, pin};
-use crate::foreign_code::{STAND_STILL, load};
-use crate::images::image_of;
-use crate::port_log::{BSRR, MODER, PortState, PortWrite};
+use crate::firmware::bench::Bench;
+use crate::firmware::foreign_code::{STAND_STILL, load};
+use crate::firmware::images::image_of;
+use crate::firmware::port_log::{BSRR, MODER, PortState, PortWrite};
 
 /// Long enough for the image's last message, ms.
 const A_WHILE_MS: u64 = 50;

@@ -1,11 +1,11 @@
 //! A boot loader that runs as a task, with interrupts masked, and jumps to the image from there.
 
 use ferrostep_image_code::code::Code;
+use ferrostep_testkit::boards::BOARDS;
 
-use crate::bench::Bench;
-use crate::boards::BOARDS;
-use crate::foreign_code::{PROGRAM, load};
-use crate::images::image_of;
+use crate::firmware::bench::Bench;
+use crate::firmware::foreign_code::{PROGRAM, load};
+use crate::firmware::images::image_of;
 
 /// Masks all of RTIC's priorities but the highest, and selects a stack of its own: `movs r0, #0x10; msr basepri, r0;
 /// movs r0, #2; msr control, r0; isb`.

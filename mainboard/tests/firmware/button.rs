@@ -1,7 +1,8 @@
 //! The knob of the Buddy's display, which a person presses.
 
-use crate::bench::Bench;
-use crate::boards::BOARDS;
+use ferrostep_testkit::boards::BOARDS;
+
+use crate::firmware::bench::Bench;
 
 /// Longer than a contact bounces, ms.
 const PRESS_MS: u64 = 60;

@@ -6,12 +6,12 @@ use std::io::{Cursor, Read, Write};
 
 use ferrostep_mainboard::parts::sd_card::{Config, Kind, SdCard};
 
-use crate::bench::Bench;
-use crate::equipped;
-use crate::equipped::octopus;
-use crate::job::Job;
-use crate::pins::PinEvent;
-use crate::rehearsal::Rehearsal;
+use crate::firmware::bench::Bench;
+use crate::firmware::equipped;
+use crate::firmware::equipped::octopus;
+use crate::firmware::job::Job;
+use crate::firmware::pins::PinEvent;
+use crate::firmware::rehearsal::Rehearsal;
 
 mod power_loss;
 

@@ -1,10 +1,10 @@
 //! A chamber at the Octopus's connectors for a second nozzle: the image heats it, reads it and halts for it.
 
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
+use ferrostep_testkit::boards::pin;
 
-use crate::bench::Bench;
-use crate::boards::pin;
-use crate::equipped::boot;
+use crate::firmware::bench::Bench;
+use crate::firmware::equipped::boot;
 
 /// The heater's output.
 const HEATER: &str = "A3";

@@ -7,12 +7,12 @@ use ferrostep::desk::{LOOK_AHEAD_BLOCKS, MotionState};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::AccelerationProfile;
+use ferrostep_testkit::boards::BOARDS;
 
-use crate::bench::Bench;
-use crate::boards::BOARDS;
-use crate::job::{Job, METHODS};
-use crate::rehearsal::Rehearsal;
-use crate::same_steps::{assert_printed_as_rehearsed, stream};
+use crate::firmware::bench::Bench;
+use crate::firmware::job::{Job, METHODS};
+use crate::firmware::rehearsal::Rehearsal;
+use crate::firmware::same_steps::{assert_printed_as_rehearsed, stream};
 
 /// Lines of the cube before its first layer: modes, homing, the line that primes the nozzle.
 const BEFORE: usize = 30;

@@ -2,10 +2,10 @@
 
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::parts::at24c32::At24c32;
+use ferrostep_testkit::boards::{BOARDS, BoardFacts, pin};
 
-use crate::bench::Bench;
-use crate::boards::{BOARDS, BoardFacts, pin};
-use crate::port_log::PortState;
+use crate::firmware::bench::Bench;
+use crate::firmware::port_log::PortState;
 
 /// The board that has one.
 fn octopus() -> &'static BoardFacts {

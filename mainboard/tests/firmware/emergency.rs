@@ -1,10 +1,10 @@
 //! M112: motors stop, heaters go off, and the host gets the reply that it expects.
 
-use crate::bench::Bench;
-use crate::halted::errors_by_themselves;
-use crate::job::Job;
-use crate::rehearsal::Rehearsal;
-use crate::same_steps::LINES;
+use crate::firmware::bench::Bench;
+use crate::firmware::halted::errors_by_themselves;
+use crate::firmware::job::Job;
+use crate::firmware::rehearsal::Rehearsal;
+use crate::firmware::same_steps::LINES;
 
 /// Marlin's text.
 const KILLED: &str = "Error:Printer halted. kill() called!";

@@ -3,9 +3,10 @@
 
 use std::sync::OnceLock;
 
-use crate::bench::Bench;
-use crate::boards::{BOARDS, BoardFacts};
-use crate::images::{Variant, changed};
+use ferrostep_testkit::boards::{BOARDS, BoardFacts};
+
+use crate::firmware::bench::Bench;
+use crate::firmware::images::{Variant, changed};
 
 /// What the sensor's maker says, mm.
 pub const DETECTION_MM: f64 = 3.0;

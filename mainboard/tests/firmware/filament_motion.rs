@@ -3,10 +3,10 @@
 
 use ferrostep_mainboard::parts::encoder::{FilamentEncoder, FilamentFault};
 
-use crate::bench::Bench;
-use crate::equipped::{self, DETECTION_MM};
-use crate::job::Job;
-use crate::pins::PinLog;
+use crate::firmware::bench::Bench;
+use crate::firmware::equipped::{self, DETECTION_MM};
+use crate::firmware::job::Job;
+use crate::firmware::pins::PinLog;
 
 /// What the motion in the queue is known to, and how far the filament goes between two looks.
 const RESOLUTION_MM: f64 = 0.4;

@@ -1,7 +1,7 @@
 //! An overheated heater: everything off, and the error that hosts expect, from the image itself.
 
-use crate::bench::Bench;
-use crate::halted::errors_by_themselves;
+use crate::firmware::bench::Bench;
+use crate::firmware::halted::errors_by_themselves;
 
 /// A target just below the nozzle's maximum of 275 degrees, which holds only without disturbances.
 const WAIT_FOR_NOZZLE: &str = "M109 S274.5";

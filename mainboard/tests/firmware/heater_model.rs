@@ -2,10 +2,10 @@
 
 use std::sync::OnceLock;
 
-use crate::bench::Bench;
-use crate::equipped::octopus;
-use crate::images::{Variant, changed};
-use crate::job::Job;
+use crate::firmware::bench::Bench;
+use crate::firmware::equipped::octopus;
+use crate::firmware::images::{Variant, changed};
+use crate::firmware::job::Job;
 
 /// A small hot end, so that a test need not wait: what the plant has, and what the image is told before it finds out.
 const TABLES: &str = "[nozzle]\nmodel = { power_w = 40, capacity_j_per_k = 6, loss_w_per_k = 0.068, fan_loss_w_per_k = 0.029, \

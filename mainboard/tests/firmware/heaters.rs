@@ -2,10 +2,12 @@
 
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
+use ferrostep_testkit::boards::{BOARDS, BoardFacts};
 
-use crate::bench::Bench;
-use crate::board_pins::{assert_all_off, assert_heaters_are_taken_from_timers, assert_nothing_heats, jump_nowhere};
-use crate::boards::{BOARDS, BoardFacts};
+use crate::firmware::bench::Bench;
+use crate::firmware::board_pins::{
+    assert_all_off, assert_heaters_are_taken_from_timers, assert_nothing_heats, jump_nowhere,
+};
 
 /// Some periods of the heaters' pulses, ms.
 const A_WHILE_MS: u64 = 1000;

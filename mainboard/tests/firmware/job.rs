@@ -2,7 +2,7 @@
 
 use ferrostep_oracle::gcode_text;
 
-use crate::images::root;
+use crate::firmware::images::root;
 
 /// The lines that select each method of M796.
 pub const METHODS: [&str; 20] = [

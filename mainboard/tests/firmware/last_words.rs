@@ -1,10 +1,11 @@
 //! The messages after a reset: its cause, and the last message of the program that ended before.
 
-use crate::bench::Bench;
-use crate::board_pins::{force_panic, jump_nowhere};
-use crate::boards::{BOARDS, BoardFacts};
-use crate::foreign_code::{STAND_STILL, load};
-use crate::images::image_of;
+use ferrostep_testkit::boards::{BOARDS, BoardFacts};
+
+use crate::firmware::bench::Bench;
+use crate::firmware::board_pins::{force_panic, jump_nowhere};
+use crate::firmware::foreign_code::{STAND_STILL, load};
+use crate::firmware::images::image_of;
 
 /// AIRCR and the value that requests a software reset (PM0214, 4.4.5).
 const AIRCR: u32 = 0xe000_ed0c;

@@ -1,9 +1,9 @@
 //! The log of the motors' pins.
 
 use ferrostep_mainboard::machine::Machine;
+use ferrostep_testkit::boards::BoardFacts;
 
-use crate::boards::BoardFacts;
-use crate::port_log::{PortState, PortWrite};
+use crate::firmware::port_log::{PortState, PortWrite};
 
 /// Motors that step simultaneously.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use ferrostep_mainboard::machine::Store;
-
-use crate::boards::Pin;
+use ferrostep_testkit::boards::Pin;
 
 /// Offset of the register that makes pins inputs or outputs, two bits each.
 pub const MODER: u32 = 0x00;

@@ -9,12 +9,12 @@ use ferrostep::session::JobReplies;
 use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
 use ferrostep_gpre::{Encoding, EntrySpeed};
 use ferrostep_printer::Profile;
-use ferrostep_tests::hand_made::{self, given};
+use ferrostep_testkit::hand_made::{self, given};
 
-use crate::bench::{self, Bench};
-use crate::host::{Host, Port};
-use crate::job::Job;
-use crate::same_steps::{LINES, assert_printed_far_ahead};
+use crate::firmware::bench::{self, Bench};
+use crate::firmware::host::{Host, Port};
+use crate::firmware::job::Job;
+use crate::firmware::same_steps::{LINES, assert_printed_far_ahead};
 
 pub const PATIENCE: Patience = Patience { give_up: Duration::from_secs(60), board_s: 3600, ..Patience::DEFAULT };
 

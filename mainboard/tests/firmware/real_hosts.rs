@@ -4,16 +4,16 @@
 //! steps are the desk's, but not their times.
 
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
 
+use ferrostep_testkit::python;
 use serde_json::Value;
 
-use crate::images::{image_of, root};
-use crate::job::Job;
-use crate::rehearsal::Rehearsal;
-use crate::same_steps::{LINES, Motion};
+use crate::firmware::images::{image_of, root};
+use crate::firmware::job::Job;
+use crate::firmware::rehearsal::Rehearsal;
+use crate::firmware::same_steps::{LINES, Motion};
 
 /// Seconds of the machine for each of ours, as far as this computer keeps up.
 const SPEED: &str = "4";
@@ -65,29 +65,6 @@ impl Drop for Served {
     }
 }
 
-/// The hosts' Python.
-fn python() -> &'static Path {
-    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
-    PYTHON.get_or_init(|| {
-        let folder = std::env::var("FERROSTEP_HOSTS").unwrap_or_else(|_| {
-            let output = Command::new("cargo").args(["xtask", "hosts"]).current_dir(root()).output().unwrap();
-            assert!(output.status.success(), "cargo xtask hosts: {}", String::from_utf8_lossy(&output.stderr));
-            String::from_utf8(output.stdout).unwrap().lines().next().unwrap().to_owned()
-        });
-        Path::new(&folder).join("bin/python")
-    })
-}
-
-/// Runs a host of `tests/hosts/`; what it has seen.
-fn run(script: &str, arguments: &[&str]) -> Value {
-    let script = root().join("tests/hosts").join(script);
-    let output = Command::new(python()).arg(script).args(arguments).current_dir(root()).output().unwrap();
-    let (said, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{arguments:?}: {said}{errors}");
-    serde_json::from_str(said.lines().next_back().unwrap_or_default())
-        .unwrap_or_else(|error| panic!("{error} in {said}"))
-}
-
 /// The job as a file for a host.
 fn file(name: &str, lines: usize) -> (Job, PathBuf) {
     let job = Job::cube(lines).without_heating();
@@ -103,7 +80,7 @@ fn printcore(action: &str, lines: usize, faults: &[&str]) -> (Value, Job) {
     let served = Served::bench(&format!("printcore-{action}"), faults);
     let acts_at = ACTS_AT.to_string();
     let words = [served.port.to_str().unwrap(), file.to_str().unwrap(), action, &acts_at];
-    (run("printcore_host.py", &words), job)
+    (python::run("printcore_host.py", &words), job)
 }
 
 #[track_caller]
@@ -190,7 +167,7 @@ fn octoprint_prints_pauses_cancels_and_stops_an_image() {
     let settings = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("octoprint");
     let _ = std::fs::remove_dir_all(&settings);
     let words = [&served.port, &file, &bad.port, &file, &settings].map(|path| path.to_str().unwrap());
-    let seen = run("octoprint_host.py", &words);
+    let seen = python::run("octoprint_host.py", &words);
     assert_clean(&seen);
     assert_printed(&seen["printed"], &job);
     assert_cold(&seen["cancelled"]);

@@ -6,8 +6,8 @@ use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::StepObserver;
 
-use crate::job::Job;
-use crate::pins::{PinEvent, PinLog};
+use crate::firmware::job::Job;
+use crate::firmware::pins::{PinEvent, PinLog};
 
 /// The desk's result of a job.
 pub struct Rehearsal {

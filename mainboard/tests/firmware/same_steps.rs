@@ -1,11 +1,11 @@
 //! A whole job streamed into the image.
 
-use crate::bench::{Bench, Line};
-use crate::host::Host;
-use crate::job::Job;
-use crate::noise::Noise;
-use crate::pins::PinLog;
-use crate::rehearsal::Rehearsal;
+use crate::firmware::bench::{Bench, Line};
+use crate::firmware::host::Host;
+use crate::firmware::job::Job;
+use crate::firmware::noise::Noise;
+use crate::firmware::pins::PinLog;
+use crate::firmware::rehearsal::Rehearsal;
 
 /// Lines of the cube: into the infill of the first layer.
 pub const LINES: usize = 200;

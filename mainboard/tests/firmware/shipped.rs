@@ -1,9 +1,10 @@
 //! The files for boot loaders and programmers: the board starts from them, and they contain their version.
 
-use crate::bench::Bench;
-use crate::boards::BOARDS;
-use crate::foreign_code::{PROGRAM, STAND_STILL, load};
-use crate::images::image_of;
+use ferrostep_testkit::boards::BOARDS;
+
+use crate::firmware::bench::Bench;
+use crate::firmware::foreign_code::{PROGRAM, STAND_STILL, load};
+use crate::firmware::images::image_of;
 
 /// The register with the address of the vector table (PM0214, 4.4.4).
 const VTOR: u32 = 0xe000_ed08;

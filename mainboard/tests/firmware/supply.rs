@@ -2,11 +2,11 @@
 //! of the firmware.
 
 use ferrostep_mainboard::parts::heat::HeaterFault;
+use ferrostep_testkit::boards::pin;
 
-use crate::bench::Bench;
-use crate::board_pins::{force_panic, jump_nowhere};
-use crate::boards::pin;
-use crate::equipped::{boot, equipped};
+use crate::firmware::bench::Bench;
+use crate::firmware::board_pins::{force_panic, jump_nowhere};
+use crate::firmware::equipped::{boot, equipped};
 
 /// The output PS-ON.
 const SUPPLY: &str = "E11";

@@ -1,8 +1,8 @@
 //! M798: histograms of the step interrupt and of planning, switched on and off during a print that they do not change.
 
-use crate::bench::Bench;
-use crate::job::Job;
-use crate::same_steps::assert_printed_as_rehearsed;
+use crate::firmware::bench::Bench;
+use crate::firmware::job::Job;
+use crate::firmware::same_steps::assert_printed_as_rehearsed;
 
 /// Lines of the cube: skirt and perimeters.
 const LINES: usize = 120;

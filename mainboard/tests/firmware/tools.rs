@@ -5,11 +5,11 @@
 use std::sync::OnceLock;
 
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
+use ferrostep_testkit::boards::pin;
 
-use crate::bench::Bench;
-use crate::boards::pin;
-use crate::equipped::octopus;
-use crate::images::{Variant, changed};
+use crate::firmware::bench::Bench;
+use crate::firmware::equipped::octopus;
+use crate::firmware::images::{Variant, changed};
 
 /// The motors among the board's: A, B, Z, `e`, `e1`.
 const MOTORS: [usize; 5] = [0, 1, 2, 3, 4];

@@ -1,10 +1,11 @@
 //! The watchdog is fed while every task runs; when one stops, the watchdog resets the chip.
 
-use crate::bench::Bench;
-use crate::board_pins::force_panic;
-use crate::boards::BOARDS;
-use crate::foreign_code::STAND_STILL;
-use crate::images::image_of;
+use ferrostep_testkit::boards::BOARDS;
+
+use crate::firmware::bench::Bench;
+use crate::firmware::board_pins::force_panic;
+use crate::firmware::foreign_code::STAND_STILL;
+use crate::firmware::images::image_of;
 
 /// Replaces the idle task: masks interrupts of RTIC's priority 4 and below, the planner and all lower tasks, for ever.
 /// `movs r0, #0xc0; msr basepri, r0; b .`

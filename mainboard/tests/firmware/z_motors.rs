@@ -6,9 +6,9 @@ use std::sync::OnceLock;
 
 use ferrostep_mainboard::parts::motion::lift::Lift;
 
-use crate::bench::Bench;
-use crate::equipped::{octopus, without_homing_of_z};
-use crate::images::{Variant, changed};
+use crate::firmware::bench::Bench;
+use crate::firmware::equipped::{octopus, without_homing_of_z};
+use crate::firmware::images::{Variant, changed};
 
 /// The motors among the board's: `z`, `z2`, `e1`.
 const MOTORS: [usize; 3] = [2, 7, 4];

@@ -5,11 +5,13 @@ use ferrostep_planner::stretches::Stretches;
 use ferrostep_planner::{Geometry, MotionChoice, MoveError, PlannedBlock, Progress, Speed, TICKS_PER_SECOND};
 use proptest::prelude::*;
 
-use crate::checks;
-use crate::law::Law;
-use crate::machine::{MINIMUM_INTERVAL, accelerations, advance, blocks, cartesian, limits, machines, planner, play};
-use crate::moves::moves;
-use crate::player::Player;
+use crate::motion::checks;
+use crate::motion::law::Law;
+use crate::motion::machine::{
+    MINIMUM_INTERVAL, accelerations, advance, blocks, cartesian, limits, machines, planner, play,
+};
+use crate::motion::moves::moves;
+use crate::motion::player::Player;
 
 /// Steps of each motor in a block, both directions, that begins with the extruder here, 1/256 steps: it may turn round inside.
 fn issued(planned: &PlannedBlock, mut filament: i64) -> [i64; 4] {

@@ -4,7 +4,7 @@ use ferrostep_planner::extruder::{Extruder, rounded_steps};
 use ferrostep_planner::{Geometry, MotionChoice, Move, Notice};
 use proptest::prelude::*;
 
-use crate::machine::{MINIMUM_INTERVAL, play};
+use crate::motion::machine::{MINIMUM_INTERVAL, play};
 
 pub fn motors_end_every_move_exactly_where_it_ends(
     machine: Geometry,

@@ -8,7 +8,7 @@ use ferrostep_planner::{
 };
 use proptest::prelude::*;
 
-use crate::player::Player;
+use crate::motion::player::Player;
 
 pub const MINIMUM_INTERVAL: u32 = 168;
 

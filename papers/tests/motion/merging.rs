@@ -5,9 +5,9 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Geometry, MotionChoice, Move, Planner, Progress};
 use proptest::prelude::*;
 
-use crate::machine::{MINIMUM_INTERVAL, advance, blocks, cartesian, machines, planner};
-use crate::moves::{request, short_moves};
-use crate::player::Player;
+use crate::motion::machine::{MINIMUM_INTERVAL, advance, blocks, cartesian, machines, planner};
+use crate::motion::moves::{request, short_moves};
+use crate::motion::player::Player;
 
 /// A job and its plan, with a fan change after each move that keeps it from merging with the next, or without.
 fn plan(geometry: Geometry, moves: &[Move], apart: bool) -> (Planner<Vec<Slot>, Papers>, Player) {

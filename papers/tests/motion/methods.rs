@@ -8,11 +8,11 @@ use ferrostep_planner::{
 };
 use proptest::prelude::*;
 
-use crate::checks;
-use crate::law::Law;
-use crate::machine::{MINIMUM_INTERVAL, advance, blocks, geometry, machines_with, planner, play, usual_steps};
-use crate::moves::{moves_up_to, request};
-use crate::player::Player;
+use crate::motion::checks;
+use crate::motion::law::Law;
+use crate::motion::machine::{MINIMUM_INTERVAL, advance, blocks, geometry, machines_with, planner, play, usual_steps};
+use crate::motion::moves::{moves_up_to, request};
+use crate::motion::player::Player;
 
 /// The methods that are not the default.
 const METHODS: [Interpolation; 4] =

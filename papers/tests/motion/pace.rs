@@ -6,9 +6,9 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Geometry, MotionChoice, MoveError, Pace, Planner, Speed, TICKS_PER_SECOND};
 use proptest::prelude::*;
 
-use crate::law::Law;
-use crate::machine::{blocks, machines, planner};
-use crate::moves::{moves, short_moves};
+use crate::motion::law::Law;
+use crate::motion::machine::{blocks, machines, planner};
+use crate::motion::moves::{moves, short_moves};
 
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(500))]

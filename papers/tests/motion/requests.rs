@@ -2,8 +2,8 @@
 
 use ferrostep_planner::{Kinematics, MotionChoice, MoveError, Moved, TICKS_PER_SECOND};
 
-use crate::machine::{cartesian, geometry, planner, play};
-use crate::moves::request;
+use crate::motion::machine::{cartesian, geometry, planner, play};
+use crate::motion::moves::request;
 
 #[test]
 fn bad_moves_are_refused_and_change_nothing() {

@@ -2,9 +2,9 @@
 
 use ferrostep_planner::{AccelerationProfile, ChoiceError, Kinematics, MotionChoice, Progress};
 
-use crate::machine::{advance, cartesian, geometry, planner, under};
-use crate::moves::request;
-use crate::player::Player;
+use crate::motion::machine::{advance, cartesian, geometry, planner, under};
+use crate::motion::moves::request;
+use crate::motion::player::Player;
 
 #[test]
 fn after_a_stop_motion_goes_on_from_where_the_motors_stand() {

@@ -1,10 +1,11 @@
 //! Step times of S-curves against f64.
 #![allow(clippy::unwrap_used)]
 
+use ferrostep_random_cases::Random;
+
 use super::StepTimes;
 use crate::TICKS_PER_SECOND;
 use crate::block::{Acceleration, Speed};
-use crate::random::Random;
 use crate::s_curve::law::{Along, Curve};
 use crate::s_curve::run::Planning;
 use crate::s_curve::textbook::Ramp;
@@ -28,12 +29,12 @@ fn random_run(random: &mut Random) -> Run {
         let planning = Planning::new(jerk, acceleration);
         let length_10nm = random.magnitude(1.0, 3e7) as u32 + 1;
         let most = Speed::from_mm_per_s(random.magnitude(0.05, 500.0));
-        let entry = match random.next() % 3 {
+        let entry = match random.bits() % 3 {
             0 => Speed::ZERO,
             _ => Speed((f64::from(most.0) * random.share()) as u32),
         };
         let wanted = Speed((f64::from(most.0) * random.share()) as u32);
-        let wanted = if random.next().is_multiple_of(3) { Speed::ZERO } else { wanted };
+        let wanted = if random.bits().is_multiple_of(3) { Speed::ZERO } else { wanted };
         let exit = planning.exit_within(entry, wanted, length_10nm);
         if exit > most || !planning.fits(entry, exit, length_10nm) {
             continue;
@@ -99,11 +100,11 @@ fn random_steps(random: &mut Random, length: f64, fastest: f64) -> Option<MotorS
         return None;
     }
     let count = random.magnitude(1.0, (length_mm * 1_600.0).clamp(1.0, most)) as u32;
-    if !random.next().is_multiple_of(4) {
+    if !random.bits().is_multiple_of(4) {
         return Some(MotorSteps::Even { count });
     }
-    let first = (random.next() % 257) as u32;
-    let whole = (first + (random.next() % 256) as u32 + (count - 1) * 256).max(1);
+    let first = (random.bits() % 257) as u32;
+    let whole = (first + (random.bits() % 256) as u32 + (count - 1) * 256).max(1);
     Some(MotorSteps::Extruder { whole, first, count })
 }
 
@@ -136,7 +137,7 @@ fn deviations(
     for index in 0..count {
         let time = times.next().unwrap();
         assert!(time >= last, "step {index} of {count}");
-        if !sparse || index < 20 || count - index < 20 || random.next().is_multiple_of(64) {
+        if !sparse || index < 20 || count - index < 20 || random.bits().is_multiple_of(64) {
             let place = steps.first + f64::from(index) * steps.spacing;
             let rest = steps.after_last + f64::from(count - 1 - index) * steps.spacing;
             let tick = exact(place, rest);
@@ -167,8 +168,8 @@ fn steps_of_random_runs_are_within_a_microsecond() {
         let exact = Exact::new(&run);
         let whole = run.length_10nm;
         // All of it, or a block of it.
-        let offset = if random.next().is_multiple_of(2) { 0 } else { (f64::from(whole - 1) * random.share()) as u32 };
-        let length = match random.next() % 3 {
+        let offset = if random.bits().is_multiple_of(2) { 0 } else { (f64::from(whole - 1) * random.share()) as u32 };
+        let length = match random.bits() % 3 {
             0 => whole - offset,
             _ => ((f64::from(whole - offset) * random.share()) as u32).max(1),
         };

@@ -1,12 +1,13 @@
 //! Step times against t(s) by the textbook, in f64, of a million random blocks.
 #![allow(clippy::unwrap_used)]
 
+use ferrostep_random_cases::Random;
+
 use super::StepTimes;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::{Interpolator, MAX_ENTRIES};
 use crate::methods::{Never, Standard};
-use crate::random::Random;
 use crate::spacing::MotorSteps;
 use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
@@ -84,13 +85,13 @@ impl Exact {
 
 fn random_block(random: &mut Random) -> PlannedBlock {
     // One in 64 is long.
-    let longest_mm = if random.next().is_multiple_of(64) { 2_000.0 } else { 30.0 };
+    let longest_mm = if random.bits().is_multiple_of(64) { 2_000.0 } else { 30.0 };
     loop {
         let length_10nm = random.magnitude(1.0, longest_mm * 100_000.0) as u32 + 1;
         let length_mm = f64::from(length_10nm) / 100_000.0;
         let acceleration = random.magnitude(5.0, 20_000.0);
         let nominal = random.magnitude(0.05, 500.0);
-        let entry = match random.next() % 4 {
+        let entry = match random.bits() % 4 {
             0 => 0.0,
             1 => nominal,
             _ => nominal * random.share(),
@@ -98,7 +99,7 @@ fn random_block(random: &mut Random) -> PlannedBlock {
         let reach = 2.0 * acceleration * length_mm;
         let slowest = (entry * entry - reach).max(0.0).sqrt();
         let fastest = (entry * entry + reach).sqrt().min(nominal);
-        let exit = match random.next() % 4 {
+        let exit = match random.bits() % 4 {
             0 => slowest,
             1 => fastest,
             _ => slowest + (fastest - slowest) * random.share(),
@@ -135,11 +136,11 @@ fn random_steps(random: &mut Random, planned: &PlannedBlock) -> Steps {
     let fastest = planned.block.nominal.mm_per_s().max(0.001);
     let most = (MAX_STEPS_PER_S / fastest * length).clamp(1.0, 3_000_000.0);
     let count = random.magnitude(1.0, (length * 1_600.0).clamp(1.0, most)) as u32;
-    if !random.next().is_multiple_of(4) {
+    if !random.bits().is_multiple_of(4) {
         return Steps { count, first: 1, spacing: 2, whole: 2 * u64::from(count), motor: MotorSteps::Even { count } };
     }
-    let first = (random.next() % 257) as u32;
-    let behind = (random.next() % 256) as u32;
+    let first = (random.bits() % 257) as u32;
+    let behind = (random.bits() % 256) as u32;
     let whole = (first + behind + (count - 1) * 256).max(1);
     let motor = MotorSteps::Extruder { whole, first, count };
     Steps { count, first: u64::from(first), spacing: 256, whole: u64::from(whole), motor }
@@ -152,7 +153,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
     let law = TimeLaw::<Never>::trapezoid(planned);
     let mut times = StepTimes::NONE;
     times.start(&law, &Stretch::whole(&planned.block), &steps.motor, 0);
-    let every = random.next().is_multiple_of(16);
+    let every = random.bits().is_multiple_of(16);
     let unit = 1.0 / (1u64 << FRACTION_BITS) as f64;
     let path = |parts: u64| exact.length * (parts as f64 / steps.whole as f64);
     let (mut worst, mut bump) = (0.0f64, 0.0f64);
@@ -165,7 +166,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
         let s = path(position);
         let phase = exact.phase(s);
         let ends_phase = phase != exact.phase(path(position + steps.spacing)) || Some(phase) != phase_before;
-        if every || done == 0 || done + 1 == steps.count || ends_phase || random.next().is_multiple_of(16) {
+        if every || done == 0 || done + 1 == steps.count || ends_phase || random.bits().is_multiple_of(16) {
             let off = time as f64 * unit - exact.tick(s, path(steps.whole - position));
             worst = worst.max(off.abs());
         }
@@ -182,7 +183,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
         (before, phase_before) = (time, Some(phase));
         // In the cruise several may be taken at once.
         let count = match times.cruise() {
-            Some((_, left)) if !every => (1 + (random.next() % 32) as u32).min(left),
+            Some((_, left)) if !every => (1 + (random.bits() % 32) as u32).min(left),
             _ => 1,
         };
         times.take(count);
@@ -292,7 +293,7 @@ fn events_of_random_blocks_are_within_a_microsecond() {
             continue;
         }
         let share = random.share();
-        let extruder = if random.next().is_multiple_of(2) { 0 } else { (f64::from(count) * share * 256.0) as i32 };
+        let extruder = if random.bits().is_multiple_of(2) { 0 } else { (f64::from(count) * share * 256.0) as i32 };
         planned.block.steps = [count as i32, (f64::from(count) * random.share() * 0.99) as i32, 0];
         planned.block.extruder_256ths = extruder;
         let clock = interpolator.clock();

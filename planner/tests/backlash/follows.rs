@@ -4,8 +4,8 @@ use ferrostep_planner::Move;
 use ferrostep_planner::backlash::Backlash;
 use proptest::prelude::*;
 
-use crate::axis::Axis;
-use crate::machine::{Bench, Event, LIMITS, MM, STEPS_PER_MM, any_backlash, any_path, plan};
+use crate::backlash::axis::Axis;
+use crate::backlash::machine::{Bench, Event, LIMITS, MM, STEPS_PER_MM, any_backlash, any_path, plan};
 
 /// Steps of the play of each axis.
 pub fn play_steps(backlash: &Backlash) -> [i64; 3] {

@@ -9,9 +9,9 @@ use ferrostep_planner::Move;
 use ferrostep_planner::backlash::Backlash;
 use ferrostep_svg::{escaped, page};
 
-use crate::axis::Axis;
-use crate::follows::play_steps;
-use crate::machine::{Bench, Event, MM, STEPS_PER_MM, plan};
+use crate::backlash::axis::Axis;
+use crate::backlash::follows::play_steps;
+use crate::backlash::machine::{Bench, Event, MM, STEPS_PER_MM, plan};
 
 const PLAY_MM: [f64; 3] = [0.2, 0.12, 0.0];
 const RADIUS_MM: f64 = 10.0;

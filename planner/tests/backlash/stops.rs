@@ -3,8 +3,8 @@
 use ferrostep_planner::backlash::{Backlash, BacklashCorrection};
 use proptest::prelude::*;
 
-use crate::follows::Axes;
-use crate::machine::{Bench, any_backlash, any_path, plan};
+use crate::backlash::follows::Axes;
+use crate::backlash::machine::{Bench, any_backlash, any_path, plan};
 
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(300))]
@@ -72,6 +72,6 @@ fn a_new_count_of_the_motors_leaves_their_play_as_it_is() {
 }
 
 fn to(x: i64, line: u32) -> ferrostep_planner::Move {
-    let target_10nm = [x * crate::machine::MM, 0, 0];
+    let target_10nm = [x * crate::backlash::machine::MM, 0, 0];
     ferrostep_planner::Move { target_10nm, filament_100pm: 0, feed_mm_per_s: 20.0, line, ends_move: true }
 }

@@ -1,5 +1,6 @@
 //! Random machines and paths: corners of every angle, moves from 10 um on, arcs, spirals, stairs, hairpins, reversals and stops.
 
+use ferrostep_random_cases::Random;
 use std::f64::consts::{PI, TAU};
 
 use ferrostep_planner::look_ahead::Slot;
@@ -7,8 +8,6 @@ use ferrostep_planner::{
     AXES, AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, PlannedBlock, Planner, ShaperKind, StepsPerMm,
     smooth_ticks,
 };
-
-use super::random::Random;
 
 /// A machine, its filters and its moves.
 #[derive(Clone, Debug)]
@@ -134,13 +133,13 @@ impl Drawn<'_> {
     fn way(&mut self) {
         let (flow, feed) = (self.flow, self.feed);
         let filament = self.random.magnitude(0.02, 4.0);
-        let lift = if self.random.next().is_multiple_of(3) { 0.0 } else { self.random.magnitude(0.05, 1.0) };
+        let lift = if self.random.bits().is_multiple_of(3) { 0.0 } else { self.random.magnitude(0.05, 1.0) };
         self.feed = self.random.magnitude(10.0, 80.0) as f32;
         self.add(-filament);
         (self.flow, self.feed) = (0.0, self.random.magnitude(50.0, 400.0) as f32);
         self.place[2] += (lift * 1e5) as i64;
         self.add(0.0);
-        for _ in 0..1 + self.random.next() % 4 {
+        for _ in 0..1 + self.random.bits() % 4 {
             let (angle, length) = (TAU * self.random.share(), self.random.magnitude(0.1, 60.0));
             self.turn(angle);
             self.go(length);
@@ -153,10 +152,10 @@ impl Drawn<'_> {
     }
 
     fn piece(&mut self) {
-        let sign = if self.random.next().is_multiple_of(2) { 1.0 } else { -1.0 };
+        let sign = if self.random.bits().is_multiple_of(2) { 1.0 } else { -1.0 };
         let (any_angle, length) = (TAU * self.random.share(), self.random.magnitude(0.01, 30.0));
-        let chords = 2 + self.random.next() as u32 % 30;
-        match self.random.next() % 12 {
+        let chords = 2 + self.random.bits() as u32 % 30;
+        match self.random.bits() % 12 {
             // An arc of a slicer, and one that opens or closes.
             0 | 1 => {
                 let (radius, chord) = (self.random.magnitude(0.05, 50.0), self.random.magnitude(0.01, 2.0));
@@ -209,7 +208,7 @@ impl Drawn<'_> {
             }
             9 => {
                 self.feed = self.random.magnitude(5.0, 400.0) as f32;
-                self.flow = if self.random.next().is_multiple_of(3) { 0.0 } else { 0.1 * self.random.share() };
+                self.flow = if self.random.bits().is_multiple_of(3) { 0.0 } else { 0.1 * self.random.share() };
             }
             // Lines in line.
             10 => (0..chords).for_each(|_| self.go(length.min(2.0))),
@@ -221,7 +220,7 @@ impl Drawn<'_> {
                 }
             }
         }
-        if self.random.next().is_multiple_of(3) {
+        if self.random.bits().is_multiple_of(3) {
             self.turn(any_angle);
         }
     }
@@ -229,12 +228,12 @@ impl Drawn<'_> {
 
 pub fn case(random: &mut Random) -> Case {
     let shaper = |random: &mut Random| AxisShaper {
-        kind: ShaperKind::EXAMPLES[random.next() as usize % ShaperKind::EXAMPLES.len()],
+        kind: ShaperKind::EXAMPLES[random.bits() as usize % ShaperKind::EXAMPLES.len()],
         frequency_hz: random.magnitude(25.0, 120.0),
         damping: 0.19 * random.share(),
     };
     let x = shaper(random);
-    let shapers = match random.next() % 4 {
+    let shapers = match random.bits() % 4 {
         0 => [x, shaper(random)],
         1 => [x, AxisShaper { frequency_hz: x.frequency_hz * (0.8 + 0.4 * random.share()), ..x }],
         2 => [x, x],
@@ -246,12 +245,12 @@ pub fn case(random: &mut Random) -> Case {
     };
     let is_bare = shapers.iter().all(|shaper| shaper.kind == ShaperKind::None);
     let smooth_time_s =
-        (is_bare || !random.next().is_multiple_of(3)).then(|| random.magnitude(0.001, 0.04)).filter(fits);
+        (is_bare || !random.bits().is_multiple_of(3)).then(|| random.magnitude(0.001, 0.04)).filter(fits);
     let acceleration = random.magnitude(300.0, 20_000.0);
     let filament_acceleration = random.magnitude(1_000.0, 20_000.0);
     let path_tolerance_mm = random.magnitude(0.003, 0.3);
     let (direction, feed) = (TAU * random.share(), random.magnitude(5.0, 400.0) as f32);
-    let wanted = 40 + random.next() as usize % 120;
+    let wanted = 40 + random.bits() as usize % 120;
     let mut drawn = Drawn { random, place: [0; 3], direction, feed, flow: 0.04, moves: Vec::new() };
     while drawn.moves.len() < wanted {
         drawn.piece();

@@ -3,7 +3,7 @@
 use ferrostep_planner::{AxisShaper, Move, PlannedBlock, ShaperKind, TICKS_PER_SECOND, smooth_ticks};
 use ferrostep_simulator::shapers::{Impulse, Shaper};
 
-use super::textbook::trapezoid;
+use crate::textbook::trapezoid;
 
 /// X, Y, Z and the filament.
 pub type Place = [f64; 4];

@@ -6,8 +6,7 @@ use ferrostep_planner::{
     Planner, PressureAdvance, Progress, SecondSlope, ShaperKind, StepEntry, StepKind, StepSink, StepsPerMm,
     smooth_ticks,
 };
-
-use super::random::Random;
+use ferrostep_random_cases::Random;
 
 /// All step events in order: tick, axes, directions; and where motion ends.
 #[derive(Default)]
@@ -129,46 +128,46 @@ impl Case {
 
 /// None for every other plan, and then of all kinds.
 fn advance(random: &mut Random) -> PressureAdvance {
-    if random.next().is_multiple_of(2) {
+    if random.bits().is_multiple_of(2) {
         return PressureAdvance::NONE;
     }
     let seconds = random.magnitude(0.005, 0.5);
     let above = SecondSlope { filament_mm_per_s: random.magnitude(0.2, 6.0), seconds: seconds * random.share() };
     PressureAdvance {
         seconds,
-        above: random.next().is_multiple_of(2).then_some(above),
-        smooth_time_s: random.next().is_multiple_of(2).then_some(random.magnitude(0.002, 0.06)),
+        above: random.bits().is_multiple_of(2).then_some(above),
+        smooth_time_s: random.bits().is_multiple_of(2).then_some(random.magnitude(0.002, 0.06)),
     }
 }
 
 pub fn case(random: &mut Random) -> Case {
-    let kinematics = if random.next().is_multiple_of(3) { Kinematics::CoreXy } else { Kinematics::Cartesian };
+    let kinematics = if random.bits().is_multiple_of(3) { Kinematics::CoreXy } else { Kinematics::Cartesian };
     let shaper = |random: &mut Random| AxisShaper {
-        kind: ShaperKind::EXAMPLES[random.next() as usize % ShaperKind::EXAMPLES.len()],
+        kind: ShaperKind::EXAMPLES[random.bits() as usize % ShaperKind::EXAMPLES.len()],
         frequency_hz: random.magnitude(22.0, 120.0),
         damping: 0.19 * random.share(),
     };
     let x = shaper(random);
-    let y = if random.next().is_multiple_of(2) { x } else { shaper(random) };
+    let y = if random.bits().is_multiple_of(2) { x } else { shaper(random) };
     let mut place = [0i64; 3];
     let mut moves = Vec::new();
     let mut direction = 6.3 * random.share();
-    for line in 1..=4 + random.next() as u32 % 12 {
+    for line in 1..=4 + random.bits() as u32 % 12 {
         let length = random.magnitude(0.05, 30.0);
-        direction += match random.next() % 4 {
+        direction += match random.bits() % 4 {
             0 => 0.01,
             1 => std::f64::consts::PI,
             2 => 6.3 * random.share(),
             _ => 0.5 * random.share(),
         };
-        if !random.next().is_multiple_of(12) {
+        if !random.bits().is_multiple_of(12) {
             place[0] += (length * direction.cos() * 1e5) as i64;
             place[1] += (length * direction.sin() * 1e5) as i64;
         }
-        if random.next().is_multiple_of(9) {
+        if random.bits().is_multiple_of(9) {
             place[2] += (random.share() * 40_000.0) as i64;
         }
-        let filament = if random.next().is_multiple_of(3) { 0.0 } else { (random.share() - 0.1) * 0.08 * length };
+        let filament = if random.bits().is_multiple_of(3) { 0.0 } else { (random.share() - 0.1) * 0.08 * length };
         moves.push(Move {
             target_10nm: place,
             filament_100pm: (filament * 1e7) as i64,
@@ -187,8 +186,8 @@ pub fn case(random: &mut Random) -> Case {
         let ticks = smooth_ticks(Some(*time_s)).unwrap();
         shapers.iter().all(|shaper| shaper.kernel_beside(ticks).is_ok())
     };
-    let smooth_time_s = (!random.next().is_multiple_of(3)).then(|| random.magnitude(0.001, 0.05)).filter(fits);
-    let is_alone = random.next().is_multiple_of(4) && smooth_time_s.is_some();
+    let smooth_time_s = (!random.bits().is_multiple_of(3)).then(|| random.magnitude(0.001, 0.05)).filter(fits);
+    let is_alone = random.bits().is_multiple_of(4) && smooth_time_s.is_some();
     let shapers = if is_alone { [AxisShaper::NONE; 2] } else { shapers };
     Case {
         geometry: geometry(kinematics, 1),

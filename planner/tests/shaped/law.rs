@@ -8,7 +8,7 @@ use ferrostep_simulator::motion::Motion;
 use ferrostep_simulator::shapers::{Impulse, Shaper};
 
 use super::case::Case;
-use super::textbook::trapezoid;
+use crate::textbook::trapezoid;
 
 /// The parts of a block at a constant acceleration: ticks, speed at the start (10 nm/tick) and acceleration.
 fn textbook(planned: &PlannedBlock) -> Vec<[f64; 3]> {

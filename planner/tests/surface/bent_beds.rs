@@ -3,8 +3,8 @@
 use ferrostep_planner::surface::{MeshGrid, MeshInterpolation};
 use ferrostep_planner::{Kinematics, Move};
 
-use crate::machine::{MM, Machine, Z};
-use crate::meshes::mesh_between;
+use crate::surface::machine::{MM, Machine, Z};
+use crate::surface::meshes::mesh_between;
 
 /// A bed that is bent like a wave: the largest distance between it and the surface that Z follows, mm, by the motors' steps on rows of
 /// moves over all of the mesh.

@@ -4,9 +4,9 @@ use ferrostep_planner::Kinematics;
 use ferrostep_planner::surface::{Bed, BedStage, Mesh};
 use proptest::prelude::*;
 
-use crate::machine::{Event, MM, Machine, Sink, Z, without_z};
-use crate::meshes::{any_mesh, any_path};
-use crate::reference::Surface;
+use crate::surface::machine::{Event, MM, Machine, Sink, Z, without_z};
+use crate::surface::meshes::{any_mesh, any_path};
+use crate::surface::reference::Surface;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]

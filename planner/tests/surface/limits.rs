@@ -2,8 +2,8 @@
 
 use ferrostep_planner::{Kinematics, Move, TICKS_PER_SECOND};
 
-use crate::machine::{MM, Machine, START, Sink, Z, without_z};
-use crate::meshes::mesh_of;
+use crate::surface::machine::{MM, Machine, START, Sink, Z, without_z};
+use crate::surface::meshes::mesh_of;
 
 /// Z's steps: when, and by which sign.
 fn z_steps(sink: &Sink) -> Vec<(f64, f64)> {

@@ -7,7 +7,7 @@ use ferrostep_planner::{
     ShaperKind, Standard, StepEntry, StepLedger, StepObserver, StepSink, StepsPerMm,
 };
 
-use crate::reference::Surface;
+use crate::surface::reference::Surface;
 
 pub const Z: u8 = 0b100;
 pub const MM: i64 = 100_000;

@@ -4,7 +4,7 @@ use ferrostep_planner::surface::{Bed, BedStage, Mesh, MeshError, MeshGrid, MeshI
 use ferrostep_planner::{Kinematics, Move};
 use proptest::prelude::*;
 
-use crate::machine::{MM, Machine, START};
+use crate::surface::machine::{MM, Machine, START};
 
 /// A mesh with these heights, row by row, um, from 20 mm to 120 mm.
 pub fn mesh_of(points: [u8; 2], heights_um: &[i16], fade_10nm: i32) -> Mesh {

@@ -2,7 +2,7 @@
 
 use ferrostep_planner::surface::{Mesh, MeshInterpolation};
 
-use crate::machine::{MM, Machine};
+use crate::surface::machine::{MM, Machine};
 
 /// The surface in double precision, with nothing of the code that is tested but the mesh's heights.
 pub struct Surface<'a> {

@@ -1,9 +1,9 @@
 //! M20 to M34, M524 and M928, as OctoPrint 1.11 and Pronterface send them and read the answers.
 
-use ferrostep_tests::host_side::numbered;
+use ferrostep_testkit::host_side::numbered;
 use ferrostep_virtual_board::VirtualCard;
 
-use crate::setup::{Setup, image, nothing, profile};
+use crate::card::setup::{Setup, image, nothing, profile};
 
 fn setup() -> Setup {
     Setup::new(profile("cartesian"), image())

@@ -2,7 +2,7 @@
 
 use ferrostep_virtual_board::EndStopFailure;
 
-use crate::setup::{Setup, image, profile};
+use crate::card::setup::{Setup, image, profile};
 
 /// What the motors did in coordinates that they have no more must not be the way back to the print: X was at -50 mm as the motors counted,
 /// and truly at 10.

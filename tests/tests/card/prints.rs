@@ -6,7 +6,7 @@ use ferrostep::session::Session;
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::Profile;
 
-use crate::setup::{Said, Setup, gunzip, image, nothing, profile};
+use crate::card::setup::{Said, Setup, gunzip, image, nothing, profile};
 
 /// The result of `print` for a file.
 pub fn printed(profile: Profile, text: &[u8]) -> StepDigests {

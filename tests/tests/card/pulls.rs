@@ -3,8 +3,8 @@
 use ferrostep_hal_shim::card::CardSlot;
 use ferrostep_virtual_board::{CardFault, VirtualCard};
 
-use crate::prints::printed;
-use crate::setup::{Setup, image, nothing, profile};
+use crate::card::prints::printed;
+use crate::card::setup::{Setup, image, nothing, profile};
 
 /// A program of many short moves, in which every line matters. Without homing a pause leaves the nozzle in place, and makes no
 /// step of its own.

@@ -10,8 +10,8 @@ use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
 use ferrostep_planner::AccelerationProfile;
 use ferrostep_printer::Profile;
 
-use crate::command::{directory, example, ferrostep, file};
-use crate::desk::profile;
+use crate::end_to_end::command::{directory, example, ferrostep, file};
+use crate::end_to_end::desk::profile;
 
 /// The reference checks the steps: the motors' positions at each move's end, the distance of events, the speed and acceleration
 /// of the axes. Its own law is the trapezoid; the planner's tests check that these laws are kept.

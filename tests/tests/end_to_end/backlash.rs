@@ -5,8 +5,8 @@ use std::path::Path;
 
 use ferrostep_oracle::trace::{Record, StepEvent, TraceReader};
 
-use crate::command::{Outcome, directory, ferrostep, file, repository};
-use crate::imports::{lost, marlin, profile, says};
+use crate::end_to_end::command::{Outcome, directory, ferrostep, file, repository};
+use crate::end_to_end::imports::{lost, marlin, profile, says};
 
 const PLAY_MM: [f64; 3] = [0.15, 0.1, 0.05];
 const STEPS_PER_MM: [f64; 3] = [80.0, 80.0, 400.0];

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::command::{Outcome, directory, example, ferrostep, file, gzip, repository};
+use crate::end_to_end::command::{Outcome, directory, example, ferrostep, file, gzip, repository};
 
 /// Homes and moves, so that any effect of a bad line would show.
 const PROLOGUE: &str = "G28\nG1 X10 Y20 Z3 F3000\n";

@@ -6,8 +6,8 @@ use ferrostep::session::Session;
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::Profile;
 
-use crate::desk::profile;
-use crate::refusals::Collector;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::refusals::Collector;
 
 /// Commands with valid words.
 const COMMANDS: [&str; 34] = [

@@ -3,8 +3,8 @@
 use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, machine};
 
 fn with_pin(keys: &str) -> Profile {
     let text = format!("{}\n[bltouch]\n{keys}", builtin_text("prusa-mini").unwrap());

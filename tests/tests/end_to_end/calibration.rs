@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
 
-use crate::command::{directory, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
 /// A record by RepRapFirmware of X, whose frame swings at 60 Hz with a damping of 0.08: every 0.1 s the acceleration changes.
 fn record() -> String {

@@ -5,8 +5,8 @@ use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
 use ferrostep_virtual_board::HeaterFailure;
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, machine};
 
 const THERMOMETER: &str = "thermistor = \"nozzle1\"\nsensor = \"epcos-100k\"\nmin_celsius = 0\nmax_celsius = 80\n\
      max_target_celsius = 70\nproportional = 0.5\nintegral = 0.001\nderivative = 0\nresidency_window_celsius = 2\nresidency_s = 5\n";

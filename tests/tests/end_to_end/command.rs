@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 
-pub use ferrostep_tests::program::{program, repository};
+pub use ferrostep_testkit::program::{program, repository};
 use serde_json::Value;
 use tempfile::TempDir;
 

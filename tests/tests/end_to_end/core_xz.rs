@@ -6,7 +6,7 @@ use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret,
 use ferrostep_oracle::trace_check::{TraceCheckOptions, check_trace};
 use serde_json::Value;
 
-use crate::command::{directory, example, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, example, ferrostep, file, repository};
 
 /// The cartesian profile with motors A and C, of equal steps, for X and Z.
 fn machine() -> String {

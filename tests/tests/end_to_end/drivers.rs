@@ -10,8 +10,8 @@ use ferrostep_printer::{MotorDrivers, Profile};
 use ferrostep_tmc2209::{DriverState, DriverStatus, Register, RegisterImage};
 use ferrostep_virtual_board::{DriverChip, VIRTUAL_WIRING};
 
-use crate::desk::{profile, rehearse};
-use crate::refusals::Collector;
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::refusals::Collector;
 
 type Machine = PrintSession<(), Collector>;
 

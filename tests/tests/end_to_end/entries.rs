@@ -6,13 +6,13 @@ use ferrostep_gpre::compact::{Frame, FrameState, HEAD_BYTES, frame_length};
 use ferrostep_gpre::{Encoding, EntrySpeed, Header};
 use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_printer::Profile;
-use ferrostep_tests::hand_made;
+use ferrostep_testkit::hand_made;
 use proptest::prelude::*;
 
-use crate::command::{directory, example, ferrostep, file};
-use crate::desk::{Ended, profile, rehearse_far, rehearse_from};
-use crate::prepared::{SQUARE, prepared, says};
-use crate::programs::generator::{Program, program};
+use crate::end_to_end::command::{directory, example, ferrostep, file};
+use crate::end_to_end::desk::{Ended, profile, rehearse_far, rehearse_from};
+use crate::end_to_end::prepared::{SQUARE, prepared, says};
+use crate::end_to_end::programs::generator::{Program, program};
 
 /// Height by which the nozzle is raised on the way, units of 10 nm.
 const CLEARANCE_10NM: i64 = 500_000;

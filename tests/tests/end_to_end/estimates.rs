@@ -5,8 +5,8 @@ use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_printer::Replies;
 
-use crate::command::{example, ferrostep};
-use crate::desk::profile;
+use crate::end_to_end::command::{example, ferrostep};
+use crate::end_to_end::desk::profile;
 
 /// An estimate, or a print, that has ended.
 struct Ended {
@@ -91,12 +91,13 @@ fn an_estimate_waits_as_long_as_a_print() {
 /// A heater too weak for its target is never at rest, however steady: it fails as in a print.
 #[test]
 fn an_estimate_notices_a_failed_heater() {
-    let directory = crate::command::directory();
-    let text = std::fs::read_to_string(crate::command::repository().join("profiles/cartesian.toml")).unwrap();
+    let directory = crate::end_to_end::command::directory();
+    let text =
+        std::fs::read_to_string(crate::end_to_end::command::repository().join("profiles/cartesian.toml")).unwrap();
     let weak = text.replacen("\nproportional = 0.1\nintegral = 0.004\n", "\nproportional = 0.0001\nintegral = 0\n", 1);
     assert_ne!(weak, text);
-    let machine = crate::command::file(&directory, "weak.toml", weak);
-    let job = crate::command::file(&directory, "job.gcode", "G4 S600\nM109 S200\n");
+    let machine = crate::end_to_end::command::file(&directory, "weak.toml", weak);
+    let job = crate::end_to_end::command::file(&directory, "job.gcode", "G4 S600\nM109 S200\n");
     for command in ["estimate", "print"] {
         let outcome = ferrostep([command.as_ref(), job.as_os_str(), "--profile".as_ref(), machine.as_os_str()]);
         assert_eq!(outcome.status, Some(1), "{outcome:#?}");

@@ -3,8 +3,8 @@
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
 
-use crate::desk::{profile, rehearse};
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::hosts::{Conversation, machine};
 
 /// The motors' position after some lines, and the G-code's (mm).
 fn stands(machine_name: &str, lines: &str) -> ([i64; 4], [f64; 4]) {

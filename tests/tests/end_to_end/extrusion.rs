@@ -10,7 +10,7 @@ use std::path::Path;
 use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_oracle::trace_check::Slave;
 
-use crate::command::{directory, example, ferrostep, file};
+use crate::end_to_end::command::{directory, example, ferrostep, file};
 
 /// Profile cartesian.
 const XY_STEPS_PER_MM: f64 = 80.0;

@@ -6,10 +6,10 @@ use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
 use ferrostep_virtual_board::HeaterFailure;
 
-use crate::desk::{rehearse_from, rehearse_traced};
-use crate::entries::entries;
-use crate::hosts::{Conversation, Machine, machine};
-use crate::prepared::prepared;
+use crate::end_to_end::desk::{rehearse_from, rehearse_traced};
+use crate::end_to_end::entries::entries;
+use crate::end_to_end::hosts::{Conversation, Machine, machine};
+use crate::end_to_end::prepared::prepared;
 
 const FANS: &str = "\n[fans.exhaust]\noutput = \"fan2\"\nnumber = 2\n[fans.electronics]\noutput = \"fan5\"\n\
                     turns = \"controller\"\npower = 0.5\n[fans.light]\noutput = \"fan3\"\n";

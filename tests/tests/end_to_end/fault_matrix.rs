@@ -14,9 +14,9 @@ use ferrostep_printer::{
 use ferrostep_tmc2209::DriverStatus;
 use ferrostep_virtual_board::{EndStopFailure, HeaterFailure};
 
-use crate::command::repository;
-use crate::desk::profile;
-use crate::hosts::machine;
+use crate::end_to_end::command::repository;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::machine;
 use trial::{HOST_IS_GONE_S, LONG_S, Trial, now_s};
 
 /// What fails.

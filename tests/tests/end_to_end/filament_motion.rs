@@ -6,10 +6,10 @@ use ferrostep_printer::machine::Pushed;
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Printer, Profile, SharedMotion};
 use ferrostep_virtual_board::VirtualDelay;
 
-use crate::command::example;
-use crate::desk::profile;
-use crate::refusals::Collector;
-use crate::repeats::Seeded;
+use crate::end_to_end::command::example;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::refusals::Collector;
+use crate::end_to_end::repeats::Seeded;
 
 /// What BIGTREETECH says of its second smart filament sensor: 3 mm, for an encoder with an edge every 2.88 mm.
 const DETECTION_MM: f64 = 3.0;

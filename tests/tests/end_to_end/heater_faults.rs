@@ -6,10 +6,10 @@ use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_virtual_board::HeaterFailure;
 use serde_json::Value;
 
-use crate::command::{Outcome, directory, ferrostep, file, repository};
-use crate::desk::profile;
-use crate::hosts::{Conversation, Machine, machine};
-use crate::reports::temperatures;
+use crate::end_to_end::command::{Outcome, directory, ferrostep, file, repository};
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, Machine, machine};
+use crate::end_to_end::reports::temperatures;
 
 const KILLED: &str = "Error:Printer halted. kill() called!";
 

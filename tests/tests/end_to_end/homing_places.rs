@@ -19,7 +19,7 @@ use ferrostep_virtual_board::{
     BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, SheetShape, VirtualProbe, VirtualSensor,
 };
 
-use crate::desk::profile;
+use crate::end_to_end::desk::profile;
 
 const MM: i64 = 100_000;
 

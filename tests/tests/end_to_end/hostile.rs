@@ -4,11 +4,11 @@
 use ferrostep_gpre::Encoding;
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_ends::{Ends, count_ends};
-use ferrostep_tests::hostile::Hostile;
+use ferrostep_testkit::hostile::Hostile;
 use proptest::prelude::*;
 
-use crate::desk::{profile, rehearse_at, rehearse_far};
-use crate::prepared::prepared;
+use crate::end_to_end::desk::{profile, rehearse_at, rehearse_far};
+use crate::end_to_end::prepared::prepared;
 
 /// Prints a program and counts.
 fn ends_of(program: &Hostile) -> Ends {

@@ -5,12 +5,12 @@ use ferrostep::record::Observer;
 use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::LineReader;
 use ferrostep_printer::{Host, Profile};
-use ferrostep_tests::host_side::numbered;
+use ferrostep_testkit::host_side::numbered;
 
-use crate::command::example;
-use crate::desk::{profile, rehearse};
-use crate::refusals::Collector;
-use crate::repeats::Seeded;
+use crate::end_to_end::command::example;
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::refusals::Collector;
+use crate::end_to_end::repeats::Seeded;
 
 /// A machine with a serial line.
 pub type Machine = PrintSession<(), Collector>;

@@ -7,10 +7,10 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_printer::Profile;
 use ferrostep_virtual_board::VirtualDelay;
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, Machine, machine};
-use crate::refusals::Collector;
-use crate::reports::temperatures;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, Machine, machine};
+use crate::end_to_end::refusals::Collector;
+use crate::end_to_end::reports::temperatures;
 
 const WARNING: &str = "echo:heaters go off in ";
 const OFF: &str = "echo:heaters switched off: ";

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::imports::{klipper, lost, marlin, profile, says};
+use crate::end_to_end::imports::{klipper, lost, marlin, profile, says};
 
 /// By lengths, or by factors, which hold where both are said; without its switch none is.
 #[test]
@@ -34,7 +34,7 @@ fn models_of_heaters_are_kept() {
     assert!(lost(&imported, "MPC_SMOOTHING_FACTOR").is_some());
     assert!(profile(&marlin(text))["nozzle"].get("control_model").is_none(), "without its switch there is none");
 
-    let path = ferrostep_tests::program::repository().join("tests/configurations/corexy.cfg");
+    let path = ferrostep_testkit::program::repository().join("tests/configurations/corexy.cfg");
     let text = std::fs::read_to_string(path).unwrap();
     let modelled = |of_extruder: &str, of_bed: &str| {
         let text = text
@@ -80,7 +80,7 @@ fn a_motion_sensor_is_kept() {
     says(&switch, "filament_sensor = { missing_is_low = true }\n");
     assert!(lost(&switch, "FILAMENT_RUNOUT_DISTANCE_MM").unwrap().contains("at once"));
 
-    let path = ferrostep_tests::program::repository().join("tests/configurations/corexy.cfg");
+    let path = ferrostep_testkit::program::repository().join("tests/configurations/corexy.cfg");
     let text = std::fs::read_to_string(path).unwrap()
         + "\n[filament_motion_sensor encoder]\nswitch_pin = ^PC2\ndetection_length = 2.88\nextruder = extruder\n";
     let imported = klipper(&text);

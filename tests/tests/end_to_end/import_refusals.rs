@@ -3,7 +3,7 @@
 use ferrostep::import::{ImportError, of_text};
 use proptest::prelude::*;
 
-use crate::command::{Outcome, directory, ferrostep, file};
+use crate::end_to_end::command::{Outcome, directory, ferrostep, file};
 
 fn refused(text: &str) -> ImportError {
     of_text("printer.cfg", text, &mut |_| Err("none".to_owned())).unwrap_err()

@@ -3,7 +3,7 @@
 use ferrostep::import::of_text;
 use serde_json::Value;
 
-use crate::command::{directory, ferrostep};
+use crate::end_to_end::command::{directory, ferrostep};
 
 fn import(name: &str) -> Value {
     let outcome = ferrostep(["import", &format!("tests/configurations/{name}"), "--json"]);
@@ -55,7 +55,7 @@ pub(super) fn lost(imported: &Value, key: &str) -> Option<String> {
 /// Lines of a file with a setting, each of which must have a row.
 #[track_caller]
 fn every_line_has_a_row(imported: &Value, name: &str, is_setting: fn(&str) -> bool) {
-    let path = ferrostep_tests::program::repository().join("tests/configurations").join(name);
+    let path = ferrostep_testkit::program::repository().join("tests/configurations").join(name);
     let text = std::fs::read_to_string(path).unwrap();
     for (index, line) in text.lines().enumerate().filter(|(_, line)| is_setting(line)) {
         let is_row = |row: &&Value| row["file"] == name && row["line"] == index + 1;
@@ -231,7 +231,7 @@ fn imported(name: &str, text: &str) -> Value {
 /// A mesh with a radius makes a round bed.
 #[test]
 fn klippers_round_bed_is_kept() {
-    let path = ferrostep_tests::program::repository().join("tests/configurations/bed-slinger.cfg");
+    let path = ferrostep_testkit::program::repository().join("tests/configurations/bed-slinger.cfg");
     let text = std::fs::read_to_string(path).unwrap();
     let mut round =
         text.replace("mesh_min: 20, 20", "mesh_radius: 90").replace("mesh_max: 180, 200", "mesh_origin: 110, 112");

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
-use crate::command::{Outcome, directory, ferrostep, file, gzip, program, repository};
+use crate::end_to_end::command::{Outcome, directory, ferrostep, file, gzip, program, repository};
 
 /// Runs the command with these bytes at its standard input.
 fn fed(arguments: &[&str], input: &[u8]) -> Outcome {

@@ -6,12 +6,12 @@ use ferrostep::session::{PrintSession, Session};
 use ferrostep_planner::{PressureAdvance, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
 use ferrostep_simulator::nozzle::{Nozzle, NozzleSettings};
-use ferrostep_tests::host_side::numbered;
+use ferrostep_testkit::host_side::numbered;
 
-use crate::desk::profile;
-use crate::hosts::Conversation;
-use crate::refusals::Collector;
-use crate::repeats::Seeded;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::Conversation;
+use crate::end_to_end::refusals::Collector;
+use crate::end_to_end::repeats::Seeded;
 
 /// Interruptions of all prints together.
 const INTERRUPTIONS: usize = 1000;

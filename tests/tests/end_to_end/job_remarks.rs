@@ -4,8 +4,8 @@ use std::fs;
 
 use serde_json::{Value, json};
 
-use crate::command::{Outcome, directory, ferrostep, file, repository};
-use crate::desk::{profile, rehearse_traced};
+use crate::end_to_end::command::{Outcome, directory, ferrostep, file, repository};
+use crate::end_to_end::desk::{profile, rehearse_traced};
 
 /// The text of a built-in profile with some of its text replaced.
 fn changed(name: &str, changes: &[(&str, &str)]) -> String {

@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
 use ferrostep_oracle::trace_check::{TraceCheckOptions, TraceReport, check_trace};
 
-use crate::command::{directory, example, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, example, ferrostep, file, repository};
 
 /// The greatest errors that a method may make: from the line, and of each motor from its law.
 struct Bounds {

@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::command::{Outcome, directory, ferrostep, file};
+use crate::end_to_end::command::{Outcome, directory, ferrostep, file};
 
 const PROLOGUE: &str = "G28\nG1 X10 Y20 Z3 F3000\n";
 const EPILOGUE: &str = "G1 X40\nG1 Y50\n";
@@ -109,8 +109,8 @@ fn odd_lines_are_read_as_marlin_reads_them() {
 /// Another job on the same connection gets its echo anew.
 #[test]
 fn remarks_come_once_a_job() {
-    use crate::hosts::{Conversation, machine};
-    let machine = machine(&crate::desk::profile("cartesian"));
+    use crate::end_to_end::hosts::{Conversation, machine};
+    let machine = machine(&crate::end_to_end::desk::profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     for _ in 0..2 {
         assert_eq!(conversation.say("M110 N0"), ["ok"]);

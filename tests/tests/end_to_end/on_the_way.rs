@@ -9,7 +9,7 @@ use flate2::read::GzDecoder;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::command::{directory, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
 /// The sliced files, and their machines.
 const FILES: [(&str, &str); 10] = [

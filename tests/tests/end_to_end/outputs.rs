@@ -9,10 +9,11 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use ferrostep_gpre::Header;
+use ferrostep_testkit::program::send_signal;
 use tempfile::TempDir;
 
-use crate::command::{Outcome, directory, example, ferrostep, file, gzip, start, start_with};
-use crate::prepared::{SQUARE, says};
+use crate::end_to_end::command::{Outcome, directory, example, ferrostep, file, gzip, start, start_with};
+use crate::end_to_end::prepared::{SQUARE, says};
 
 /// A picture and a job long enough that a pipe's reader needs many portions for it.
 fn long_job() -> Vec<u8> {
@@ -183,7 +184,7 @@ fn a_trace_goes_through_a_pipe() {
 fn an_output_equal_to_the_input_is_refused_under_any_name() {
     let directory = directory();
     let job = file(&directory, "job.gcode", SQUARE);
-    let machine = fs::read(crate::command::repository().join("profiles/cartesian.toml")).unwrap();
+    let machine = fs::read(crate::end_to_end::command::repository().join("profiles/cartesian.toml")).unwrap();
     let machine_path = file(&directory, "machine.toml", &machine);
     let hard_link = directory.path().join("hard");
     fs::hard_link(&job, &hard_link).unwrap();
@@ -257,14 +258,14 @@ fn wait_for_part(directory: &TempDir, names_before: usize) {
 /// script, whose children would ignore some.
 fn start_in_terminal(arguments: [&str; 4]) -> Child {
     let mut command = Command::new("env");
-    command.arg("--default-signal=INT,TERM,HUP").arg(crate::command::program()).args(arguments);
+    command.arg("--default-signal=INT,TERM,HUP").arg(crate::end_to_end::command::program()).args(arguments);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
 /// Sends a signal to a command that has begun its output and waits for more of its input; how it ends.
 fn interrupted(child: Child, signal: &str, directory: &TempDir, names_before: usize) -> Option<i32> {
     wait_for_part(directory, names_before);
-    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    send_signal(signal, child.id());
     child.wait_with_output().unwrap().status.signal()
 }
 
@@ -274,7 +275,7 @@ fn an_interrupted_command_leaves_the_old_file_and_no_part() {
     let input = fifo(&directory, "job");
     let out = file(&directory, "out", "from before");
     for arguments in [["preprocess", "-o"], ["print", "--trace"], ["print", "--vcd"]] {
-        for (signal, number) in [("-INT", 2), ("-TERM", 15), ("-HUP", 1)] {
+        for (signal, number) in [("INT", 2), ("TERM", 15), ("HUP", 1)] {
             let [command, option] = arguments;
             let child = start_in_terminal([command, text(&input), option, text(&out)]);
             let mut writer = fs::File::options().write(true).open(&input).unwrap();
@@ -294,9 +295,9 @@ fn an_ignored_signal_stays_ignored() {
     let input = fifo(&directory, "job");
     let out = directory.path().join("out.gpre");
     let script = "trap '' HUP; exec env --default-signal=TERM \"$0\" preprocess \"$1\" -o \"$2\"";
-    for (signals, ended_by) in [(&["-HUP", "-TERM"][..], Some(15)), (&["-HUP"], None)] {
+    for (signals, ended_by) in [(&["HUP", "TERM"][..], Some(15)), (&["HUP"], None)] {
         let child = Command::new("sh")
-            .args(["-c", script, text(crate::command::program()), text(&input), text(&out)])
+            .args(["-c", script, text(crate::end_to_end::command::program()), text(&input), text(&out)])
             .stdout(Stdio::null())
             .spawn()
             .unwrap();
@@ -304,7 +305,7 @@ fn an_ignored_signal_stays_ignored() {
         writer.write_all(b"G28\nG1 X10 F3000\n").unwrap();
         wait_for_part(&directory, 1);
         for signal in signals {
-            assert!(Command::new("kill").args([*signal, &child.id().to_string()]).status().unwrap().success());
+            send_signal(signal, child.id());
         }
         if ended_by.is_none() {
             drop(writer);

@@ -3,12 +3,12 @@
 use std::cell::RefCell;
 
 use ferrostep_printer::Host;
-use ferrostep_tests::host_side::{PortBuffers, numbered};
+use ferrostep_testkit::host_side::{PortBuffers, numbered};
 use ferrostep_usb::{Heard, Incoming, Lines};
 
-use crate::desk::profile;
-use crate::hosts::{Machine, machine};
-use crate::repeats::Seeded;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Machine, machine};
+use crate::end_to_end::repeats::Seeded;
 
 /// Sends lines without waiting; the board reads one byte of the ring while `slowness` come. Returns its replies, in order.
 fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, random: &mut Seeded) -> (Vec<String>, u32) {

@@ -4,13 +4,13 @@ use ferrostep::session::DeskPrinter;
 use ferrostep_gcode::Emergency;
 use ferrostep_gcode::meatpack::{BEGIN, END, pack};
 use ferrostep_printer::Host;
-use ferrostep_tests::host_side::{PortBuffers, numbered};
+use ferrostep_testkit::host_side::{PortBuffers, numbered};
 use ferrostep_usb::{Heard, Incoming, Lines};
 
-use crate::desk::profile;
-use crate::hosts::{Machine, machine};
-use crate::refusals::Collector;
-use crate::repeats::Seeded;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Machine, machine};
+use crate::end_to_end::refusals::Collector;
+use crate::end_to_end::repeats::Seeded;
 
 /// A port with its printer.
 struct Port<'a> {
@@ -124,7 +124,7 @@ fn m112_acts_packed_and_plain() {
 #[test]
 fn no_print_stops_itself() {
     for name in ["cube.gcode", "arcs-corexy.gcode.gz", "firmware-retraction.gcode.gz", "vase.gcode.gz"] {
-        let text = String::from_utf8_lossy(&crate::command::example(name)).into_owned();
+        let text = String::from_utf8_lossy(&crate::end_to_end::command::example(name)).into_owned();
         let (mut incoming, mut ring) = (Incoming::new(), PortBuffers::default());
         incoming.take_in(&BEGIN, &mut ring);
         for (number, line) in text.lines().enumerate() {

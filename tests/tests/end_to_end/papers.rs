@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::command::{ferrostep, repository};
+use crate::end_to_end::command::{ferrostep, repository};
 
 /// If set, the test writes the book's pictures and tables anew.
 pub const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";

@@ -15,11 +15,11 @@ use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{Heating, Profile, Replies};
-use ferrostep_tests::program::repository;
+use ferrostep_testkit::program::repository;
 use ferrostep_virtual_board::VirtualDelay;
 
-use crate::command::example;
-use crate::desk::profile;
+use crate::end_to_end::command::example;
+use crate::end_to_end::desk::profile;
 
 /// Blocks of Marlin's queue.
 const MARLIN_BLOCKS: usize = 16;

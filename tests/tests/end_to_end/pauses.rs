@@ -3,10 +3,10 @@
 use ferrostep::desk::{Desk, MotionState};
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::{Heating, PauseSettings, Profile};
-use ferrostep_tests::host_side::numbered;
+use ferrostep_testkit::host_side::numbered;
 
-use crate::desk::{profile, rehearse};
-use crate::hosts::{Conversation, Machine, machine};
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::hosts::{Conversation, Machine, machine};
 
 const KILLED: &str = "Error:Printer halted. kill() called!";
 

@@ -9,14 +9,14 @@ use ferrostep_gpre::compact::{HEAD_BYTES, frame_length};
 use ferrostep_gpre::{Encoding, EntrySpeed, Header};
 use ferrostep_papers::wide::{Packet, Status};
 use ferrostep_printer::Profile;
-use ferrostep_tests::hand_made::{self, given};
+use ferrostep_testkit::hand_made::{self, given};
 use proptest::prelude::*;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::command::{directory, example, ferrostep, file, repository};
-use crate::desk::{profile, rehearse_behind, rehearse_far};
-use crate::programs::generator::program;
+use crate::end_to_end::command::{directory, example, ferrostep, file, repository};
+use crate::end_to_end::desk::{profile, rehearse_behind, rehearse_far};
+use crate::end_to_end::programs::generator::program;
 
 /// Prepares G-code in memory; a job that stops at a line gives no file.
 pub fn prepared(profile: &Profile, gcode: &[u8], encoding: Encoding) -> Option<Vec<u8>> {

@@ -9,7 +9,7 @@ use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_oracle::trace_check::{TraceCheckOptions, TraceReport, check_trace};
 use serde_json::Value;
 
-use crate::command::{directory, example, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, example, ferrostep, file, repository};
 
 fn reference_profile(name: &str) -> ReferenceProfile {
     match name {

@@ -10,7 +10,7 @@ use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
 use ferrostep_random_cases::cases;
 use proptest::prelude::*;
 
-use crate::desk::{profile, rehearse, rehearse_traced};
+use crate::end_to_end::desk::{profile, rehearse, rehearse_traced};
 use generator::{Program, program};
 
 /// Lines with the parts that parsers look at, cut and glued at random.

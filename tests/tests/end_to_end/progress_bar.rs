@@ -6,8 +6,8 @@ use std::process::{Command, Stdio};
 
 use rustix::termios::{Winsize, tcsetwinsize};
 
-use crate::command::{directory, ferrostep, program, repository};
-use crate::pty_board::Pty;
+use crate::end_to_end::command::{directory, ferrostep, program, repository};
+use crate::end_to_end::pty_board::Pty;
 
 /// What the command draws: the contents of the last line, each time that it is drawn.
 fn drawn(arguments: &[&str]) -> Vec<String> {

@@ -1,7 +1,7 @@
 //! The rules of the hosts' protocol, each with a conversation, byte by byte.
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, machine};
 
 /// What a host says in one go, and the lines that the printer answers.
 struct Exchange {

@@ -8,7 +8,7 @@ use ferrostep_gcode::Reply;
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::{Profile, Replies};
 
-use crate::desk::profile;
+use crate::end_to_end::desk::profile;
 
 /// Keeps the printer's replies, line by line.
 #[derive(Debug, Default)]

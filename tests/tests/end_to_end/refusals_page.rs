@@ -6,8 +6,8 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use crate::command::{directory, ferrostep, file, repository};
-use crate::papers::REFRESH_VARIABLE;
+use crate::end_to_end::command::{directory, ferrostep, file, repository};
+use crate::end_to_end::papers::REFRESH_VARIABLE;
 
 const PAGE: &str = "docs/src/refusals.md";
 

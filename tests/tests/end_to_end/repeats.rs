@@ -5,8 +5,8 @@ use std::path::Path;
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 
-use crate::command::{directory, example, ferrostep, file, gzip};
-use crate::desk::{Ended, profile, rehearse};
+use crate::end_to_end::command::{directory, example, ferrostep, file, gzip};
+use crate::end_to_end::desk::{Ended, profile, rehearse};
 
 /// Numbers that look random and are the same in every run (xorshift).
 pub struct Seeded(u64);

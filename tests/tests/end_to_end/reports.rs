@@ -4,11 +4,11 @@ use std::cell::RefCell;
 
 use ferrostep_gcode::TimingFigures;
 use ferrostep_printer::Timing;
-use ferrostep_tests::program::repository;
+use ferrostep_testkit::program::repository;
 use regex_lite::Regex;
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, machine};
 
 fn regex(text: &str) -> Regex {
     Regex::new(text).unwrap()

@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use ferrostep_gpre::{Encoding, EntrySpeed};
-use ferrostep_tests::hand_made;
+use ferrostep_testkit::hand_made;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::command::{Outcome, directory, example, ferrostep, file, gzip, start};
-use crate::desk::profile;
-use crate::prepared::{SQUARE, prepared, says};
-use crate::pty_board::{Pty, PtyBoard, Served, Settings};
+use crate::end_to_end::command::{Outcome, directory, example, ferrostep, file, gzip, start};
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::prepared::{SQUARE, prepared, says};
+use crate::end_to_end::pty_board::{Pty, PtyBoard, Served, Settings};
 
 /// The first lines of a print.
 const LINES: usize = 1_500;

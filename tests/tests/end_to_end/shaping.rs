@@ -5,9 +5,9 @@ use ferrostep_planner::{AxisShaper, ShaperKind};
 use ferrostep_printer::Profile;
 use serde_json::Value;
 
-use crate::command::{directory, ferrostep, file};
-use crate::desk::{profile, rehearse};
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::command::{directory, ferrostep, file};
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::hosts::{Conversation, machine};
 
 /// A machine whose frame rings at 50 and 40 Hz, the simulator's defaults.
 fn shaped(name: &str) -> Profile {

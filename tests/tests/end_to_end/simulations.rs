@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::command::{directory, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
 /// A square with corners, a travel and retractions.
 const JOB: &str = "G28\nM104 S210\nM109 S210\nG90\nM83\nG1 Z.2 F600\nG1 X20 Y20 F6000\nG1 X60 E1.5 F3600\nG1 Y60 E1.5\nG1 X20 E1.5\n\
@@ -148,7 +148,7 @@ fn a_kind_is_given_to_both_plans_and_detuning_moves_the_frame_under_them() {
 fn pressure_advance_puts_material_where_the_path_is() {
     let folder = directory();
     let job = file(&folder, "square.gcode", JOB);
-    let profile = crate::command::repository().join("tests/data/fine-extruder.toml");
+    let profile = crate::end_to_end::command::repository().join("tests/data/fine-extruder.toml");
     let text = std::fs::read_to_string(&profile).unwrap();
     let volumes = |seconds: &str| {
         let profile = file(&folder, "own.toml", text.replace("seconds = 0.04", &format!("seconds = {seconds}")));

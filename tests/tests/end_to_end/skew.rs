@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::command::{directory, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
 /// A printed square's corners A, B, C and D, in the order of [`MEASURES`]'s lengths.
 const SIDE_MM: f64 = 150.0;

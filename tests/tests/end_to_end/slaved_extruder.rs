@@ -6,8 +6,8 @@ use std::fs::{self, File};
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_check::{Extrusion, TraceCheckOptions, check_trace};
 
-use crate::command::{directory, example, ferrostep, repository};
-use crate::papers::REFRESH_VARIABLE;
+use crate::end_to_end::command::{directory, example, ferrostep, repository};
+use crate::end_to_end::papers::REFRESH_VARIABLE;
 
 /// Marks before and after the table in the book.
 const BEGIN: &str = "<!-- both extruders over whole prints -->\n";

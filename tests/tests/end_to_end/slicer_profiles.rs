@@ -12,10 +12,10 @@ use ferrostep::job::JobError;
 use ferrostep_checked_toml::book;
 use ferrostep_gcode::{NOT_EXECUTED, NotExecuted, Outcome};
 
-use crate::command::repository;
-use crate::desk::{profile, rehearse};
-use crate::hosts::{Conversation, machine};
-use crate::papers::REFRESH_VARIABLE;
+use crate::end_to_end::command::repository;
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::hosts::{Conversation, machine};
+use crate::end_to_end::papers::REFRESH_VARIABLE;
 
 const COMMANDS: &str = include_str!("../../data/slicer-commands.tsv");
 const OUTCOMES: &str = "tests/data/slicer-outcomes.tsv";

@@ -7,8 +7,8 @@ use ferrostep_printer::Profile;
 use ferrostep_tmc2209::Register;
 use ferrostep_virtual_board::START_10NM;
 
-use crate::desk::{profile, rehearse};
-use crate::refusals::Collector;
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::refusals::Collector;
 
 type Machine = PrintSession<(), Collector>;
 

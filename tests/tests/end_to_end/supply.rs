@@ -6,8 +6,8 @@ use ferrostep_profiles::{builtin_text, parse};
 use ferrostep_tmc2209::DriverState;
 use ferrostep_virtual_board::HeaterFailure;
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, machine};
 
 const OFF: &str = "the power supply is off: M80 switches it on";
 
@@ -165,7 +165,7 @@ fn a_heater_s_fault_and_m112_switch_it_off_for_good() {
     is_ok(&host.say("M81"));
     assert_eq!(host.say("M80 S"), ["PS:0", "ok"]);
 
-    let machine = crate::hosts::machine(&with_supply("cartesian", "on_is_low = true"));
+    let machine = crate::end_to_end::hosts::machine(&with_supply("cartesian", "on_is_low = true"));
     let mut host = Conversation::new(&machine);
     is_ok(&host.say("M104 S60"));
     host.say("M112");

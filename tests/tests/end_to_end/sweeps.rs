@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::command::{directory, ferrostep, file, repository};
+use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
 /// The same as an estimate of the job without its limits, with the profile edited by hand.
 #[test]

@@ -8,9 +8,9 @@ use ferrostep_profiles::{builtin_text, parse};
 use ferrostep_virtual_board::HeaterFailure;
 use proptest::prelude::*;
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, Machine, machine};
-use crate::refusals::Collector;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, Machine, machine};
+use crate::end_to_end::refusals::Collector;
 
 const OFFSET_MM: [f64; 3] = [24.5, -0.75, -0.3];
 const T1: &str = "motor = \"e1\"\noffset_mm = { x = 24.5, y = -0.75, z = -0.3 }\n";

@@ -2,9 +2,9 @@
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 
-use crate::command::{directory, ferrostep, file};
-use crate::desk::{profile, rehearse};
-use crate::hosts::{Conversation, machine};
+use crate::end_to_end::command::{directory, ferrostep, file};
+use crate::end_to_end::desk::{profile, rehearse};
+use crate::end_to_end::hosts::{Conversation, machine};
 
 const LAYERS: u32 = 24;
 

@@ -2,9 +2,9 @@
 
 use ferrostep_printer::Heating;
 
-use crate::desk::profile;
-use crate::hosts::{Conversation, Machine, machine};
-use crate::reports::temperatures;
+use crate::end_to_end::desk::profile;
+use crate::end_to_end::hosts::{Conversation, Machine, machine};
+use crate::end_to_end::reports::temperatures;
 
 fn now_s(machine: &Machine) -> f64 {
     machine.clock().now_ns() as f64 * 1e-9

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::command::{directory, example, ferrostep, file};
+use crate::end_to_end::command::{directory, example, ferrostep, file};
 
 /// One signal on its way through the file.
 #[derive(Debug, Default)]

@@ -13,10 +13,10 @@ use ferrostep_gcode::Emergency;
 use ferrostep_gpre::transfer::Word;
 use ferrostep_printer::{CommandError, Failure};
 use ferrostep_step_player::Pulses;
-use ferrostep_tests::board_model::{
+use ferrostep_testkit::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, Costs, JOB_SILENCE_S, JobHost, LOOK_AHEAD_BLOCKS, with_board,
 };
-use ferrostep_tests::hostile::Random;
+use ferrostep_testkit::hostile::Random;
 
 use states::{State, Work};
 

@@ -3,7 +3,7 @@
 use ferrostep_gcode::MotionFigures;
 use ferrostep_printer::Profile;
 use ferrostep_step_player::{BothEdges, Pulses, Stepping};
-use ferrostep_tests::board_model::{Board, Costs, HostLine, LOOK_AHEAD_BLOCKS, Watch, with_board};
+use ferrostep_testkit::board_model::{Board, Costs, HostLine, LOOK_AHEAD_BLOCKS, Watch, with_board};
 use ferrostep_virtual_board::CYCLES_A_TICK;
 
 /// The result of a print.

@@ -9,10 +9,10 @@ use ferrostep_gpre::Encoding;
 use ferrostep_gpre::transfer::{Report, Word};
 use ferrostep_printer::Profile;
 use ferrostep_step_player::Pulses;
-use ferrostep_tests::board_model::{
+use ferrostep_testkit::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, CYCLES_PER_S, Costs, JobHost, LOOK_AHEAD_BLOCKS, StopReport, Watch, with_board,
 };
-use ferrostep_tests::host_side::numbered;
+use ferrostep_testkit::host_side::numbered;
 
 /// Moves of the job, and what each pushes, units of 0.1 nm.
 const MOVES: u32 = 1_200;

@@ -2,8 +2,8 @@
 
 use ferrostep_gcode::Emergency;
 use ferrostep_step_player::Pulses;
-use ferrostep_tests::board_model::{CYCLES_A_MS, Costs, with_board};
-use ferrostep_tests::live_machine::live_machine;
+use ferrostep_testkit::board_model::{CYCLES_A_MS, Costs, with_board};
+use ferrostep_testkit::live_machine::live_machine;
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
 fn bytes(seed: u64, length: usize) -> Vec<u8> {

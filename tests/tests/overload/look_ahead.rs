@@ -1,8 +1,8 @@
 //! Moves of 0.05 mm at 300 mm/s: the ring sees far enough.
 
-use ferrostep_tests::stress_file::{FEED_MM_PER_S, PIECE_MM, stress_file};
+use ferrostep_testkit::stress_file::{FEED_MM_PER_S, PIECE_MM, stress_file};
 
-use crate::invariants::{Speeds, is_smooth, print, profile};
+use crate::overload::invariants::{Speeds, is_smooth, print, profile};
 
 /// 3 m.
 const PIECES: u32 = 60_000;

@@ -1,9 +1,9 @@
 //! A host or an executor that is too slow.
 
-use ferrostep_tests::board_model::{Costs, HostLine, LOOK_AHEAD_BLOCKS};
-use ferrostep_tests::stress_file::stress_file;
+use ferrostep_testkit::board_model::{Costs, HostLine, LOOK_AHEAD_BLOCKS};
+use ferrostep_testkit::stress_file::stress_file;
 
-use crate::invariants::{Print, Speeds, is_smooth, print, profile};
+use crate::overload::invariants::{Print, Speeds, is_smooth, print, profile};
 
 /// 0.3 m, one second at full feed.
 const PIECES: u32 = 6_000;

@@ -3,7 +3,9 @@
 use ferrostep_gcode::Emergency;
 use ferrostep_printer::Profile;
 use ferrostep_step_player::{BothEdges, Pulses, Stepping};
-use ferrostep_tests::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, HostLine, LOOK_AHEAD_BLOCKS, with_board};
+use ferrostep_testkit::board_model::{
+    Board, BoardPrinter, CYCLES_A_MS, Costs, HostLine, LOOK_AHEAD_BLOCKS, with_board,
+};
 
 /// SplitMix64 (Steele, Lea, Flood 2014): a seed gives the same instants everywhere.
 struct Random(u64);

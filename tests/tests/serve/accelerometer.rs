@@ -4,11 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use ferrostep_tests::program::{program, repository};
+use ferrostep_testkit::program::{program, repository};
+use ferrostep_testkit::served::printer::{Host, Printer};
 use serde_json::Value;
 use tempfile::TempDir;
-
-use crate::printer::{Host, Printer};
 
 /// The frame of X and Y, Hz.
 const FRAME_HZ: [f64; 2] = [52.3, 38.7];

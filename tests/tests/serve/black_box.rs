@@ -2,9 +2,8 @@
 
 use std::process::{Command, Output, Stdio};
 
-use ferrostep_tests::program::{program, repository};
-
-use crate::printer::Printer;
+use ferrostep_testkit::program::{program, repository};
+use ferrostep_testkit::served::printer::Printer;
 
 fn black_box(arguments: &[&str]) -> Output {
     let mut command = Command::new(program());

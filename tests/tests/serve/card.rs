@@ -4,11 +4,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ferrostep_tests::program::{program, repository};
+use ferrostep_testkit::program::{program, repository};
+use ferrostep_testkit::served::printer::Printer;
+use ferrostep_testkit::served::{part, print_of_lines};
 use tempfile::TempDir;
-
-use crate::conversation::{part, printed};
-use crate::printer::Printer;
 
 /// The image of a card that mkfs.fat and mtools have made, as a file in a folder.
 pub fn image(folder: &TempDir) -> PathBuf {
@@ -27,7 +26,7 @@ fn a_file_is_uploaded_printed_and_still_there_at_the_end() {
     let bytes = std::fs::read(&image).unwrap();
 
     let lines = part();
-    let expected = printed(&lines);
+    let expected = print_of_lines(&lines);
     let printer = Printer::at_pty(&["--speed", "max", "--card", image.to_str().unwrap()]);
     let mut host = printer.connect();
     host.say_numbered("M110 N0");
@@ -69,7 +68,7 @@ fn path(folder: &TempDir) -> &str {
 #[test]
 fn a_folder_is_put_on_a_card_and_stays_as_it_is() {
     let lines = part();
-    let expected = printed(&lines);
+    let expected = print_of_lines(&lines);
     let folder = folder_with_part(&lines);
     let printer = Printer::at_pty(&["--speed", "max", "--card", path(&folder)]);
     let mut host = printer.connect();
@@ -89,7 +88,7 @@ fn a_folder_is_put_on_a_card_and_stays_as_it_is() {
 #[test]
 fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
     let lines = part();
-    let expected = printed(&lines);
+    let expected = print_of_lines(&lines);
     let folder = folder_with_part(&lines);
     let faults = ["--fault", "card-pull@200", "--fault", "card-back@202"];
     let printer = Printer::at_pty(&[&["--speed", "max", "--card", path(&folder)], &faults[..]].concat());
@@ -123,7 +122,7 @@ fn a_sensor_pauses_the_print(
     present: Option<&str>,
 ) {
     let lines = part();
-    let expected = printed(&lines);
+    let expected = print_of_lines(&lines);
     let folder = folder_with_part(&lines);
     let profile = folder.path().with_extension("toml");
     let text = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();

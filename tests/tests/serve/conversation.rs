@@ -3,27 +3,10 @@
 use std::process::Command;
 use std::time::Instant;
 
-use ferrostep_tests::host_side::numbered;
-use ferrostep_tests::program::{program, repository};
-use serde_json::Value;
-
-use crate::printer::{Host, Printer};
-
-/// The first lines of a print, which home, heat and print the first layers.
-pub fn part() -> Vec<String> {
-    let text = std::fs::read_to_string(repository().join("examples/cube.gcode")).unwrap();
-    let commands = text.lines().filter_map(|line| line.split(';').next()).map(str::trim);
-    commands.filter(|command| !command.is_empty()).take(1_500).map(str::to_owned).collect()
-}
-
-/// The report of `print` for these lines.
-pub fn printed(lines: &[String]) -> Value {
-    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
-    let file = folder.path().join("part.gcode");
-    std::fs::write(&file, lines.join("\n")).unwrap();
-    let output = Command::new(program()).args(["print", "--json"]).arg(&file).output().unwrap();
-    serde_json::from_slice(&output.stdout).unwrap()
-}
+use ferrostep_testkit::host_side::numbered;
+use ferrostep_testkit::program::{program, repository};
+use ferrostep_testkit::served::printer::{Host, Printer};
+use ferrostep_testkit::served::{part, print_of_lines};
 
 fn print(host: &mut Host, lines: &[String]) {
     host.say_numbered("M110 N0");
@@ -37,7 +20,7 @@ fn print(host: &mut Host, lines: &[String]) {
 #[test]
 fn a_print_makes_the_steps_of_print_each_at_its_time() {
     let lines = part();
-    let expected = printed(&lines);
+    let expected = print_of_lines(&lines);
     for speed in ["max", "1000"] {
         let printer = Printer::at_pty(&["--speed", speed]);
         let mut host = printer.connect();
@@ -199,7 +182,7 @@ fn damaged_lines_are_asked_for_again() {
     }
     assert!(resends > sent.len() / 20, "{resends}");
     let done = printer.end();
-    let expected = printed(&lines);
+    let expected = print_of_lines(&lines);
     assert_eq!(done["step_digest"], expected["step_digest"]);
     assert_eq!(done["motor_steps"], expected["motor_steps"]);
 }

@@ -1,98 +1,19 @@
 //! The page's server in front of a served printer: who gets nothing, a print, a pause, two hosts.
 
-use std::io::{Read, Write};
+use std::io::Write;
 use std::net::TcpStream;
-use std::process::Command;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use ferrostep_tests::program::{program, repository};
+use ferrostep_testkit::program::repository;
+use ferrostep_testkit::served::page::{Page, status};
+use ferrostep_testkit::served::printer::Printer;
+use ferrostep_testkit::served::{part, print_of_cube, print_of_lines};
 use serde_json::Value;
-
-use crate::conversation::{part, printed as printed_lines};
-use crate::printer::Printer;
 
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(120);
-
-/// A page's server, and its token.
-#[derive(Clone)]
-pub struct Page {
-    url: String,
-    address: String,
-    token: String,
-}
-
-impl Page {
-    /// The page with this address.
-    pub fn at(url: &str) -> Self {
-        let (address, token) = url.strip_prefix("http://").and_then(|rest| rest.split_once("/#")).unwrap();
-        Self { url: url.to_owned(), address: address.to_owned(), token: token.to_owned() }
-    }
-
-    /// The page is there before its line to the printer is open.
-    pub fn wait_until_connected(&self) {
-        self.look_until(|state| state["activity"] != "disconnected");
-    }
-
-    /// Its address, with the token.
-    pub fn url(&self) -> &str {
-        &self.url
-    }
-
-    /// Sends bytes; the whole answer. The server may answer, and close, before it has all of them.
-    fn raw(&self, bytes: &[u8]) -> String {
-        let mut stream = TcpStream::connect(&self.address).unwrap();
-        let _ = stream.write_all(bytes);
-        let _ = stream.shutdown(std::net::Shutdown::Write);
-        let mut answer = Vec::new();
-        let _ = stream.read_to_end(&mut answer);
-        String::from_utf8(answer).unwrap()
-    }
-
-    /// Asks with the token; status and body.
-    fn ask(&self, method: &str, path: &str, body: &[u8]) -> (u16, String) {
-        let Self { address, token, .. } = self;
-        let length = body.len();
-        let head = format!(
-            "{method} {path} HTTP/1.1\r\nHost: {address}\r\nOrigin: http://{address}\r\nAuthorization: Bearer {token}\r\n\
-             X-Name: part.gcode\r\nContent-Length: {length}\r\n\r\n"
-        );
-        let answer = self.raw(&[head.as_bytes(), body].concat());
-        let (head, body) = answer.split_once("\r\n\r\n").unwrap_or_else(|| panic!("{method} {path}: {answer:?}"));
-        (status(head).unwrap(), body.to_owned())
-    }
-
-    #[track_caller]
-    fn wish(&self, path: &str, body: &[u8]) {
-        assert_eq!(self.ask("POST", path, body), (200, "ok\n".to_owned()), "{path}");
-    }
-
-    fn state(&self) -> Value {
-        let (status, body) = self.ask("GET", "/state?after=0", b"");
-        assert_eq!(status, 200, "{body}");
-        serde_json::from_str(&body).unwrap()
-    }
-
-    /// Looks until something is so.
-    #[track_caller]
-    fn look_until(&self, is_so: impl Fn(&Value) -> bool) -> Value {
-        let end = Instant::now() + PATIENCE;
-        loop {
-            let state = self.state();
-            if is_so(&state) {
-                return state;
-            }
-            assert!(Instant::now() < end, "it does not become so: {state:#}");
-        }
-    }
-}
-
-/// The status of an answer; `None`: the connection was closed without one.
-fn status(answer: &str) -> Option<u16> {
-    answer.split(' ').nth(1)?.parse().ok()
-}
 
 fn says(state: &Value, text: &str) -> bool {
     state["message"].as_str().is_some_and(|message| message.contains(text))
@@ -173,16 +94,6 @@ fn nothing_of_the_printer_is_reachable_without_the_token() {
     assert_eq!(printer.end()["lines"], 0);
 }
 
-/// The report of `print`.
-fn printed() -> Value {
-    let output = Command::new(program())
-        .current_dir(repository())
-        .args(["print", "--json", "examples/cube.gcode"])
-        .output()
-        .unwrap();
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
 /// Ten browsers look, one stops reading, others attack: the steps are those of `print`.
 #[test]
 fn a_print_from_the_page_makes_the_steps_of_print_whoever_asks_meanwhile() {
@@ -228,7 +139,7 @@ fn a_print_from_the_page_makes_the_steps_of_print_whoever_asks_meanwhile() {
     assert!(says(&state, "0 of them again"), "{state:#}");
     assert!(looks.into_inner() >= 10);
     drop(deaf);
-    let (done, expected) = (printer.end(), printed());
+    let (done, expected) = (printer.end(), print_of_cube());
     for key in ["step_digest", "order_digest", "motor_steps", "moves", "position_mm", "underruns", "starvation_flushes"]
     {
         assert_eq!(done[key], expected[key], "{key}");
@@ -369,7 +280,7 @@ fn a_printer_at_a_port_prints_from_the_page() {
     page.wish("/start", b"");
     page.look_until(|state| says(state, "printed: "));
     page.wish("/line", b"M797");
-    let digest = format!("step_digest:{}", printed_lines(&lines)["step_digest"].as_str().unwrap());
+    let digest = format!("step_digest:{}", print_of_lines(&lines)["step_digest"].as_str().unwrap());
     page.look_until(|state| state["console"].to_string().contains(&digest));
     page.look_until(|state| state["position_mm"][2].as_f64() > Some(0.1));
     page.wish("/job", &long_job());

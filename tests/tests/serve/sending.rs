@@ -4,12 +4,10 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use ferrostep_tests::program::{program, repository};
+use ferrostep_testkit::program::{program, repository, send_signal};
+use ferrostep_testkit::served::printer::Printer;
+use ferrostep_testkit::served::{part, print_of_cube, print_of_lines};
 use tempfile::TempDir;
-
-use crate::conversation::part;
-use crate::printcore::printed;
-use crate::printer::Printer;
 
 const CUBE: &str = "examples/cube.gcode";
 
@@ -51,7 +49,7 @@ fn gcode_is_sent_and_printed_over_a_bad_line() {
     assert!(!String::from_utf8_lossy(&output.stderr).contains(" 0 of them again"));
     let done = printer.end();
     for key in ["step_digest", "order_digest", "motor_steps", "position_mm", "underruns"] {
-        assert_eq!(done[key], printed()[key], "{key}");
+        assert_eq!(done[key], print_of_cube()[key], "{key}");
     }
 }
 
@@ -60,7 +58,7 @@ fn gcode_is_sent_and_printed_over_a_bad_line() {
 fn a_prepared_job_is_sent_and_makes_the_steps_of_print() {
     let folder = folder();
     let lines = part();
-    let expected = crate::conversation::printed(&lines);
+    let expected = print_of_lines(&lines);
     let (gcode, job) = (file(&folder, &lines.join("\n")), folder.path().join("job.gpre"));
     let prepared = Command::new(program()).arg("preprocess").arg(gcode).arg("-o").arg(&job).output().unwrap();
     assert!(prepared.status.success(), "{prepared:?}");
@@ -85,9 +83,9 @@ fn a_prepared_job_is_sent_and_makes_the_steps_of_print() {
 fn gcode_is_written_to_the_card() {
     let folder = folder();
     let lines = part();
-    let expected = crate::conversation::printed(&lines);
+    let expected = print_of_lines(&lines);
     let gcode = file(&folder, &lines.join("\n"));
-    let image = crate::card::image(&folder);
+    let image = crate::serve::card::image(&folder);
     let card = image.to_str().unwrap();
     let to_card = |printer: &Printer, file: &Path, name: &str| {
         let mut send = Command::new(program());
@@ -157,7 +155,7 @@ fn interrupted(command: &mut Command, text: &str) -> Output {
     while !said.contains(text) {
         assert!(messages.read_line(&mut said).unwrap() > 0, "{said}");
     }
-    assert!(Command::new("kill").args(["-INT", &sender.id().to_string()]).status().unwrap().success());
+    send_signal("INT", sender.id());
     let mut output = sender.wait_with_output().unwrap();
     messages.read_to_end(&mut output.stderr).unwrap();
     output

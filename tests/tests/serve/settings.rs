@@ -3,9 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use ferrostep_tests::program::{program, repository};
-
-use crate::printer::{Host, Printer};
+use ferrostep_testkit::program::{program, repository};
+use ferrostep_testkit::served::printer::{Host, Printer};
 
 /// The commands that M503 reports.
 fn reported(host: &mut Host) -> Vec<String> {

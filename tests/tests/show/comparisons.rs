@@ -1,17 +1,12 @@
 //! `ferrostep compare`: two prints in a table and on a page.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
-use ferrostep_tests::program::{program, repository};
+use ferrostep_testkit::program::repository;
+use ferrostep_testkit::shown::{compare, errors};
 use serde_json::Value;
 
-use crate::pages::{errors, job, names};
-
-/// Runs `compare` in a folder, without opening the page.
-pub fn compare(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(program()).current_dir(folder).args(["compare", "--no-open"]).args(arguments).output().unwrap()
-}
+use crate::show::pages::{job, names};
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}, expected a number"))

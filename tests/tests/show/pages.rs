@@ -1,17 +1,13 @@
 //! The command: what it writes, and what it refuses.
 
-use std::ffi::OsStr;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
-use ferrostep_tests::program::{program, repository};
+use ferrostep_testkit::program::{program, repository};
+use ferrostep_testkit::shown::prints::shown;
+use ferrostep_testkit::shown::{errors, show};
 use serde_json::Value;
 use tempfile::TempDir;
-
-/// Runs `show` in a folder, without opening the page.
-pub fn show<A: AsRef<OsStr>>(folder: &Path, arguments: impl IntoIterator<Item = A>) -> Output {
-    Command::new(program()).current_dir(folder).args(["show", "--no-open"]).args(arguments).output().unwrap()
-}
 
 /// The page's description of the print.
 pub fn description(page: &str) -> Value {
@@ -24,10 +20,6 @@ pub fn job(text: &str) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("job.gcode"), text).unwrap();
     folder
-}
-
-pub fn errors(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 /// Names in a folder, in order.
@@ -93,7 +85,7 @@ fn empty_prints_and_prints_without_layers_have_a_page() {
 
     let folder = job(&PART.replace(";LAYER_CHANGE", ";"));
     assert!(show(folder.path(), ["job.gcode"]).status.success());
-    let recording = crate::prints::shown(&folder.path().join("job.gcode"), "cartesian", 1000).recording;
+    let recording = shown(&folder.path().join("job.gcode"), "cartesian", 1000).recording;
     let layers = recording.nodes.iter().filter(|node| node.kind == ferrostep_show::Kind::Print).map(|node| node.layer);
     assert_eq!(layers.clone().min().zip(layers.max()), Some((0, 1)));
 }
@@ -225,8 +217,8 @@ fn a_prepared_job_is_shown() {
         .unwrap();
     assert!(prepared.status.success(), "{}", errors(&prepared));
     assert!(show(folder.path(), ["job.gpre"]).status.success());
-    let [text, prepared] = ["job.gcode", "job.gpre"]
-        .map(|name| crate::prints::shown(&folder.path().join(name), "cartesian", 1000).recording.totals);
+    let [text, prepared] =
+        ["job.gcode", "job.gpre"].map(|name| shown(&folder.path().join(name), "cartesian", 1000).recording.totals);
     let off = (text.kinds[1].time_s - prepared.kinds[1].time_s).abs();
     // A short move of Z between two prints may count as printing.
     assert!(off < 0.1 && text.kinds[1].time_s > 2.0, "{:?}, expected {:?}", prepared.kinds, text.kinds);

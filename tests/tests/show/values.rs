@@ -1,8 +1,7 @@
 //! What the page shows is what the steps do.
 
 use ferrostep_show::{Kind, Node};
-
-use crate::prints::{ARCS, CUBE, GYROID, Print, WINDOW_S, shown};
+use ferrostep_testkit::shown::prints::{ARCS, CUBE, GYROID, Print, WINDOW_S, shown};
 
 /// Place and speed at a time, as the page takes them: speed changes evenly in time between two nodes.
 fn at(nodes: &[Node], time_s: f64) -> ([f64; 3], f64) {

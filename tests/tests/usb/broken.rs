@@ -3,8 +3,8 @@
 use ferrostep_gcode::Emergency;
 use ferrostep_usb::{BREAK, Heard, Lines};
 
-use crate::device::Device;
-use crate::host::PACKET_BYTES;
+use crate::usb::device::Device;
+use crate::usb::host::PACKET_BYTES;
 
 /// The lines that a reader finds in the ring; `None` for half a line.
 pub fn heard(bytes: &[u8]) -> Vec<Option<String>> {

@@ -7,11 +7,11 @@ use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::{Emergency, LineReader, Reply};
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::{Host as HostLine, Replies};
-use ferrostep_tests::host_side;
+use ferrostep_testkit::host_side;
 use ferrostep_usb::{Heard, Lines};
 
-use crate::device::Device;
-use crate::host::Host;
+use crate::usb::device::Device;
+use crate::usb::host::Host;
 
 /// Commands of the job: heating, homing, skirt, first perimeters.
 const COMMANDS: usize = 400;

@@ -8,8 +8,8 @@ use ferrostep_usb::{Buffers, LineWriter, SerialNumber, UsbSerial};
 use heapless::spsc::{Consumer, Producer, Queue};
 use usb_device::bus::UsbBusAllocator;
 
-use crate::bus::Bus;
-use crate::host::Host;
+use crate::usb::bus::Bus;
+use crate::usb::host::Host;
 
 /// The ring's size in the firmware, each way.
 const RING_BYTES: usize = 2048;

@@ -1,7 +1,7 @@
 //! The device's descriptors, byte by byte.
 
-use crate::device::{Device, PRODUCT};
-use crate::host::{BULK_IN, BULK_OUT, Host, PACKET_BYTES, Stalled};
+use crate::usb::device::{Device, PRODUCT};
+use crate::usb::host::{BULK_IN, BULK_OUT, Host, PACKET_BYTES, Stalled};
 
 /// A string descriptor's text (USB 2.0, 9.6.7).
 fn text(descriptor: &[u8]) -> String {

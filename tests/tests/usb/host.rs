@@ -1,7 +1,7 @@
 //! A host: the requests it makes of a device, and the serial port that a program has of it.
 
-use crate::bus::{Answer, Bus};
-use crate::device::Device;
+use crate::usb::bus::{Answer, Bus};
+use crate::usb::device::Device;
 
 /// Address that the host gives the device.
 const ADDRESS: u8 = 9;

@@ -3,9 +3,9 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use crate::broken::heard;
-use crate::device::Device;
-use crate::host::PACKET_BYTES;
+use crate::usb::broken::heard;
+use crate::usb::device::Device;
+use crate::usb::host::PACKET_BYTES;
 
 /// The next action of a host.
 #[derive(Clone, Debug)]

@@ -6,14 +6,14 @@ use std::rc::Rc;
 use ferrostep_printer::{Profile, SupplySignal};
 
 use super::{JOINED_STEPS, end_of_line, filled, net, number_after, program, steps};
-use crate::setup::{Event, Setup, StepLog, nothing};
+use crate::card::setup::{Event, Setup, StepLog, nothing};
 
 /// What the printer has at hand when motion is stopped: about a second, with the line under way.
 const MOST_LINES: u32 = 12;
 
 fn profile(rise_mm: i64) -> Profile {
     let supply_signal = Some(SupplySignal { failing_is_low: true, debounce_ms: 6, rise_10nm: rise_mm * 100_000 });
-    Profile { supply_signal, ..crate::setup::profile("cartesian") }
+    Profile { supply_signal, ..crate::card::setup::profile("cartesian") }
 }
 
 fn logged(image: Vec<u8>, rise_mm: i64) -> (Setup, Rc<RefCell<Vec<Event>>>) {

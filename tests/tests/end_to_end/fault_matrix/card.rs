@@ -12,9 +12,9 @@ use ferrostep_virtual_board::{VirtualCard, VirtualDelay};
 
 use super::At;
 use super::trial::LONG_S;
-use crate::command::repository;
-use crate::hosts::{Machine, machine};
-use crate::refusals::Collector;
+use crate::end_to_end::command::repository;
+use crate::end_to_end::hosts::{Machine, machine};
+use crate::end_to_end::refusals::Collector;
 
 type Card = LocalCard<VirtualCard<Vec<u8>>>;
 

@@ -9,7 +9,7 @@ use ferrostep_virtual_board::VirtualDelay;
 
 use super::At;
 use super::trial::LONG_S;
-use crate::refusals::Collector;
+use crate::end_to_end::refusals::Collector;
 
 type Machine = LiveSession<Collector>;
 

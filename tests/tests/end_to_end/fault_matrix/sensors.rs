@@ -6,7 +6,7 @@ use ferrostep_virtual_board::EndStopFailure;
 
 use super::trial::{LONG_S, Trial, now_s};
 use super::{At, Fault};
-use crate::hosts::machine;
+use crate::end_to_end::hosts::machine;
 
 /// What the MINI homes with.
 #[derive(Clone, Copy, Debug)]

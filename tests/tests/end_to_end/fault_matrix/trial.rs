@@ -2,11 +2,11 @@
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_hal_shim::FanOutput;
-use ferrostep_tests::host_side::numbered;
+use ferrostep_testkit::host_side::numbered;
 use ferrostep_virtual_board::{DriverChip, VirtualDelay};
 
 use super::{At, Fault};
-use crate::hosts::{Conversation, Machine};
+use crate::end_to_end::hosts::{Conversation, Machine};
 
 /// The motor whose driver fails: Y.
 const MOTOR: usize = 1;

@@ -1,0 +1,9 @@
+//! Chromium, driven by Python, loads the pages of `show`, `compare` and `serve --web`, and takes their pictures.
+//!
+//! The browser is the first on the path, or `FERROSTEP_CHROMIUM`; its driver is among the hosts of `FERROSTEP_HOSTS`.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod pictures;
+mod served;
+mod shown;
