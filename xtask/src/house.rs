@@ -19,7 +19,7 @@ use layout::{Layout, ROOM};
 const PICTURE: &str = "docs/src/images/packages.svg";
 
 /// Manifests of the workspaces, from the root.
-const WORKSPACES: [&str; 3] = ["Cargo.toml", "mainboard/Cargo.toml", "fuzz/Cargo.toml"];
+const WORKSPACES: [&str; 2] = ["Cargo.toml", "fuzz/Cargo.toml"];
 
 /// Height of the line that explains the colours, pixels.
 const LEGEND: f64 = 40.0;
