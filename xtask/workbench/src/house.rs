@@ -38,7 +38,7 @@ enum Kind {
 }
 
 /// Folders of tests and tools, from the root.
-const TOOLS: [&str; 5] = ["fuzz", "image-code", "random-cases", "tests", "xtask"];
+const TOOLS: [&str; 6] = ["fuzz", "image-code", "random-cases", "tests", "xtask", "xtask/workbench"];
 
 impl Kind {
     const ALL: [Self; 4] = [Self::Both, Self::Board, Self::Desk, Self::Tool];
