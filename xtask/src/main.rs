@@ -1,61 +1,19 @@
-//! Build, test, bench, flash: the same commands for CI and for a person.
-//!
-//! Each subcommand is a list of steps that run one after the other; the first that fails ends the run.
+//! `cargo xtask`: its arguments, and what `test` and `ci` consist of.
 #![forbid(unsafe_code)]
-
-mod bbf;
-mod bench;
-mod core_library;
-mod firmware;
-mod generated;
-mod hosts;
-mod house;
-mod image;
-mod mainboard;
-mod mutants;
-mod no_std;
-mod on_target;
-mod policy;
-mod refresh;
-mod release;
-mod reproducible;
-mod seed;
-mod size;
-mod slicers;
-mod steps;
-mod system;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use steps::{Failure, Run};
-use system::cargo;
+use xtask::images::{IMAGES_VARIABLE, images};
+use xtask::steps::{Failure, Run};
+use xtask::system::{self, cargo};
+use xtask::workbench::{self, Workbench};
+use xtask::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, hosts, mutants, no_std, policy, seed, slicers};
 
 /// Proptest cases a property in `ci`; the default of 256 serves `test`.
 const CI_PROPTEST_CASES: &str = "4096";
-
-/// Environment variable that tells the tests where the firmware image is.
-const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
-
-/// Environment variable that tells the tests where the hosts are.
-const HOSTS_VARIABLE: &str = "FERROSTEP_HOSTS";
-
-/// All packages but those that only the board's processor can build.
-const DESK: [&str; 11] = [
-    "--workspace",
-    "--exclude",
-    "ferrostep-firmware",
-    "--exclude",
-    "ferrostep-bench",
-    "--exclude",
-    "ferrostep-stm32f4-board",
-    "--exclude",
-    "ferrostep-stm32f4-usb",
-    "--exclude",
-    "ferrostep-step-interrupt",
-];
 
 /// Tasks of the Ferrostep workspace.
 #[derive(Parser)]
@@ -65,7 +23,7 @@ struct Arguments {
     task: Task,
 }
 
-/// The tasks.
+/// The tasks that need none of Ferrostep's crates.
 #[derive(Clone, Subcommand)]
 enum Task {
     /// Install what is missing, then check format, lints, tests, documentation and the target build
@@ -73,70 +31,61 @@ enum Task {
     /// All of `test`, then spelling, licences and sources of dependencies, the tests again as released code with more and
     /// other random cases, and a part of the mutants
     Ci,
-    /// Build the firmware images of one board or all, as ELF, plain bytes and Intel HEX, and print their size tables; the
-    /// first image's path is the first line of the output
-    Firmware(firmware::Options),
-    /// Count the target's instructions for the parts of a print, on the virtual mainboard: the same on every machine
-    Bench(bench::Options),
-    /// Build a board's firmware, write it over a debug probe, and start it
-    Flash(on_target::FlashOptions),
-    /// Measure a board over a debug probe and compare the times with their bounds; without a board, on the virtual mainboard
-    OnTarget(on_target::TestOptions),
-    /// Print a file on the virtual mainboard: the board's image, unmodified, on an emulated chip with a printer around it
-    Mainboard(mainboard::Options),
     /// Install the hosts that tests print with (OctoPrint, printcore) into a Python environment; its folder is the first line of
     /// the output
     Hosts,
-    /// Write what a release consists of into a folder: images, the command, their checksums, parts lists and licences
-    Release(release::Options),
-    /// Build a board's image in two folders and compare them: the last commit makes the same bytes anywhere
-    Reproducible(reproducible::Options),
-    /// Write everything of the book, the README and the tests' data that a command makes anew: figures, tables, pictures
-    Refresh(refresh::Options),
     /// Make small mistakes in the code, one at a time, and list those that no test notices
     Mutants(mutants::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
     NoStd,
 }
 
+/// The arguments, with the workbench's commands for the help.
+fn command() -> Command {
+    workbench::COMMANDS
+        .iter()
+        .fold(Arguments::command(), |command, (name, about)| command.subcommand(Command::new(*name).about(*about)))
+}
+
 fn main() -> ExitCode {
-    let task = Arguments::parse().task;
+    let arguments: Vec<_> = std::env::args_os().skip(1).collect();
+    if arguments.first().is_some_and(|first| workbench::has(first)) {
+        return workbench::forward(arguments).unwrap_or_else(|reason| {
+            eprintln!("stopped: {reason}");
+            ExitCode::FAILURE
+        });
+    }
+    let task = match Arguments::from_arg_matches(&command().get_matches()) {
+        Ok(arguments) => arguments.task,
+        Err(error) => error.exit(),
+    };
     let name = match task {
         Task::Test => "test",
         Task::Ci => "ci",
-        Task::Firmware(_) => "firmware",
-        Task::Bench(_) => "bench",
-        Task::Flash(_) => "flash",
-        Task::OnTarget(_) => "on-target",
-        Task::Mainboard(_) => "mainboard",
         Task::Hosts => "hosts",
-        Task::Release(_) => "release",
-        Task::Reproducible(_) => "reproducible",
-        Task::Refresh(_) => "refresh",
         Task::Mutants(_) => "mutants",
         Task::NoStd => "no-std",
     };
     let mut run = Run::new(name);
     let result = match task {
         Task::Test => test(&mut run).map(|_| ()),
-        Task::Ci => test(&mut run).and_then(|image| slow_tests(&mut run, &image)),
-        Task::Firmware(options) => firmware::build_images(&mut run, &options).map(|_| ()),
-        Task::Bench(options) => bench::run(&mut run, options),
-        Task::Flash(options) => on_target::flash(&mut run, &options),
-        Task::OnTarget(options) => on_target::test(&mut run, &options),
-        Task::Mainboard(options) => mainboard::run(&mut run, &options),
+        Task::Ci => test(&mut run).and_then(|tested| slow_tests(&mut run, &tested)),
         Task::Hosts => hosts::install(&mut run).map(|folder| println!("{}", folder.display())),
-        Task::Reproducible(options) => reproducible::check(&mut run, &options),
-        Task::Release(options) => release::write(&mut run, &options),
-        Task::Refresh(options) => refresh::write(&mut run, &options),
         Task::Mutants(options) => mutants::run(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),
     };
     run.finish(result)
 }
 
-/// All checks of a change. Returns the path of the firmware image that was tested.
-fn test(run: &mut Run) -> Result<PathBuf, Failure> {
+/// The programs of a run of `test`.
+struct Tested {
+    workbench: Workbench,
+    /// The bench's firmware image.
+    image: PathBuf,
+}
+
+/// All checks of a change.
+fn test(run: &mut Run) -> Result<Tested, Failure> {
     run.step("rustfmt and clippy are installed", || {
         system::rustup_component("rustfmt", "fmt")?;
         system::rustup_component("clippy", "clippy")
@@ -158,25 +107,29 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
         }
         tests
     };
-    let mainboard = mainboard::build(run)?;
+    // Before the tests: beside them cargo would wait for its own lock.
+    let workbench = run.step("workbench: build", Workbench::build)?;
+    let mainboard = run.step("virtual mainboard: build", || program_of(&workbench))?;
     // Images are checked, linked and counted on one core.
     let (image, hosts) = run.beside(
         "tests: build",
         || system::run(tests().arg("--no-run")),
         |run| {
-            firmware::check(run)?;
-            // All boards; the bench's comes first.
-            let images = firmware::build_images(run, &firmware::Options::default())?;
-            let image = images.into_iter().next().ok_or("there is no board")?;
-            bench::check(run, &mainboard, &image)?;
-            on_target::rehearse(run, &mainboard)?;
+            let image = run.step("images", || bench_image(&workbench))?;
+            run.step("counts of the target", || {
+                let bench = ["bench", "--check", "--only", "target", "--mainboard"].map(Path::new);
+                workbench.check(bench.into_iter().chain([&*mainboard, Path::new("--image"), &*image]))
+            })?;
+            run.step("on-target tests", || {
+                workbench.check(["on-target", "--mainboard"].map(Path::new).into_iter().chain([&*mainboard]))
+            })?;
             Ok((image, hosts::install(run)?))
         },
     )?;
     run.step("tests", || {
         let mut tests = tests();
         tests.env(HOSTS_VARIABLE, &hosts).env(FIRMWARE_VARIABLE, &image);
-        system::run_tests(tests.env(image::IMAGES_VARIABLE, image::images()))
+        system::run_tests(tests.env(IMAGES_VARIABLE, images()))
     })?;
     run.step("documentation", || {
         system::run(
@@ -188,15 +141,29 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
         )
     })?;
     no_std::check(run)?;
-    mainboard::check(run)?;
-    Ok(image)
+    run.step("virtual mainboard", || system::run(&mut workbench.command(["mainboard", "--check"])))?;
+    Ok(Tested { workbench, image })
+}
+
+/// The virtual mainboard's program.
+fn program_of(workbench: &Workbench) -> Result<PathBuf, Failure> {
+    let said = system::run_for_output(&mut workbench.command(["mainboard", "--program"]))?;
+    Ok(PathBuf::from(said.trim_end()))
+}
+
+/// Lints the firmware, builds all boards' images, and returns the path of the bench's.
+fn bench_image(workbench: &Workbench) -> Result<PathBuf, Failure> {
+    let built = workbench.json(["firmware", "--lints"])?;
+    // All boards; the bench's comes first.
+    let image = built["boards"][0]["image"].as_str().ok_or("there is no board")?;
+    Ok(PathBuf::from(image))
 }
 
 /// Checks that take too long for every change: the tests on released code, with more and new random cases, and a part of the
 /// mutants, which show what the tests miss.
-fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
+fn slow_tests(run: &mut Run, tested: &Tested) -> Result<(), Failure> {
     policy::check(run)?;
-    bench::check_desk(run)?;
+    run.step("counts of the desk", || tested.workbench.check(["bench", "--check", "--only", "desk"]))?;
     let seed = seed::of_this_run();
     run.step("tests as released, with more and other random cases", || {
         eprintln!("    random cases of seed {seed}: {}={seed} tries them again", seed::VARIABLE);
@@ -207,8 +174,8 @@ fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
                 .arg("--release")
                 .env("PROPTEST_CASES", CI_PROPTEST_CASES)
                 .env(seed::VARIABLE, seed.to_string())
-                .env(FIRMWARE_VARIABLE, image)
-                .env(image::IMAGES_VARIABLE, image::images()),
+                .env(FIRMWARE_VARIABLE, &tested.image)
+                .env(IMAGES_VARIABLE, images()),
         )
     })?;
     mutants::check_a_part(run, seed)

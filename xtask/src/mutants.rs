@@ -81,11 +81,19 @@ fn try_all(options: &Options) -> Result<Files, Failure> {
 /// Writes the configuration without its list of files, which cargo-mutants would add to those chosen; returns its path.
 fn config_without_files(folder: &Path) -> Result<PathBuf, Failure> {
     let text = std::fs::read_to_string(system::root().join(CONFIG)).map_err(|error| format!("{CONFIG}: {error}"))?;
-    let mut config: toml::Table = text.parse().map_err(|error| format!("{CONFIG}: {error}"))?;
-    config.remove("examine_globs").ok_or_else(|| format!("{CONFIG} has no `examine_globs`"))?;
     let path = folder.join("mutants.toml");
-    std::fs::write(&path, config.to_string()).map_err(|error| format!("{}: {error}", path.display()))?;
+    std::fs::write(&path, without_files(&text)?).map_err(|error| format!("{}: {error}", path.display()))?;
     Ok(path)
+}
+
+/// The configuration's text without the lines of that list.
+fn without_files(text: &str) -> Result<String, Failure> {
+    let parts = || {
+        let (before, list) = text.split_once("\nexamine_globs = [\n")?;
+        let (_, after) = list.split_once("\n]\n")?;
+        Some(format!("{before}\n{after}"))
+    };
+    parts().ok_or_else(|| format!("{CONFIG} has no list `examine_globs` with lines of its own"))
 }
 
 /// Survivors and hanging tests are not errors here: the report lists them.
@@ -210,6 +218,16 @@ mod tests {
         }
         // A file that is not on the page yet is only reported.
         assert_eq!(compare(&Files::new(), &page, true), Ok(()));
+    }
+
+    #[test]
+    fn the_configuration_keeps_all_but_its_files() {
+        let text = "# Why.\nexamine_globs = [\n    \"a.rs\",\n    \"b/*.rs\",\n]\n\nexclude_re = [\n    \"c\",\n]\n";
+        assert_eq!(without_files(text).unwrap(), "# Why.\n\nexclude_re = [\n    \"c\",\n]\n");
+        assert!(without_files("exclude_re = []\n").unwrap_err().contains("examine_globs"));
+        let own = std::fs::read_to_string(system::root().join(CONFIG)).unwrap();
+        let kept = without_files(&own).unwrap();
+        assert!(!kept.contains(".rs\",\n    \"") && kept.contains("\nexclude_re = [\n"), "{kept}");
     }
 
     #[test]

@@ -8,10 +8,10 @@ use crate::steps::Failure;
 
 /// The workspace's root folder.
 pub fn root() -> PathBuf {
-    // Cargo sets the variable for programs it runs; the built-in path is for a program run by hand.
+    // Cargo sets the variable for programs it runs, to the folder of their package; the built-in path is for a program run by hand.
     let own =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
-    own.parent().map_or_else(|| own.clone(), Path::to_path_buf)
+    own.ancestors().find(|folder| folder.join("Cargo.lock").is_file()).unwrap_or(&own).to_path_buf()
 }
 
 /// The folder cargo builds into.

@@ -8,6 +8,7 @@ use ferrostep_image_code::code::Code;
 use ferrostep_image_code::interrupt_time;
 use ferrostep_planner::MotionChoice;
 use ferrostep_step_player::MIN_GAP_TICKS;
+use serde_json::{Value, json};
 
 use crate::core_library::{self, FailedCheck};
 use crate::image;
@@ -28,6 +29,71 @@ pub struct Options {
     /// boot loader
     #[arg(long, value_name = "BYTES", value_parser = bytes, requires = "board")]
     boot_offset: Option<u32>,
+    /// Checks the lints of the firmware's own packages first, which the desk cannot build
+    #[arg(long)]
+    lints: bool,
+    /// Prints one JSON object on standard output: the boards with their images, sizes and budgets, bytes
+    #[arg(long)]
+    json: bool,
+}
+
+/// Where paths and size tables are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// On standard output: they are results.
+    Output,
+    /// On standard error, since standard output has other results.
+    Progress,
+}
+
+impl Shown {
+    /// By whether standard output is one JSON value.
+    pub fn beside_json(json: bool) -> Self {
+        if json { Self::Progress } else { Self::Output }
+    }
+}
+
+/// A board's image.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Its ELF file, beside which the others are.
+    pub path: PathBuf,
+    board: String,
+    /// How much of the memory it takes.
+    pub sizes: Sizes,
+    budget: Budget,
+}
+
+impl Image {
+    /// Board, path, sizes and budget, bytes.
+    pub fn json(&self) -> Value {
+        let Self { path, board, sizes, budget } = self;
+        json!({
+            "board": board,
+            "image": path,
+            "sizes": {
+                "text": sizes.text,
+                "data": sizes.data,
+                "bss": sizes.bss,
+                "ccm": sizes.ccm,
+                "flash": sizes.flash(),
+                "ram": sizes.ram(),
+            },
+            "budget": {"flash": budget.flash, "ram": budget.ram},
+        })
+    }
+}
+
+/// `cargo xtask firmware`.
+pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
+    if options.lints {
+        check(run)?;
+    }
+    let images = build_images(run, options, Shown::beside_json(options.json))?;
+    if options.json {
+        println!("{:#}", json!({"boards": images.iter().map(Image::json).collect::<Vec<_>>()}));
+    }
+    Ok(())
 }
 
 /// A number of bytes, decimal or hexadecimal (`0x20200`).
@@ -123,20 +189,20 @@ fn absolute(name_or_path: &str, is_name: impl Fn(&str) -> bool) -> Result<String
     path.to_str().map(str::to_owned).ok_or_else(|| format!("{name_or_path}: the path is no text"))
 }
 
-/// Builds the named images, prints a path and a size table for each board, and returns the paths, the bench's
+/// Builds the named images, prints a path and a size table for each board, and returns the images, the bench's
 /// first where all are built.
-pub fn build_images(run: &mut Run, options: &Options) -> Result<Vec<PathBuf>, Failure> {
+pub fn build_images(run: &mut Run, options: &Options, shown: Shown) -> Result<Vec<Image>, Failure> {
     let names: Vec<&str> = match &options.board {
         Some(name) => vec![name],
         None => ferrostep_boards::builtin_names().collect(),
     };
     let targets: Result<Vec<Target>, Failure> =
         names.into_iter().map(|name| Target::new(name, options.profile.as_deref())?.at(options.boot_offset)).collect();
-    targets?.iter().map(|target| build_image(run, target)).collect()
+    targets?.iter().map(|target| build_image(run, target, shown)).collect()
 }
 
 /// Builds a board's image, writes its files, and prints its path and size table.
-pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
+pub fn build_image(run: &mut Run, target: &Target, shown: Shown) -> Result<Image, Failure> {
     eprintln!("\n{}", target.board.title);
     target.board.notes.iter().for_each(|note| eprintln!("    note: {note}"));
     let elf = build(run, Program::Firmware, target)?;
@@ -154,9 +220,13 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
         let image = image::export(&elf, &target.board, &folder)?;
         let sizes = sizes(&image)?;
         let budget = Budget::of(&target.board);
-        println!("{}\n{}", image.display(), Table(sizes, budget));
+        let table = format!("{}\n{}", image.display(), Table(sizes, budget));
+        match shown {
+            Shown::Output => println!("{table}"),
+            Shown::Progress => eprintln!("{table}"),
+        }
         eprintln!("    by a debug probe: probe-rs download --chip {} {}", target.probe_name(), image.display());
-        sizes.check(budget).map(|()| image)
+        sizes.check(budget).map(|()| Image { path: image, board: target.board.name.clone(), sizes, budget })
     })
 }
 

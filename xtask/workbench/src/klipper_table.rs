@@ -1,11 +1,11 @@
 //! Plans files by Klipper's rules and by the reference's, and prints what a frame and a nozzle make of both under several shapers.
 //!
-//! `klipper_table FILE... [--corexy] [--feeds FACTOR] [--acceleration MM_PER_S2] [--times]`. The limits are the machine's, not those of
+//! `cargo xtask klipper-table FILE... [--corexy] [--feeds FACTOR] [--acceleration MM_PER_S2] [--times]`. The limits are the machine's, not those of
 //! the file (M201 to M205 are left out): a bed-slinger with Z at 12 mm/s and 200 mm/s^2 and retractions at 1250 mm/s^2, or the profile
 //! `corexy`. The reference rounds corners by a junction deviation of 0.02 mm.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use ferrostep_oracle::gcode_text;
+use std::path::PathBuf;
+
 use ferrostep_oracle::reference::{
     Acceleration, InterpretOptions, Job, ReferenceProfile, interpret, plan as reference_plan,
 };
@@ -14,39 +14,54 @@ use ferrostep_simulator::klipper::{self, KlipperSettings};
 use ferrostep_simulator::measures::{Measures, Report};
 use ferrostep_simulator::plan::{Filters, Machine, MoveSpeeds, Plan, simulate};
 use ferrostep_simulator::shapers::{Shaper, ShaperKind};
-use std::{env, fs};
+
+use crate::job_text;
+use crate::steps::Failure;
 
 const FILAMENT_MM2: f64 = 1.75 * 1.75 * std::f64::consts::FRAC_PI_4;
 
 /// Damping that the shapers are made for.
 const SHAPER_DAMPING: f64 = 0.1;
 
-fn main() {
-    let mut files = Vec::new();
-    let (mut is_corexy, mut feeds, mut acceleration, mut times_only) = (false, 1.0, 1000.0, false);
-    let mut arguments = env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let mut number = || arguments.next().expect("a value").parse::<f64>().expect("a number");
-        match argument.as_str() {
-            "--corexy" => is_corexy = true,
-            "--feeds" => feeds = number(),
-            "--acceleration" => acceleration = number(),
-            "--times" => times_only = true,
-            _ => files.push(argument),
-        }
-    }
-    let profile = if is_corexy { ReferenceProfile::corexy() } else { bed_slinger(acceleration) };
-    let frequency_hz = if is_corexy { [60.0, 50.0] } else { [50.0, 40.0] };
-    for file in &files {
-        let text = gcode_text(&fs::read(file).expect("the job")).expect("the job");
-        let mut job = interpret(&text, &profile, InterpretOptions { without_limits: true }).expect("a job");
-        job.moves.iter_mut().for_each(|one| one.feed_mm_per_s *= feeds);
-        println!("{file}");
+/// Arguments of `klipper-table`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// The jobs, plain or gzip
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Plans for the profile `corexy` instead of a bed-slinger
+    #[arg(long)]
+    corexy: bool,
+    /// The files' speeds times this
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    feeds: f64,
+    /// The bed-slinger's acceleration
+    #[arg(long, value_name = "MM_PER_S2", default_value_t = 1000.0)]
+    acceleration: f64,
+    /// Only the times
+    #[arg(long)]
+    times: bool,
+}
+
+/// Prints a table for each file.
+///
+/// # Errors
+/// A file cannot be read, or no frame or filter is made of its numbers.
+pub fn run(options: &Options) -> Result<(), Failure> {
+    let profile = if options.corexy { ReferenceProfile::corexy() } else { bed_slinger(options.acceleration) };
+    let frequency_hz = if options.corexy { [60.0, 50.0] } else { [50.0, 40.0] };
+    for file in &options.files {
+        let name = file.display();
+        let mut job = interpret(&job_text(file)?, &profile, InterpretOptions { without_limits: true })
+            .map_err(|error| format!("{name}: {error}"))?;
+        job.moves.iter_mut().for_each(|one| one.feed_mm_per_s *= options.feeds);
+        println!("{name}");
         times(&job);
-        if !times_only {
-            table(&job, frequency_hz);
+        if !options.times {
+            table(&job, frequency_hz)?;
         }
     }
+    Ok(())
 }
 
 fn bed_slinger(acceleration: f64) -> ReferenceProfile {
@@ -80,7 +95,7 @@ fn times(job: &Job) {
     );
 }
 
-fn table(job: &Job, frequency_hz: [f64; 2]) {
+fn table(job: &Job, frequency_hz: [f64; 2]) -> Result<(), Failure> {
     println!(
         "  plan       shaper  time s   p99 f  .9 f 1.1 f  rms f  2nd p99, um  corner mm3  end mm3  accel p99, max  ringing rms um"
     );
@@ -91,12 +106,13 @@ fn table(job: &Job, frequency_hz: [f64; 2]) {
         let plans = Plan::of_job(job, &speeds, FILAMENT_MM2);
         for kind in [ShaperKind::None, ShaperKind::Mzv, ShaperKind::Zv] {
             // The shaper is made for the frequency; the frame is off by a factor.
-            let shapers = frequency_hz.map(|hz| Shaper::new(kind, hz, SHAPER_DAMPING).expect("a shaper"));
+            let shaper = |hz| Shaper::new(kind, hz, SHAPER_DAMPING).map_err(|error| error.to_string());
+            let shapers = [shaper(frequency_hz[0])?, shaper(frequency_hz[1])?];
             let filters = match extruder {
                 Some(settings) => settings.filters(shapers),
                 None => Filters { shapers, ..Filters::default() },
             };
-            let report = |factor: f64, second: Option<SecondMode>| -> Report {
+            let report = |factor: f64, second: Option<SecondMode>| -> Result<Report, Failure> {
                 let frame = FrameSettings {
                     frequency_hz: frequency_hz.map(|hz| hz * factor),
                     second,
@@ -104,11 +120,12 @@ fn table(job: &Job, frequency_hz: [f64; 2]) {
                 };
                 let machine = Machine { frame, ..Machine::default() };
                 let mut measures = Measures::default();
-                let time_s = simulate(&plans, &filters, &machine, FILAMENT_MM2, &mut measures).expect("a machine");
-                measures.finish(time_s).0
+                let time_s = simulate(&plans, &filters, &machine, FILAMENT_MM2, &mut measures)
+                    .map_err(|error| error.to_string())?;
+                Ok(measures.finish(time_s).0)
             };
-            let (right, low, high) = (report(1.0, None), report(0.9, None), report(1.1, None));
-            let second = report(1.0, Some(SecondMode::default()));
+            let (right, low, high) = (report(1.0, None)?, report(0.9, None)?, report(1.1, None)?);
+            let second = report(1.0, Some(SecondMode::default()))?;
             let p99 = |report: &Report| report.contour_error_um.p99;
             println!(
                 "  {name:10} {kind:6} {:8.1} {:6.0} {:5.0} {:5.0} {:6.1} {:12.0} {:11.4} {:8.4} {:8.0} {:6.0} {:10.1}",
@@ -126,4 +143,5 @@ fn table(job: &Job, frequency_hz: [f64; 2]) {
             );
         }
     }
+    Ok(())
 }

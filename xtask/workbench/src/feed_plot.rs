@@ -1,14 +1,13 @@
 //! Draws feed against time for slow input and for a slow planner, from the step signals of the model of the board.
 //!
 //! ```text
-//! cargo run --release -p ferrostep-testkit --example feed_plot
+//! cargo xtask feed-plot
 //! ```
 //!
 //! writes `docs/src/images/feed-slow-input.svg` and `feed-slow-planner.svg`, and prints what it has counted.
 
 use std::error::Error;
 use std::fs;
-use std::path::Path;
 
 use ferrostep_printer::Profile;
 use ferrostep_step_player::Pulses;
@@ -30,7 +29,11 @@ const SLOWNESS: [u64; 6] = [1, 4, 8, 16, 32, 64];
 /// Fast enough for everything.
 const AMPLE: u64 = 1_000_000;
 
-fn main() -> Result<(), Box<dyn Error>> {
+/// Draws both pictures.
+///
+/// # Errors
+/// A file stops, or a picture cannot be written.
+pub fn run() -> Result<(), Box<dyn Error>> {
     let profile = ferrostep_profiles::load("corexy")?;
     let text = stress_file(PIECES, 5);
     let panel = |label: String, costs, host| panel(&profile, &text, label, costs, host);
@@ -51,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let sudden = Costs::BOARD.with_slower_planner(16, 200);
     planner.push(panel("16 times at 0.2 s".to_owned(), sudden, HostLine::steady(AMPLE))?);
 
-    let images = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/src/images"));
+    let images = crate::system::root().join("docs/src/images");
     let title = "Pieces of 0.05 mm at 300 mm/s from a slow host";
     fs::write(images.join("feed-slow-input.svg"), svg(title, &AXES, &input))?;
     let title = "Pieces of 0.05 mm at 300 mm/s with a slow planner";

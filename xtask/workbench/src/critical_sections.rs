@@ -4,13 +4,13 @@
 //! where it is restored. Only the step interrupt can come in between; its instructions are not counted. Takes some minutes.
 //!
 //! ```text
-//! cargo run --release -p ferrostep-testkit --example critical_sections -- IMAGE
+//! cargo xtask critical-sections IMAGE
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::thread;
 
@@ -182,9 +182,19 @@ fn emulate(image: &Path) -> std::io::Result<Child> {
     emulator.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let image = std::env::args_os().nth(1).ok_or("which image? `cargo xtask firmware` prints its path")?;
-    let code = Code::of(Path::new(&image))?;
+/// Arguments of `critical-sections`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// The image, whose path `cargo xtask firmware` prints
+    image: PathBuf,
+}
+
+/// Prints the longest of each section.
+///
+/// # Errors
+/// The image cannot be read, or the emulator does not run.
+pub fn run(options: &Options) -> Result<(), Box<dyn Error>> {
+    let code = Code::of(&options.image)?;
     let mut counter = Counter {
         places: Places::of(&code)?,
         sites: BTreeMap::new(),
@@ -193,7 +203,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         executed: 0,
         section: None,
     };
-    let mut emulator = emulate(Path::new(&image)).map_err(|error| format!("{EMULATOR}: {error}"))?;
+    let mut emulator = emulate(&options.image).map_err(|error| format!("{EMULATOR}: {error}"))?;
     let (Some(input), Some(output), Some(trace)) =
         (emulator.stdin.take(), emulator.stdout.take(), emulator.stderr.take())
     else {

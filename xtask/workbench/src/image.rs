@@ -9,12 +9,10 @@ use object::LittleEndian;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 
+pub use xtask::images::{IMAGES_VARIABLE, images};
+
 use crate::bbf;
 use crate::steps::Failure;
-use crate::system;
-
-/// Environment variable that tells the tests where all boards' images are.
-pub const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
 
 /// Bytes a line of Intel HEX, as programmers write it.
 const HEX_BYTES: usize = 16;
@@ -95,11 +93,6 @@ impl Flash {
         }
         Ok(())
     }
-}
-
-/// The folder of all boards' images.
-pub fn images() -> PathBuf {
-    system::target_directory().join("images")
 }
 
 /// The folder of a board's image. An image with another offset has a folder of its own, so that neither is flashed in the

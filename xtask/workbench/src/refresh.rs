@@ -4,13 +4,12 @@
 //! [`REFRESH_VARIABLE`] is set. This runs all of them. The mutants' table is left out, for it takes hours:
 //! `cargo xtask mutants --refresh`.
 
-use std::path::PathBuf;
-
+use crate::firmware::{self, Image, Shown};
 use crate::generated::Page;
 use crate::size::{Budget, Row};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
-use crate::{FIRMWARE_VARIABLE, HOSTS_VARIABLE, bench, firmware, hosts, house, image};
+use crate::{FIRMWARE_VARIABLE, HOSTS_VARIABLE, bench, hosts, house, image};
 
 /// Environment variable by which a test writes what it would compare.
 const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
@@ -98,14 +97,14 @@ const DESK: [Writer; 9] = [
     },
     Writer {
         what: "feed with slow input and a slow planner",
-        arguments: &["run", "--release", "-p", "ferrostep-testkit", "--example", "feed_plot"],
-        sources: &["tests/testkit/examples/feed_plot.rs"],
+        arguments: &["xtask", "feed-plot"],
+        sources: &["xtask/workbench/src/feed_plot.rs"],
     },
     Writer {
         what: "against Klipper's rules",
-        arguments: &["run", "--release", "-p", "ferrostep-testkit", "--example", "against_klipper"],
+        arguments: &["xtask", "against-klipper"],
         sources: &[
-            "tests/testkit/examples/against_klipper/main.rs",
+            "xtask/workbench/src/against_klipper.rs",
             "tests/testkit/src/against_klipper/chart.rs",
             "tests/tests/end_to_end/against_klipper.rs",
         ],
@@ -132,24 +131,24 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
     if options.desk {
         return Ok(());
     }
-    let images = firmware::build_images(run, &firmware::Options::default())?;
+    let images = firmware::build_images(run, &firmware::Options::default(), Shown::Output)?;
     run.step("sizes of the images", || README.write(&size_table(&images)?))?;
-    let bench_image = images.into_iter().next().ok_or("there is no board")?;
+    let bench_image = &images.first().ok_or("there is no board")?.path;
     run.step(MASKED.what, || {
         let mut tests = cargo();
         tests.args(MASKED.arguments).env(REFRESH_VARIABLE, "1");
-        system::run(tests.env(FIRMWARE_VARIABLE, &bench_image).env(image::IMAGES_VARIABLE, image::images()))
+        system::run(tests.env(FIRMWARE_VARIABLE, bench_image).env(image::IMAGES_VARIABLE, image::images()))
     })?;
-    bench::run(run, bench::Options::SAVE)
+    bench::run(run, &bench::Options::SAVE)
 }
 
 /// The sizes of the built-in boards' images, in the order of the boards.
-fn size_table(images: &[PathBuf]) -> Result<String, Failure> {
+fn size_table(images: &[Image]) -> Result<String, Failure> {
     let mut table = Row::HEAD.to_owned();
     for (name, image) in ferrostep_boards::builtin_names().zip(images) {
         let board = ferrostep_boards::load(name).map_err(|error| error.to_string())?;
         let methods = if board.virtual_sensors { ", with all methods" } else { "" };
-        let row = Row { name: &format!("{name}{methods}"), sizes: firmware::sizes(image)?, budget: Budget::of(&board) };
+        let row = Row { name: &format!("{name}{methods}"), sizes: image.sizes, budget: Budget::of(&board) };
         table += &format!("{row}\n");
     }
     Ok(table)
@@ -198,7 +197,7 @@ mod tests {
         let known: Vec<&str> = DESK.iter().chain([&MASKED]).flat_map(|writer| writer.sources).copied().collect();
         for source in found
             .iter()
-            .filter(|source| !matches!(source.as_str(), "checked-toml/src/book.rs" | "xtask/src/refresh.rs"))
+            .filter(|source| !matches!(source.as_str(), "checked-toml/src/book.rs" | "xtask/workbench/src/refresh.rs"))
         {
             assert!(known.contains(&source.as_str()), "{source} writes, but `cargo xtask refresh` does not run it");
         }

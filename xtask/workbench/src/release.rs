@@ -10,7 +10,7 @@ use std::process::Command;
 use sha2::{Digest, Sha256};
 
 use crate::core_library;
-use crate::firmware;
+use crate::firmware::{self, Shown};
 use crate::image;
 use crate::policy;
 use crate::steps::{Failure, Run};
@@ -61,7 +61,7 @@ pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
         copy(&system::root().join(text), &folder.join(text))?;
     }
 
-    firmware::build_images(run, &firmware::Options::default())?;
+    firmware::build_images(run, &firmware::Options::default(), Shown::Output)?;
     run.step("images", || collect_images(&folder, version))?;
     run.step("command", || {
         let mut build = cargo();
@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn this_version_has_its_part_of_the_changelog() {
-        let changelog = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../CHANGELOG.md")).unwrap();
+        let changelog = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../CHANGELOG.md")).unwrap();
         assert!(!changes_of(env!("CARGO_PKG_VERSION"), &changelog).unwrap().is_empty());
     }
 

@@ -1,17 +1,14 @@
 //! Prints programs that no slicer writes and counts every motor's steps at every move's end.
 //!
 //! ```text
-//! cargo run --release -p ferrostep-testkit --example hostile_programs -- [--programs 10000] [--moves 1000] [--first 0]
+//! cargo xtask hostile-programs [--programs 10000] [--moves 1000] [--first 0]
 //! ```
 //!
 //! Exit status 0 if every motor stands where it must at every end. The count uses the text, the profile and the trace, and
 //! shares no code with the planner ([`ferrostep_oracle::trace_ends`]).
-#![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use std::env;
-use std::process::ExitCode;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use ferrostep::job::{self, JobProgress};
@@ -43,7 +40,8 @@ impl Observer for Records {
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
         self.push(tick, [1, 0, 0, 0]);
         for steps in motor_steps {
-            self.0.extend(i32::try_from(steps).expect("a position").to_le_bytes());
+            // No profile has a motor that goes further.
+            self.0.extend(i32::try_from(steps).unwrap_or(i32::MAX).to_le_bytes());
         }
     }
 
@@ -75,18 +73,23 @@ fn print(program: &Hostile) -> Result<Ends, String> {
     count_ends(&trace[..], program.text.as_bytes(), &reference).map_err(|error| error.to_string())
 }
 
-fn main() -> ExitCode {
-    let (mut programs, mut moves, mut first) = (10_000, 1_000, 0);
-    let mut arguments = env::args().skip(1);
-    while let Some(argument) = arguments.next() {
-        let value = arguments.next().and_then(|value| value.parse::<u64>().ok()).expect("a number after each option");
-        match argument.as_str() {
-            "--programs" => programs = value,
-            "--moves" => moves = value,
-            "--first" => first = value,
-            _ => panic!("options: --programs, --moves, --first"),
-        }
-    }
+/// Arguments of `hostile-programs`.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct Options {
+    /// Number of programs
+    #[arg(long, default_value_t = 10_000)]
+    programs: u64,
+    /// Moves of each
+    #[arg(long, default_value_t = 1_000)]
+    moves: u64,
+    /// The first one's seed
+    #[arg(long, default_value_t = 0)]
+    first: u64,
+}
+
+/// Prints programs, and says whether every motor stood where it must at every end.
+pub fn run(options: &Options) -> bool {
+    let Options { programs, moves, first } = *options;
     let (next, bar) = (AtomicU64::new(first), ProgressBar::new(programs));
     let (total, failures) = (Mutex::new(Ends::default()), Mutex::new(Vec::new()));
     let workers = thread::available_parallelism().map_or(1, usize::from);
@@ -100,10 +103,13 @@ fn main() -> ExitCode {
                     }
                     let outcome = print(&Hostile::new(seed, moves as usize));
                     if !matches!(outcome, Ok(Ends { wrong: 0, .. })) {
-                        failures.lock().unwrap().push(format!("program {seed}: {outcome:?}"));
+                        failures
+                            .lock()
+                            .unwrap_or_else(PoisonError::into_inner)
+                            .push(format!("program {seed}: {outcome:?}"));
                     }
                     if let Ok(ends) = outcome {
-                        let mut total = total.lock().unwrap();
+                        let mut total = total.lock().unwrap_or_else(PoisonError::into_inner);
                         (total.moves, total.wrong) = (total.moves + ends.moves, total.wrong + ends.wrong);
                     }
                     bar.inc(1);
@@ -112,7 +118,8 @@ fn main() -> ExitCode {
         }
     });
     bar.finish_and_clear();
-    let (total, failures) = (total.into_inner().unwrap(), failures.into_inner().unwrap());
+    let total = total.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let failures = failures.into_inner().unwrap_or_else(PoisonError::into_inner);
     failures.iter().take(20).for_each(|failure| println!("{failure}"));
     println!(
         "{programs} programs, {} ends of moves, {} wrong, {} programs failed",
@@ -120,5 +127,5 @@ fn main() -> ExitCode {
         total.wrong,
         failures.len()
     );
-    if failures.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    failures.is_empty()
 }

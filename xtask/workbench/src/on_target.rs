@@ -2,12 +2,12 @@
 //!
 //! Without a probe those tests run on the virtual mainboard: there they count instructions, and do not measure how late a step is.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use object::{Object, ObjectSection, ObjectSymbol};
 
-use crate::firmware::{self, Program, Target};
+use crate::firmware::{self, Program, Shown, Target};
 use crate::mainboard::{self, Counter};
 use crate::steps::{Failure, Run};
 use crate::system;
@@ -48,13 +48,16 @@ pub struct TestOptions {
     /// Where the image begins, bytes from the start of flash; the board's own by default
     #[arg(long, value_name = "BYTES", value_parser = firmware::bytes, requires = "board")]
     boot_offset: Option<u32>,
+    /// The virtual mainboard's program; it is built by default
+    #[arg(long, value_name = "PROGRAM", conflicts_with = "board")]
+    mainboard: Option<PathBuf>,
 }
 
 /// Builds the firmware of a board, writes it over a probe, and starts it.
 pub fn flash(run: &mut Run, options: &FlashOptions) -> Result<(), Failure> {
     let target = Target::new(&options.board, options.profile.as_deref())?.at(options.boot_offset)?;
     run.step("probe-rs is installed", probe_rs)?;
-    let image = firmware::build_image(run, &target)?;
+    let image = firmware::build_image(run, &target, Shown::Output)?.path;
     run.step("flash", || {
         let chip = target.probe_name();
         system::run(Command::new(PROBE_RS).args(["download", "--verify", "--chip", chip]).arg(&image))?;
@@ -65,7 +68,7 @@ pub fn flash(run: &mut Run, options: &FlashOptions) -> Result<(), Failure> {
 /// Builds the tests for a board and runs them over a probe.
 pub fn test(run: &mut Run, options: &TestOptions) -> Result<(), Failure> {
     let Some(board) = &options.board else {
-        let mainboard = mainboard::build(run)?;
+        let mainboard = options.mainboard.clone().map_or_else(|| mainboard::build(run), Ok)?;
         return rehearse(run, &mainboard);
     };
     let target = Target::new(board, options.profile.as_deref())?.at(options.boot_offset)?;
@@ -77,7 +80,7 @@ pub fn test(run: &mut Run, options: &TestOptions) -> Result<(), Failure> {
 }
 
 /// Builds them for the bench and runs them on the virtual mainboard.
-pub fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
+fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     let image = firmware::build(run, Program::OnTarget, &Target::bench()?)?;
     run.step("on-target tests on the virtual mainboard", || {
         let bytes = std::fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))?;

@@ -38,7 +38,8 @@ enum Kind {
 }
 
 /// Folders of tests and tools, from the root.
-const TOOLS: [&str; 7] = ["fuzz", "image-code", "random-cases", "tests", "tests/outside", "tests/testkit", "xtask"];
+const TOOLS: [&str; 8] =
+    ["fuzz", "image-code", "random-cases", "tests", "tests/outside", "tests/testkit", "xtask", "xtask/workbench"];
 
 impl Kind {
     const ALL: [Self; 4] = [Self::Both, Self::Board, Self::Desk, Self::Tool];

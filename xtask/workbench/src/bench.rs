@@ -11,7 +11,7 @@ mod lines;
 mod page;
 mod per_event;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
@@ -21,7 +21,7 @@ use crate::mainboard;
 use crate::steps::{Failure, Run};
 
 /// Arguments of `bench`.
-#[derive(Clone, Copy, Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// Prints one JSON object, alone, on standard output
     #[arg(long)]
@@ -30,24 +30,51 @@ pub struct Options {
     #[arg(long)]
     check: bool,
     /// Makes these counts the baseline and writes the book's page of benchmarks
-    #[arg(long, conflicts_with = "check")]
+    #[arg(long, conflicts_with_all = ["check", "only"])]
     save_baseline: bool,
+    /// Counts only a part
+    #[arg(long, value_name = "PART")]
+    only: Option<Part>,
+    /// The virtual mainboard's program; it is built by default
+    #[arg(long, value_name = "PROGRAM")]
+    mainboard: Option<PathBuf>,
+    /// The bench's firmware image; it is built by default
+    #[arg(long)]
+    image: Option<PathBuf>,
+}
+
+/// A part of the counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Part {
+    /// The target's instructions and the image's size
+    Target,
+    /// The desk's instructions, where valgrind is installed: the command as released is minutes of link-time optimisation
+    Desk,
 }
 
 impl Options {
     /// To make these counts the baseline.
-    pub const SAVE: Self = Self { json: false, check: false, save_baseline: true };
+    pub const SAVE: Self =
+        Self { json: false, check: false, save_baseline: true, only: None, mainboard: None, image: None };
 }
 
 /// Builds both images, counts, and prints, compares or saves the counts. The speed of the desk is for information only.
-pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
-    let mainboard = mainboard::build(run)?;
-    let image = firmware::build(run, Program::Firmware, &Target::bench()?)?;
-    let mut figures = count(run, &mainboard, &image)?;
-    if let Some(desk) = count_desk(run)? {
-        insert(&mut figures, baseline::DESK, desk);
+pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
+    let mut figures = if options.only == Some(Part::Desk) {
+        json!({ "compiler": core_library::compiler_version()? })
+    } else {
+        let mainboard = options.mainboard.clone().map_or_else(|| mainboard::build(run), Ok)?;
+        let build = |run| firmware::build(run, Program::Firmware, &Target::bench()?);
+        let image = options.image.clone().map_or_else(|| build(run), Ok)?;
+        count(run, &mainboard, &image)?
+    };
+    if options.only != Some(Part::Target) {
+        if let Some(desk) = run.step("instructions of estimates", desk::count)? {
+            insert(&mut figures, baseline::DESK, desk);
+        }
     }
-    if options.json || !(options.check || options.save_baseline) {
+    let is_for_a_person = options.json || !(options.check || options.save_baseline);
+    if is_for_a_person && options.only.is_none() {
         let host = run.step("the desk", host::measure)?;
         insert(&mut figures, "host", host);
     }
@@ -61,29 +88,9 @@ pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
         eprintln!("    the papers' figures show these counts: `cargo xtask refresh --desk` draws them anew");
     }
     if options.check {
-        compare(run, &figures)?;
+        run.step("counts against the baseline", || baseline::check(&baseline::read()?, &figures))?;
     }
     Ok(())
-}
-
-/// Counts the target's instructions and compares, with the virtual mainboard's program and the firmware's image already built.
-pub fn check(run: &mut Run, mainboard: &Path, firmware: &Path) -> Result<(), Failure> {
-    let figures = count(run, mainboard, firmware)?;
-    compare(run, &figures)
-}
-
-/// Counts the desk's instructions and compares: the command as released is minutes of link-time optimisation.
-pub fn check_desk(run: &mut Run) -> Result<(), Failure> {
-    let Some(desk) = count_desk(run)? else { return Ok(()) };
-    compare(run, &json!({ baseline::DESK: desk, "compiler": core_library::compiler_version()? }))
-}
-
-fn count_desk(run: &mut Run) -> Result<Option<Value>, Failure> {
-    run.step("instructions of estimates", desk::count)
-}
-
-fn compare(run: &mut Run, figures: &Value) -> Result<(), Failure> {
-    run.step("counts against the baseline", || baseline::check(&baseline::read()?, figures))
 }
 
 /// The target's counts, which are the same on every run and every machine.

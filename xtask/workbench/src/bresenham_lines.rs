@@ -1,25 +1,42 @@
 //! Compares step Bresenham with classic Bresenham on random lines, for any number of points.
 //!
-//! `bresenham_lines [POINTS [SEED]]`, 10^9 points by default. Lines have two or three axes, any direction, and lengths
+//! `cargo xtask bresenham-lines [POINTS [SEED]]`, 10^9 points by default. Lines have two or three axes, any direction, and lengths
 //! spread evenly over the powers of two up to 2^24 steps.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use ferrostep_papers::bresenham::{
     Classic, FromDivision, FromFirstStair, FromQuotient, Line, LineStair, Slope, Stairs, Uncounted, Widths,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::steps::Failure;
+
 /// Length of the longest lines, as a power of two.
 const LONGEST_BITS: f64 = 24.0;
 
-fn main() {
-    let mut arguments = std::env::args().skip(1);
-    let points: u64 = arguments.next().map_or(1_000_000_000, |text| text.parse().expect("a number of points"));
-    let seed: u64 = arguments.next().map_or(2024, |text| text.parse().expect("a number for a seed"));
+/// Arguments of `bresenham-lines`.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct Options {
+    /// Number of points
+    #[arg(default_value_t = 1_000_000_000)]
+    points: u64,
+    /// Seed of the random lines
+    #[arg(default_value_t = 2024)]
+    seed: u64,
+}
+
+/// Compares all points.
+///
+/// # Errors
+/// A line is refused.
+///
+/// # Panics
+/// A point differs.
+pub fn run(options: &Options) -> Result<(), Failure> {
+    let Options { points, seed } = *options;
     let mut random = Random(seed);
     let bar = ProgressBar::new(points);
-    let style =
-        ProgressStyle::with_template("{bar:40} {human_pos}/{human_len} points {elapsed} of {duration}").unwrap();
+    let style = ProgressStyle::with_template("{bar:40} {human_pos}/{human_len} points {elapsed} of {duration}")
+        .map_err(|error| error.to_string())?;
     bar.set_style(style);
     let (mut lines, mut done) = (0u64, 0);
     while done < points {
@@ -37,16 +54,17 @@ fn main() {
         for (axis, displacement) in displacement.iter_mut().enumerate() {
             *displacement *= if signs >> axis & 1 == 0 { 1 } else { -1 };
         }
-        check_line(displacement);
+        check_line(displacement)?;
         let [major, minor] =
             [displacement[rotate], displacement[(rotate + 1) % 3]].map(|steps| steps.unsigned_abs() as u32);
-        check_slope(Slope::new(major, minor).unwrap());
+        check_slope(Slope::new(major, minor).map_err(|error| format!("{major}, {minor}: {error:?}"))?);
         done += u64::from(major);
         lines += 1;
         bar.set_position(done.min(points));
     }
     bar.finish_and_clear();
     println!("{done} points of {lines} lines: three rules, two and three axes, all points classic Bresenham's");
+    Ok(())
 }
 
 /// Two axes: each rule's stairs against decisions step by step.
@@ -70,8 +88,8 @@ fn check_slope(slope: Slope) {
 }
 
 /// Three axes: stairs against points.
-fn check_line(displacement: [i64; 3]) {
-    let line = Line::new(displacement).unwrap();
+fn check_line(displacement: [i64; 3]) -> Result<(), Failure> {
+    let line = Line::new(displacement).map_err(|error| format!("{displacement:?}: {error:?}"))?;
     let mut points = line.points::<Uncounted>();
     for LineStair { count, axes, differing } in line.stairs::<FromQuotient>() {
         for event in 1..=count {
@@ -82,6 +100,7 @@ fn check_line(displacement: [i64; 3]) {
     assert_eq!(points.next_axes(), None, "{displacement:?}");
     assert!(line.stairs::<FromFirstStair>().eq(line.stairs::<FromQuotient>()), "{displacement:?}");
     assert!(line.stairs::<FromDivision>().eq(line.stairs::<FromQuotient>()), "{displacement:?}");
+    Ok(())
 }
 
 /// Random numbers (SplitMix64), the same for a seed everywhere.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
 
-use crate::firmware::{self, Target};
+use crate::firmware::{self, Shown, Target};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
@@ -29,11 +29,17 @@ pub struct Options {
     #[arg(long)]
     json: bool,
     /// Serves the printer's port on a pseudo-terminal with this path, for any host
-    #[arg(long, value_name = "PATH", conflicts_with_all = ["file", "tcp"])]
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["file", "tcp", "json"])]
     pty: Option<PathBuf>,
     /// Serves the printer's port on a TCP port of this computer
-    #[arg(long, value_name = "PORT", conflicts_with = "file")]
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["file", "json"])]
     tcp: Option<u16>,
+    /// Only builds the program, and prints its path
+    #[arg(long, conflicts_with_all = ["file", "pty", "tcp", "json", "check"])]
+    program: bool,
+    /// Checks the program's format, lints and tests, and prints the first layers of a cube by the image of every board
+    #[arg(long, conflicts_with_all = ["file", "pty", "tcp", "json"])]
+    check: bool,
     /// More arguments for the program, such as --gdb 3333 or --entry-ns 173
     #[arg(last = true)]
     more: Vec<String>,
@@ -104,10 +110,16 @@ pub fn output_of(command: &mut Command) -> Result<String, Failure> {
 
 /// `cargo xtask mainboard`.
 pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
+    if options.check {
+        return check(run);
+    }
+    if options.program {
+        return build(run).map(|program| println!("{}", program.display()));
+    }
     let target = Target::new(&options.board, options.profile.as_deref())?;
     let program = build(run)?;
-    let image = firmware::build_image(run, &target)?;
-    let machine = Machine::new(&program, &options.board, options.profile.as_deref(), &image)?;
+    let image = firmware::build_image(run, &target, Shown::beside_json(options.json))?;
+    let machine = Machine::new(&program, &options.board, options.profile.as_deref(), &image.path)?;
     if options.pty.is_some() || options.tcp.is_some() {
         return run.step("serve", || {
             let mut command = machine.command("serve");
@@ -121,7 +133,12 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
             system::run(&mut command)
         });
     }
-    let Some(file) = &options.file else { return Ok(()) };
+    let Some(file) = &options.file else {
+        if options.json {
+            println!("{:#}", image.json());
+        }
+        return Ok(());
+    };
     run.step("print", || {
         let job = machine.prepare(file, options.layers, &options.via)?;
         let mut command = machine.print(&job, &options.via);

@@ -1,0 +1,13 @@
+//! The folder of the boards' images.
+
+use std::path::PathBuf;
+
+use crate::system;
+
+/// Environment variable that tells the tests where all boards' images are.
+pub const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
+
+/// The folder of all boards' images.
+pub fn images() -> PathBuf {
+    system::target_directory().join("images")
+}
