@@ -4,17 +4,21 @@
 //! crates are in a program of their own, the [`workbench`], which uses this library for steps and for other programs.
 #![forbid(unsafe_code)]
 
+pub mod budget;
+pub mod check;
 pub mod core_library;
+pub mod cost;
 pub mod generated;
 pub mod hosts;
 pub mod images;
 pub mod mutants;
-pub mod no_std;
 pub mod policy;
+pub mod programs;
 pub mod seed;
-pub mod slicers;
+pub mod share;
 pub mod steps;
 pub mod system;
+pub mod tools;
 pub mod workbench;
 
 /// Environment variable that tells the tests where the firmware image is.
@@ -23,8 +27,8 @@ pub const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 /// Environment variable that tells the tests where the hosts are.
 pub const HOSTS_VARIABLE: &str = "FERROSTEP_HOSTS";
 
-/// All packages but those that only the board's processor can build.
-pub const DESK: [&str; 11] = [
+/// All packages but those that only the board's processor can build, and the log's, which has other features of what it shares.
+pub const DESK: [&str; 13] = [
     "--workspace",
     "--exclude",
     "ferrostep-firmware",
@@ -36,4 +40,6 @@ pub const DESK: [&str; 11] = [
     "ferrostep-stm32f4-usb",
     "--exclude",
     "ferrostep-step-interrupt",
+    "--exclude",
+    "ferrostep-mainboard-log",
 ];

@@ -1,7 +1,9 @@
-//! Steps with a name and a time, and the closing summary.
+//! Steps with a name, a time and a cost, and the closing table.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+
+use crate::cost;
 
 /// Why a step failed, for a person.
 pub type Failure = String;
@@ -17,6 +19,8 @@ pub struct Run {
 struct Step {
     name: &'static str,
     duration: Duration,
+    /// Seconds that its programs have spent on a core.
+    core_s: f64,
     passed: bool,
 }
 
@@ -29,8 +33,9 @@ impl Run {
     /// Says the step's name and runs it.
     pub fn step<T>(&mut self, name: &'static str, action: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
         let start = self.begin(name);
+        let spent_s = cost::spent_s();
         let result = action();
-        self.end(name, start, result.is_ok());
+        self.end(name, start, cost::spent_s() - spent_s, result.is_ok());
         result
     }
 
@@ -43,12 +48,12 @@ impl Run {
         steps: impl FnOnce(&mut Run) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
         let start = self.begin(name);
-        let (ended, value) = std::thread::scope(|scope| {
-            let action = scope.spawn(action);
+        let ((ended, core_s), value) = std::thread::scope(|scope| {
+            let action = scope.spawn(|| (action(), cost::spent_s()));
             let value = steps(self);
-            (action.join().unwrap_or_else(|_| Err(format!("{name} panicked"))), value)
+            (action.join().unwrap_or_else(|_| (Err(format!("{name} panicked")), 0.0)), value)
         });
-        self.end(name, start, ended.is_ok());
+        self.end(name, start, core_s, ended.is_ok());
         ended.and(value)
     }
 
@@ -61,17 +66,24 @@ impl Run {
         start
     }
 
-    fn end(&mut self, name: &'static str, start: Instant, passed: bool) {
-        self.steps.push(Step { name, duration: start.elapsed(), passed });
+    fn end(&mut self, name: &'static str, start: Instant, core_s: f64, passed: bool) {
+        self.steps.push(Step { name, duration: start.elapsed(), core_s, passed });
+    }
+
+    /// The steps so far, with the core-seconds of each.
+    pub fn costs(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        self.steps.iter().map(|step| (step.name, step.core_s))
     }
 
     /// Prints what was done and turns the result into the process's exit code: 0, or 1 after a failure.
     pub fn finish(self, result: Result<(), Failure>) -> ExitCode {
-        eprintln!("\ncargo xtask {}:", self.task);
+        eprintln!("\ncargo xtask {}:\n           seconds  core-seconds", self.task);
         for step in &self.steps {
             let word = if step.passed { "passed" } else { "FAILED" };
-            eprintln!("  {word} {:7.1} s  {}", step.duration.as_secs_f64(), step.name);
+            eprintln!("  {word} {:9.1} {:13.1}  {}", step.duration.as_secs_f64(), step.core_s, step.name);
         }
+        let core_s: f64 = self.steps.iter().map(|step| step.core_s).sum();
+        eprintln!("         {:9.1} {core_s:13.1}  altogether", self.began.elapsed().as_secs_f64());
         match result {
             Ok(()) => {
                 match self.steps.iter().filter(|step| !step.passed).count() {

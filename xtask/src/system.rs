@@ -1,9 +1,10 @@
 //! Programs on this machine: running them, finding them, installing them.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 
+use crate::cost;
 use crate::steps::Failure;
 
 /// The workspace's root folder.
@@ -37,7 +38,7 @@ pub fn cargo() -> Command {
 pub fn exit_status(command: &mut Command) -> Result<ExitStatus, Failure> {
     let shown = show(command);
     eprintln!("    {shown}");
-    command.status().map_err(|error| format!("cannot run `{shown}`: {error}"))
+    command.spawn().and_then(cost::wait).map_err(|error| format!("cannot run `{shown}`: {error}"))
 }
 
 /// Runs a command with its output shown; anything but success is a failure.
@@ -66,7 +67,7 @@ pub fn run_tests(command: &mut Command) -> Result<(), Failure> {
             said.hear(&line);
         }
     }
-    let status = child.wait().map_err(cannot_run)?;
+    let status = cost::wait(child).map_err(cannot_run)?;
     if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}\n{}", said.lines.join("\n"))) }
 }
 
@@ -93,11 +94,16 @@ impl FailedTests {
 pub fn run_for_output(command: &mut Command) -> Result<String, Failure> {
     let shown = show(command);
     eprintln!("    {shown}");
-    let output = command.stderr(Stdio::inherit()).output().map_err(|error| format!("cannot run `{shown}`: {error}"))?;
-    if !output.status.success() {
-        return Err(format!("`{shown}`: {}", output.status));
-    }
-    String::from_utf8(output.stdout).map_err(|error| format!("`{shown}`: {error}"))
+    let mut read = || {
+        let mut child = command.stderr(Stdio::inherit()).stdout(Stdio::piped()).spawn()?;
+        let mut said = String::new();
+        if let Some(mut output) = child.stdout.take() {
+            output.read_to_string(&mut said)?;
+        }
+        Ok((cost::wait(child)?, said))
+    };
+    let (status, said) = read().map_err(|error: std::io::Error| format!("cannot run `{shown}`: {error}"))?;
+    if status.success() { Ok(said) } else { Err(format!("`{shown}`: {status}")) }
 }
 
 /// Standard output of a command, trimmed; `None` if it fails.

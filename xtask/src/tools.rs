@@ -66,12 +66,7 @@ const TOOLS: [Tool; 9] = [
         sign: Sign::Program(&["prusa-slicer"]),
         packages: &["prusa-slicer"],
     },
-    Tool {
-        name: "CuraEngine",
-        needed_by: "slicers",
-        sign: Sign::Program(&["CuraEngine"]),
-        packages: &["cura-engine"],
-    },
+    Tool { name: "CuraEngine", needed_by: "slicers", sign: Sign::Program(&["CuraEngine"]), packages: &["cura-engine"] },
     Tool { name: "bash", needed_by: "shells", sign: Sign::Program(&["bash"]), packages: &["bash"] },
     Tool { name: "groff", needed_by: "shells", sign: Sign::Program(&["groff"]), packages: &["groff"] },
     Tool { name: "mtools", needed_by: "mtools", sign: Sign::Program(&["mcopy"]), packages: &["mtools"] },
@@ -178,7 +173,11 @@ fn definitions() -> Result<PathBuf, Failure> {
     if has_definitions(&unpacked) {
         return Ok(unpacked);
     }
-    let cure = |error| format!("{error}\ninstall Cura (Debian: apt-get install cura), or name the folder above its definitions in {CURA_VARIABLE}");
+    let cure = |error| {
+        format!(
+            "{error}\ninstall Cura (Debian: apt-get install cura), or name the folder above its definitions in {CURA_VARIABLE}"
+        )
+    };
     eprintln!("    unpacking Debian's package cura");
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     system::run(Command::new("apt-get").current_dir(&folder).args(["download", "cura"])).map_err(cure)?;
@@ -188,7 +187,11 @@ fn definitions() -> Result<PathBuf, Failure> {
         .find(|path| path.extension().is_some_and(|extension| extension == "deb"))
         .ok_or("apt-get downloaded no package cura")?;
     system::run(Command::new("dpkg-deb").arg("-x").arg(package).arg(&folder)).map_err(cure)?;
-    if has_definitions(&unpacked) { Ok(unpacked) } else { Err("the package cura has no fdmprinter.def.json".to_owned()) }
+    if has_definitions(&unpacked) {
+        Ok(unpacked)
+    } else {
+        Err("the package cura has no fdmprinter.def.json".to_owned())
+    }
 }
 
 #[cfg(test)]

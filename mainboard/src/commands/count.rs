@@ -69,7 +69,7 @@ impl Count {
         let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
         let console = Console { until_ns: self.seconds.saturating_mul(1_000_000_000), broken: None };
         let finished = std::thread::scope(|scope| {
-            let log = scope.spawn(|| log::show(rtt_address, &loaded.image_bytes, &mut std::io::stderr()));
+            let log = scope.spawn(|| log::show(rtt_address, &loaded.image_path));
             let server = scope.spawn(|| {
                 let served = debugger::serve(debugger_address, &self.folder, &self.arguments, &calls, hard_fault);
                 has_failed.store(served.is_err(), Ordering::Relaxed);

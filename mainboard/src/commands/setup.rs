@@ -60,8 +60,8 @@ pub struct LoadedSetup {
     pub machine: Machine,
     /// The image.
     pub images: Vec<Image>,
-    /// The image's file.
-    pub image_bytes: Vec<u8>,
+    /// The path of the image's file.
+    pub image_path: PathBuf,
     /// SHA-256 of the image's file, in hexadecimal.
     pub image_sha256: String,
     /// The top of the image's stack, which grows down to the start of RAM.
@@ -80,15 +80,15 @@ impl Setup {
         let board = Board::read(&self.board).map_err(|error| error.to_string())?;
         let home = self.board.parent().unwrap_or(Path::new(".")).join("..");
         let profile = self.profile.clone().unwrap_or_else(|| home.join(format!("profiles/{}.toml", board.profile)));
-        let image =
+        let image_path =
             self.image.clone().unwrap_or_else(|| home.join(format!("target/images/{}/ferrostep.elf", board.name)));
         let printer = Printer::read(&profile).map_err(|error| error.to_string())?;
-        let name = image.display().to_string();
-        let bytes = std::fs::read(&image)
+        let name = image_path.display().to_string();
+        let bytes = std::fs::read(&image_path)
             .map_err(|error| format!("{name}: {error}; build it with `cargo xtask firmware --board {}`", board.name))?;
         let stack_top = check_image(&board, &name, &bytes).map_err(|error| error.to_string())?.stack_pointer;
         let image_sha256 = sha256(&bytes);
-        let image = Image::new(Path::new(&name), bytes.clone(), None).map_err(|error| error.to_string())?;
+        let image = Image::new(Path::new(&name), bytes, None).map_err(|error| error.to_string())?;
         let mut machine = Machine::new(&board, &printer, self.seed)?;
         let rate = NonZeroU64::new(self.instructions_per_second).ok_or(
             "--instructions-per-second 0: the core would never run; write a number above 0, such as 120000000",
@@ -110,7 +110,7 @@ impl Setup {
             printer,
             machine,
             images: vec![image],
-            image_bytes: bytes,
+            image_path,
             image_sha256,
             stack_top,
             debugger,

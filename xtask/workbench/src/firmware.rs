@@ -280,18 +280,19 @@ pub fn build(run: &mut Run, program: Program, target: &Target) -> Result<PathBuf
     })
 }
 
-/// Lints of the firmware's own packages, which the desk cannot build.
+/// Lints of the firmware's own packages, which the desk cannot build, and of the one package without std that is in no image.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("source of the core library", core_library::require_source)?;
     run.step("lints of the firmware", || {
         for name in ferrostep_boards::builtin_names() {
             let target = Target::new(name, None)?;
             // All at once: one after the other they would check the chip's registers with other features each time.
-            let packages = ["--package", "ferrostep-stm32f4-board", "--package", "ferrostep-stm32f4-usb"];
+            let board = ["--package", "ferrostep-stm32f4-board", "--package", "ferrostep-stm32f4-usb"];
+            let both = ["--package", "ferrostep-binary-gcode"];
             let firmware =
                 ["--package", "ferrostep-step-interrupt", "--package", "ferrostep-firmware", "--lib", "--bins"];
             let chip = ["--no-default-features", "--features", target.board.chip.feature];
-            system::run(&mut lint_command(&target, &[&packages[..], &firmware, &chip].concat()))?;
+            system::run(&mut lint_command(&target, &[&board[..], &both, &firmware, &chip].concat()))?;
         }
         // The tally is the bench's source with another feature: only that package is linted twice.
         let bench = Target::bench()?;

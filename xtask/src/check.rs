@@ -1,0 +1,215 @@
+//! The check of a change ([`test`]) and of everything ([`everything`]): the tiers above `cargo test`.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::images::{IMAGES_VARIABLE, images};
+use crate::programs::{self, Program};
+use crate::share::{self, Share};
+use crate::steps::{Failure, Run};
+use crate::system::{self, cargo};
+use crate::tools::{self, Installed};
+use crate::workbench::Workbench;
+use crate::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, budget, cost, mutants, policy, seed};
+
+/// Proptest cases a property in `ci`; the default of 256 serves `test`.
+const CI_PROPTEST_CASES: &str = "4096";
+
+/// Package of the image tests, some of which take turns.
+const MAINBOARD: &str = "ferrostep-mainboard";
+
+/// Image tests that take turns, with what each costs, from the root.
+const SLOW_TESTS: &str = "mainboard/tests/shares.toml";
+
+/// Commits in a row in which each slow image test runs once.
+const TURNS: u64 = 5;
+
+/// Arguments of `test`.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Options {
+    /// The share of long sweeps and slow image tests: 0 to 19, or all; the commit's own by default
+    #[arg(long, value_name = "K|all")]
+    share: Option<Share>,
+    /// Leaves out what `cargo test` runs, which has just been run
+    #[arg(long)]
+    after_cargo_test: bool,
+    /// Tests first what depends on files that have changed since this commit
+    #[arg(long, value_name = "COMMIT", default_value = "HEAD~1")]
+    since: String,
+}
+
+/// Checks a change.
+///
+/// # Errors
+/// The first check that fails.
+pub fn test(run: &mut Run, options: &Options) -> Result<(), Failure> {
+    tested(run, options).map(|_| ())
+}
+
+/// Checks everything, and holds the steps' costs against those of an earlier run, or keeps them for later ones.
+///
+/// # Errors
+/// The first check that fails.
+pub fn everything(run: &mut Run, save_costs: bool) -> Result<(), Failure> {
+    let unit_s = run.step("calibration", || Ok(cost::calibration_s()))?;
+    let options = Options { share: Some(Share::All), after_cargo_test: false, since: "HEAD~1".to_owned() };
+    let workbench = tested(run, &options)?;
+    slow(run, &workbench)?;
+    let costs: Vec<_> = run.costs().collect();
+    run.step("costs of the steps", || {
+        if save_costs { budget::write(&costs, unit_s) } else { budget::check(&costs, unit_s) }
+    })
+}
+
+fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
+    run.step("rustfmt and clippy are installed", || {
+        system::rustup_component("rustfmt", "fmt")?;
+        system::rustup_component("clippy", "clippy")
+    })?;
+    let installed = tools::install(run)?;
+    run.step("format", || system::run(cargo().args(["fmt", "--all", "--check"])))?;
+    let share = run.step("share of long sweeps and slow image tests", || Ok(chosen(options.share)))?;
+    let affected = programs::affected(&options.since).unwrap_or_else(|reason| {
+        eprintln!("    tests run in the packages' order: {reason}");
+        Default::default()
+    });
+    // Before the tests: beside them cargo would wait for its own lock.
+    let workbench = run.step("workbench and virtual mainboard: build", || {
+        let workbench = Workbench::build()?;
+        // A program of its own, whose packages have other features.
+        system::run(cargo().args(["build", "--package", "ferrostep-mainboard-log"]))?;
+        Ok(workbench)
+    })?;
+    let mainboard = system::target_directory().join("debug").join(MAINBOARD);
+    // Images are linked and counted on one core.
+    let mut programs = Vec::new();
+    let image = run.beside(
+        "lints and test programs: build",
+        || {
+            let mut clippy = cargo();
+            clippy.arg("clippy").args(DESK).args(["--all-targets", "--", "-D", "warnings"]);
+            system::run(&mut clippy)?;
+            programs = programs::build(&DESK)?;
+            Ok(())
+        },
+        |run| {
+            let image = run.step("images, with their lints", || bench_image(&workbench))?;
+            run.step("counts of the target", || {
+                let bench = ["bench", "--check", "--only", "target", "--mainboard"].map(Path::new);
+                workbench.check(bench.into_iter().chain([&*mainboard, Path::new("--image"), &*image]))
+            })?;
+            run.step("on-target tests", || {
+                workbench.check(["on-target", "--mainboard"].map(Path::new).into_iter().chain([&*mainboard]))
+            })?;
+            Ok(image)
+        },
+    )?;
+    if options.after_cargo_test {
+        let tested = default_members()?;
+        programs.retain(|program| !tested.contains(&program.package));
+    }
+    // A stable sort: within both parts the order stays.
+    programs.sort_by_key(|program| !affected.contains(&program.package));
+    let surroundings = Surroundings { installed: &installed, image: &image, images: images(), share: share.value() };
+    run.step("tests", || {
+        programs.iter().try_for_each(|program| surroundings.run(program, &arguments(program, share)?))
+    })?;
+    if !options.after_cargo_test {
+        run.step("examples in documentation", || system::run_tests(cargo().args(["test", "--doc"]).args(DESK)))?;
+    }
+    run.step("first layers on every board", || system::run(&mut workbench.command(["mainboard", "--prints"])))?;
+    Ok(workbench)
+}
+
+/// The share that is asked for, or the commit's; says how to repeat it.
+fn chosen(asked: Option<Share>) -> Share {
+    let (share, why) = asked.map_or_else(Share::of_this_commit, |share| (share, "as asked for".to_owned()));
+    eprintln!("    {why}; the same again: cargo xtask test --share {share}");
+    share
+}
+
+/// Paths and values that test programs get in variables.
+struct Surroundings<'a> {
+    installed: &'a Installed,
+    image: &'a Path,
+    images: PathBuf,
+    share: String,
+}
+
+impl Surroundings<'_> {
+    fn run(&self, program: &Program, arguments: &[String]) -> Result<(), Failure> {
+        let variables: [(&str, &OsStr); 5] = [
+            (HOSTS_VARIABLE, self.installed.hosts.as_os_str()),
+            (tools::CURA_VARIABLE, self.installed.cura.as_os_str()),
+            (FIRMWARE_VARIABLE, self.image.as_os_str()),
+            (IMAGES_VARIABLE, self.images.as_os_str()),
+            (share::VARIABLE, OsStr::new(&self.share)),
+        ];
+        program.run(arguments, &variables)
+    }
+}
+
+/// Arguments of a test program: image tests whose turn it is not are left out by name.
+fn arguments(program: &Program, share: Share) -> Result<Vec<String>, Failure> {
+    if program.package != MAINBOARD || program.target != "mainboard" {
+        return Ok(Vec::new());
+    }
+    let slow = slow_image_tests()?;
+    let waiting: Vec<&String> =
+        (0..).zip(&slow).filter(|(number, _)| !share.has(*number, TURNS)).map(|(_, name)| name).collect();
+    eprintln!("    {} of {} slow image tests wait for another commit: {}", waiting.len(), slow.len(), TURNS);
+    let skipped = waiting.into_iter().flat_map(|name| ["--skip".to_owned(), name.clone()]);
+    Ok(std::iter::once("--exact".to_owned()).chain(skipped).collect())
+}
+
+/// Names of the image tests that take turns: the keys of [`SLOW_TESTS`].
+fn slow_image_tests() -> Result<Vec<String>, Failure> {
+    let path = system::root().join(SLOW_TESTS);
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let key = |line: &str| Some(line.strip_prefix('"')?.split_once('"')?.0.to_owned());
+    Ok(text.lines().filter_map(key).collect())
+}
+
+/// Packages that `cargo test` tests.
+fn default_members() -> Result<Vec<String>, Failure> {
+    let metadata = system::output(cargo().args(["metadata", "--format-version", "1", "--no-deps"]));
+    let metadata: Value = metadata.and_then(|text| serde_json::from_str(&text).ok()).ok_or("`cargo metadata` fails")?;
+    let list = |key: &str| metadata.get(key).and_then(Value::as_array).cloned().unwrap_or_default();
+    let members = list("workspace_default_members");
+    let is_default = |package: &Value| package.get("id").is_some_and(|id| members.contains(id));
+    let name = |package: &Value| package.get("name").and_then(Value::as_str).map(str::to_owned);
+    Ok(list("packages").iter().filter(|package| is_default(package)).filter_map(name).collect())
+}
+
+/// Lints the firmware, builds all boards' images, and returns the path of the bench's.
+fn bench_image(workbench: &Workbench) -> Result<PathBuf, Failure> {
+    let built = workbench.json(["firmware", "--lints"])?;
+    // All boards; the bench's comes first.
+    let image = built["boards"][0]["image"].as_str().ok_or("there is no board")?;
+    Ok(PathBuf::from(image))
+}
+
+/// Checks that take too long for every change: the tests on released code, with more and new random cases, and a part of the
+/// mutants, which show what the tests miss.
+fn slow(run: &mut Run, workbench: &Workbench) -> Result<(), Failure> {
+    policy::check(run)?;
+    run.step("counts of the desk", || workbench.check(["bench", "--check", "--only", "desk"]))?;
+    run.step("documentation", || {
+        let mut doc = cargo();
+        doc.arg("doc").args(DESK).args(["--no-deps", "--document-private-items"]);
+        system::run(doc.env("RUSTDOCFLAGS", "-D warnings"))
+    })?;
+    let seed = seed::of_this_run();
+    run.step("tests as released, with more and other random cases", || {
+        eprintln!("    random cases of seed {seed}: {}={seed} tries them again", seed::VARIABLE);
+        let mut tests = cargo();
+        tests
+            .args(["test", "--release"])
+            .env("PROPTEST_CASES", CI_PROPTEST_CASES)
+            .env(seed::VARIABLE, seed.to_string());
+        system::run_tests(tests.env(share::VARIABLE, Share::All.value()))
+    })?;
+    mutants::check_a_part(run, seed)
+}
