@@ -15,7 +15,7 @@ pub const UNANSWERED: Interrupt = Interrupt::TIM4;
 /// An enum and no trait: what is measured is then compiled once, in this crate, and inlined as in the firmware.
 #[derive(Clone, Copy, Debug)]
 pub enum Count {
-    /// Instructions. The virtual mainboard executes one in two ticks of the motion clock (`xtask/src/mainboard.rs`).
+    /// Instructions. The virtual mainboard executes one in two ticks of the motion clock (`xtask/workbench/src/mainboard.rs`).
     Instructions(MotionClock),
     /// The core's cycles, by its own counter (DWT CYCCNT), which has been started.
     Cycles,

@@ -35,6 +35,7 @@ mod imports;
 mod inputs;
 mod interruptions;
 mod job_remarks;
+mod json_output;
 mod methods;
 mod odd_lines;
 mod on_the_way;
