@@ -6,6 +6,7 @@ mod card;
 mod docs;
 mod end_to_end;
 mod house;
+mod next_tier;
 mod overload;
 mod serve;
 mod show;

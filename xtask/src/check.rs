@@ -23,9 +23,6 @@ const MAINBOARD: &str = "ferrostep-mainboard";
 /// Image tests that take turns, with what each costs, from the root.
 const SLOW_TESTS: &str = "mainboard/tests/shares.toml";
 
-/// Commits in a row in which each slow image test runs once.
-const TURNS: u64 = 5;
-
 /// Arguments of `test`.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
@@ -156,20 +153,21 @@ fn arguments(program: &Program, share: Share) -> Result<Vec<String>, Failure> {
     if program.package != MAINBOARD || program.target != "mainboard" {
         return Ok(Vec::new());
     }
-    let slow = slow_image_tests()?;
+    let (turns, slow) = slow_image_tests()?;
     let waiting: Vec<&String> =
-        (0..).zip(&slow).filter(|(number, _)| !share.has(*number, TURNS)).map(|(_, name)| name).collect();
-    eprintln!("    {} of {} slow image tests wait for another commit: {}", waiting.len(), slow.len(), TURNS);
+        (0..).zip(&slow).filter(|(number, _)| !share.has(*number, turns)).map(|(_, name)| name).collect();
+    eprintln!("    {} of {} slow image tests wait for one of the next {turns} commits", waiting.len(), slow.len());
     let skipped = waiting.into_iter().flat_map(|name| ["--skip".to_owned(), name.clone()]);
     Ok(std::iter::once("--exact".to_owned()).chain(skipped).collect())
 }
 
-/// Names of the image tests that take turns: the keys of [`SLOW_TESTS`].
-fn slow_image_tests() -> Result<Vec<String>, Failure> {
+/// In how many commits in a row each slow image test runs once, and the names of these tests, by [`SLOW_TESTS`].
+fn slow_image_tests() -> Result<(u64, Vec<String>), Failure> {
     let path = system::root().join(SLOW_TESTS);
     let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let key = |line: &str| Some(line.strip_prefix('"')?.split_once('"')?.0.to_owned());
-    Ok(text.lines().filter_map(key).collect())
+    let turns = text.lines().find_map(|line| line.strip_prefix("shares = ")?.parse().ok());
+    let name = |line: &str| Some(line.strip_prefix('"')?.split_once('"')?.0.to_owned());
+    Ok((turns.ok_or_else(|| format!("{}: no shares", path.display()))?, text.lines().filter_map(name).collect()))
 }
 
 /// Packages that `cargo test` tests.
