@@ -1,4 +1,4 @@
-//! Shares of long sweeps: a run tries every N-th case, and N runs in turn try each case once.
+//! Shares of long sweeps: a run tries one case of each N, and N runs in turn try each case once.
 
 use std::env;
 use std::thread;
@@ -16,7 +16,10 @@ const USUAL: Share = Share { index: 0, of: 20 };
 /// Random cases that a property tries even in the smallest share.
 const FEWEST_CASES: u32 = 8;
 
-/// One of `of` shares of a sweep: the cases whose number leaves the rest `index` when divided by `of`.
+/// One of `of` shares of a sweep.
+///
+/// Cases are dealt out in rounds of one to each share, and each round begins one share later than the round before. So a
+/// share's cases are `of` - 1 apart, and it gets even and odd ones: a sweep often alternates between kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
     index: u64,
@@ -53,22 +56,22 @@ impl Share {
     ///
     /// If the test panics in one of them, a line names the case and the command that repeats it alone.
     pub fn cases(self, total: u64) -> SharedCases {
-        let first = if total < self.of { self.index % total.max(1) } else { self.index };
+        let index = if total < self.of { self.index % total.max(1) } else { self.index };
         let test = thread::current().name().unwrap_or_default().to_owned();
-        SharedCases { next: first, step: self.of, total, current: None, test }
+        SharedCases { share: Self { index, ..self }, next: 0, total, current: None, test }
     }
 
     /// Whether the case of this number is in the share.
     pub fn has(self, case: u64) -> bool {
-        case % self.of == self.index
+        (case % self.of + case / self.of % self.of) % self.of == self.index
     }
 }
 
 /// The cases of a sweep that this run tries.
 #[derive(Debug)]
 pub struct SharedCases {
+    share: Share,
     next: u64,
-    step: u64,
     total: u64,
     current: Option<u64>,
     /// The thread that asked is the test's own, and bears its name.
@@ -89,8 +92,8 @@ impl Iterator for SharedCases {
     type Item = u64;
 
     fn next(&mut self) -> Option<u64> {
-        self.current = (self.next < self.total).then_some(self.next);
-        self.next = self.next.saturating_add(self.step);
+        self.current = (self.next..self.total).find(|&case| self.share.has(case));
+        self.next = self.current.map_or(self.total, |case| case + 1);
         self.current
     }
 }
@@ -180,17 +183,19 @@ mod tests {
     fn a_case_is_in_the_share_that_yields_it() {
         let share = Share { index: 3, of: 20 };
         assert!((0..100).filter(|&case| share.has(case)).eq(share.cases(100)));
+        // A case in each round of twenty, and one place earlier in each.
+        assert!(share.cases(100).eq([3, 22, 41, 60, 99]));
     }
 
     #[test]
     fn the_line_of_a_failure_tries_its_case_alone() {
         let mut cases = Share { index: 3, of: 20 }.cases(1_000);
         assert_eq!(cases.repeat_line(), None);
-        assert_eq!(cases.nth(2), Some(43));
+        assert_eq!(cases.nth(2), Some(41));
         let line = cases.repeat_line().unwrap();
-        assert!(line.starts_with("case 43 of 1000; again: FERROSTEP_SHARE=43/1000 cargo test -p "), "{line}");
+        assert!(line.starts_with("case 41 of 1000; again: FERROSTEP_SHARE=41/1000 cargo test -p "), "{line}");
         assert!(line.ends_with("the_line_of_a_failure_tries_its_case_alone"), "{line}");
-        assert!(Share::parse("43/1000").unwrap().cases(1_000).eq([43]));
+        assert!(Share::parse("41/1000").unwrap().cases(1_000).eq([41]));
     }
 
     #[test]
