@@ -61,6 +61,11 @@ impl Share {
         SharedCases { share: Self { index, ..self }, next: 0, total, current: None, test }
     }
 
+    /// Whether all cases are tried: what only all of them show can be asked then.
+    pub fn is_all(self) -> bool {
+        self.of == 1
+    }
+
     /// Whether the case of this number is in the share.
     pub fn has(self, case: u64) -> bool {
         (case % self.of + case / self.of % self.of) % self.of == self.index
