@@ -238,6 +238,5 @@ fn each_fault_at_each_time_is_in_the_book() {
         row(name, &|at| sensors::outcome(sensors, at, axis, failure));
     }
     let page = repository().join("docs/src/safety.md");
-    let kept = if share.is_all() { book::keep } else { book::has_lines };
-    kept(&page, "faults", &text).unwrap();
+    if share.is_all() { book::keep(&page, "faults", &text) } else { book::has_lines(&page, "faults", &text) }.unwrap();
 }

@@ -4,8 +4,8 @@
 use ferrostep_gpre::Encoding;
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_ends::{Ends, count_ends};
-use ferrostep_tests::hostile::Hostile;
 use ferrostep_random_cases::share_of_cases;
+use ferrostep_tests::hostile::Hostile;
 use proptest::prelude::*;
 
 use crate::desk::{profile, rehearse_at, rehearse_far};

@@ -384,8 +384,7 @@ fn at_any_instant(kind: Kind) {
     let instants = instants.div_ceil(states.len() as u64);
     let mut failed = Vec::new();
     for (number, state) in states.iter().enumerate() {
-        let indices: Vec<u64> =
-            (0..instants).filter(|index| share.has(number as u64 * instants + index)).collect();
+        let indices: Vec<u64> = (0..instants).filter(|index| share.has(number as u64 * instants + index)).collect();
         if indices.is_empty() {
             continue;
         }
