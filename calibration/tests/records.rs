@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 use ferrostep_calibration::{Choice, Mode, ModeError, Record, RecordError, Spectrum, SpectrumError, compare};
+use ferrostep_random_cases::share_of;
 use proptest::prelude::*;
 
 /// A frame, its accelerometer, and how it is shaken.
@@ -121,10 +122,13 @@ fn cases(sweep: bool, second: bool) -> Vec<Case> {
         .collect()
 }
 
-/// Of 100 frames: the largest error of the frequency, and how many frequencies and dampings lie within their intervals.
-fn judge(cases: &[Case]) -> (f64, usize, usize) {
-    let (mut worst_hz, mut within, mut damping_within) = (0.0f64, 0, 0);
-    for case in cases {
+/// The largest error of the frequency in this run's share of the frames. At most one frequency and one damping in twenty lie
+/// outside their intervals.
+fn judge(cases: &[Case]) -> f64 {
+    let (mut worst_hz, mut tried, mut within, mut damping_within) = (0.0f64, 0, 0, 0);
+    for number in share_of(cases.len() as u64) {
+        let case = &cases[number as usize];
+        tried += 1;
         let mode = mode(case);
         let error_hz = (mode.frequency_hz - case.frequency_hz).abs();
         worst_hz = worst_hz.max(error_hz);
@@ -134,30 +138,29 @@ fn judge(cases: &[Case]) -> (f64, usize, usize) {
             println!("{case:?} {mode:?}");
         }
     }
-    println!("worst {worst_hz:.3} Hz, {within} and {damping_within} within");
-    (worst_hz, within, damping_within)
+    println!("worst {worst_hz:.3} Hz, {within} and {damping_within} of {tried} within");
+    let enough = tried - usize::div_ceil(tried, 20);
+    assert!(within >= enough && damping_within >= enough, "{within}, {damping_within} of {tried}");
+    worst_hz
 }
 
 #[test]
 fn a_sweep_shows_the_frequency_within_half_a_hertz_and_says_how_well() {
-    let (worst_hz, within, damping_within) = judge(&cases(true, false));
+    let worst_hz = judge(&cases(true, false));
     assert!(worst_hz < 0.5, "{worst_hz}");
-    assert!(within >= 95 && damping_within >= 95, "{within}, {damping_within}");
 }
 
 #[test]
 fn a_second_mode_leaves_the_first_where_it_is() {
-    let (worst_hz, within, damping_within) = judge(&cases(true, true));
+    let worst_hz = judge(&cases(true, true));
     assert!(worst_hz < 0.5, "{worst_hz}");
-    assert!(within >= 95 && damping_within >= 95, "{within}, {damping_within}");
 }
 
 #[test]
 fn moves_to_and_fro_show_it_too() {
     // Chance moves the frame less often at its frequency than a sweep does.
-    let (worst_hz, within, damping_within) = judge(&cases(false, false));
+    let worst_hz = judge(&cases(false, false));
     assert!(worst_hz < 2.0, "{worst_hz}");
-    assert!(within >= 95 && damping_within >= 95, "{within}, {damping_within}");
 }
 
 /// A record as Klipper writes it.

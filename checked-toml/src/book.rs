@@ -15,7 +15,27 @@ static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 /// # Errors
 /// What to do: the page cannot be read or written, has no such marks, or has another text between them.
 pub fn keep(page: &Path, name: &str, text: &str) -> Result<(), String> {
-    keep_or_write(page, name, text, std::env::var_os(REFRESH_VARIABLE).is_some())
+    keep_or_write(page, name, text, is_written())
+}
+
+/// Whether [`keep`] writes: a table of which a run makes only some rows is made whole then.
+pub fn is_written() -> bool {
+    std::env::var_os(REFRESH_VARIABLE).is_some()
+}
+
+/// Finds each line of `text` in the part of the page that [`keep`] would compare: some rows of a table.
+///
+/// # Errors
+/// The page cannot be read, has no such marks, or lacks a line.
+pub fn has_lines(page: &Path, name: &str, text: &str) -> Result<(), String> {
+    let _guard = ONE_AT_A_TIME.lock();
+    let whole = std::fs::read_to_string(page).map_err(|error| format!("{}: {error}", page.display()))?;
+    let (first, last) = (format!("<!-- {name} begin"), format!("<!-- {name} end -->"));
+    let part = whole.split_once(&first).and_then(|(_, rest)| rest.split_once(&last)).map_or("", |(part, _)| part);
+    match text.lines().find(|line| !part.lines().any(|kept| kept == *line)) {
+        Some(line) => Err(format!("{} lacks {line:?}: run this test with {REFRESH_VARIABLE}=1", page.display())),
+        None => Ok(()),
+    }
 }
 
 fn keep_or_write(page: &Path, name: &str, text: &str, is_written: bool) -> Result<(), String> {
@@ -55,6 +75,9 @@ mod tests {
         assert!(keep_or_write(&page, "keys", "| b |\n", false).unwrap_err().contains("FERROSTEP_REFRESH=1"));
         assert!(keep_or_write(&page, "key", "", true).unwrap_err().contains("no marks"));
         assert_eq!(read(), whole);
+        assert_eq!(has_lines(&page, "keys", "| a |"), Ok(()));
+        assert!(has_lines(&page, "keys", "| a |\nend").unwrap_err().contains("\"end\""));
+        assert!(has_lines(&page, "key", "| a |").is_err());
         assert_eq!(keep_or_write(&page, "keys", "| b |", true), Ok(()));
         assert_eq!(read(), whole.replace("| a |", "| b |"));
         std::fs::remove_file(&page).unwrap();

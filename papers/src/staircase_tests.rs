@@ -39,9 +39,9 @@ fn random_steps(random: &mut Random, length_mm: f64, fastest: f64) -> Option<(Mo
 
 #[test]
 fn steps_of_random_staircases_are_within_a_microsecond() {
-    let mut random = Random(1_000);
     let mut worst = 0.0f64;
-    for _ in 0..20_000 {
+    for number in ferrostep_random_cases::share_of(20_000) {
+        let mut random = Random::numbered(number);
         let start_hz = random.magnitude(100.0, 3_000.0);
         let top_hz = start_hz * random.magnitude(1.01, 80.0);
         let table = FrequencyTable::new(start_hz, top_hz, random.magnitude(2e4, 5e7)).unwrap();

@@ -9,7 +9,7 @@ mod paths;
 mod reference;
 
 use ferrostep_planner::PlannedBlock;
-use ferrostep_random_cases::Random;
+use ferrostep_random_cases::{Random, share_of};
 use paths::{Case, case, on_the_way};
 use reference::{Filters, Plan, from_line};
 
@@ -130,8 +130,8 @@ fn the_filtered_path_keeps_its_tolerance_and_its_acceleration() {
 #[test]
 fn with_filament_on_the_way_the_same_is_kept() {
     let mut most = Worst::default();
-    for plan in 1..=150_u64 {
-        let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+    for plan in share_of(150) {
+        let mut random = Random::numbered(plan);
         let (case, blocks) = on_the_way(&mut random);
         let riding = case
             .moves

@@ -15,7 +15,7 @@ use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{
     Acceleration, Block, Notice, Pace, PlannedBlock, Speed, StepEntry, StepKind, StepSink, TICKS_PER_SECOND,
 };
-use ferrostep_random_cases::{Random, SlicerBlock, SlicerBlocks};
+use ferrostep_random_cases::{Random, Share, SlicerBlock, SlicerBlocks, share_of};
 
 #[path = "../src/s_curve/textbook.rs"]
 mod textbook;
@@ -25,8 +25,8 @@ use textbook::Ramp;
 /// More or fewer random runs.
 const RUNS_VARIABLE: &str = "FERROSTEP_RUNS";
 
-/// The default.
-const RUNS: u64 = 100_000;
+/// Random jobs, of which a test run tries its share: 100,000 runs in all.
+const JOBS: u64 = 200;
 
 /// A drawn block for the ring, and the most that the corner before it allows.
 fn of_slicer(drawn: &SlicerBlock) -> (Block, Speed) {
@@ -319,13 +319,18 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
 
 #[test]
 fn random_runs_keep_every_limit_and_make_their_steps() {
-    let wanted = std::env::var(RUNS_VARIABLE).map_or(RUNS, |text| text.parse().unwrap());
-    let mut random = Random(20_170_801);
+    let wanted: Option<u64> = std::env::var(RUNS_VARIABLE).ok().map(|text| text.parse().unwrap());
+    let jobs = if wanted.is_some() { Share::ALL.cases(u64::MAX) } else { share_of(JOBS) };
     let mut sum = Sum::default();
-    while sum.runs < wanted {
+    for job in jobs {
+        let mut random = Random::numbered(job);
         let length = 1 + random.bits() % 2_000;
         check_a_job(&mut random, length, &mut sum);
-        if sum.runs < wanted && sum.runs / 100_000 > sum.told {
+        let Some(wanted) = wanted else { continue };
+        if sum.runs >= wanted {
+            break;
+        }
+        if sum.runs / 100_000 > sum.told {
             sum.told = sum.runs / 100_000;
             eprintln!("{} runs", sum.runs);
         }
@@ -335,6 +340,7 @@ fn random_runs_keep_every_limit_and_make_their_steps() {
         "{blocks} blocks in {runs} runs, {shared} of them of several blocks, of up to {most}; {events} step events"
     );
     assert!(shared > runs / 10 && most > 50);
+    assert!(runs >= 100_000 || wanted.is_some() || !Share::of_this_run().is_all(), "{runs}");
 }
 
 /// What has been checked.

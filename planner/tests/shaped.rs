@@ -11,7 +11,7 @@ use ferrostep_planner::{
     AccelerationProfile, AxisShaper, ChoiceError, Kinematics, MotionChoice, Move, Planner, ShaperError, ShaperKind,
     TICKS_PER_SECOND, smooth_ticks,
 };
-use ferrostep_random_cases::Random;
+use ferrostep_random_cases::{Random, share_of};
 use ferrostep_simulator::shapers::Impulse;
 
 mod average;
@@ -25,7 +25,7 @@ use law::{impulses, laws};
 /// More or fewer random plans.
 const PLANS_VARIABLE: &str = "FERROSTEP_PLANS";
 
-/// The default.
+/// The default, of which a run tries its share.
 const PLANS: u64 = 300;
 
 /// What every step keeps to, ticks.
@@ -120,16 +120,19 @@ fn worst(case: &Case) -> (f64, usize) {
 
 #[test]
 fn every_step_is_where_the_filtered_law_has_it() {
-    let plans = std::env::var(PLANS_VARIABLE).ok().map_or(PLANS, |plans| plans.parse().unwrap());
+    let plans: Vec<u64> = match std::env::var(PLANS_VARIABLE) {
+        Ok(plans) => (0..plans.parse().unwrap()).collect(),
+        Err(_) => share_of(PLANS).collect(),
+    };
     let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     // Each core's share of the plans: how far its worst step is off, and the number of its steps.
     let share = |first: usize| {
-        (1..=plans).skip(first).step_by(cores).fold((0.0f64, 0), |(most, steps), plan| {
-            let mut random = Random(plan.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
-            let (worst, count) = worst(&case(&mut random));
+        plans.iter().skip(first).step_by(cores).fold((0.0f64, 0), |(most, steps), &plan| {
+            let (worst, count) = worst(&case(&mut Random::numbered(plan)));
             (most.max(worst), steps + count)
         })
     };
+    let share = &share;
     let (most, steps) = std::thread::scope(|scope| {
         let shares: Vec<_> = (0..cores).map(|first| scope.spawn(move || share(first))).collect();
         shares
@@ -137,7 +140,7 @@ fn every_step_is_where_the_filtered_law_has_it() {
             .map(|share| share.join().unwrap())
             .fold((0.0f64, 0), |(most, steps), (worst, count)| (most.max(worst), steps + count))
     });
-    println!("{plans} plans, {steps} events, the worst step {most:.2} ticks off");
+    println!("{} plans, {steps} events, the worst step {most:.2} ticks off", plans.len());
 }
 
 /// The largest speed, mm/s, and acceleration, mm/s^2, of a case's extruder, and by how much its speed jumps at most.
@@ -215,8 +218,8 @@ fn the_advance_keeps_to_what_the_extruder_may() {
 #[test]
 fn steps_under_an_s_curve_are_where_the_filtered_law_has_them() {
     let mut most = 0.0f64;
-    for line in 1..=60u64 {
-        let mut random = Random(line.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+    for line in share_of(60) {
+        let mut random = Random::numbered(line);
         let drawn = case(&mut random);
         let acceleration = random.magnitude(500.0, 10_000.0);
         let jerk_mm_per_s3 = (acceleration * random.magnitude(10.0, 300.0)).round();

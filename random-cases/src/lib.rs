@@ -1,15 +1,19 @@
-//! How many random cases a property tries: one rule for the tests of all crates. And what searches beyond properties draw
-//! from: [`Random`] numbers, and [`SlicerBlocks`] made of them.
+//! Number of cases that the tests of all crates try: random cases of a property, and a run's share of a long sweep. And what
+//! searches beyond properties draw from: [`Random`] numbers, and [`SlicerBlocks`] made of them.
 //!
 //! A property without a number of its own tries proptest's 256 cases, or as many as `PROPTEST_CASES` says. A number that a
 //! test sets itself would win over the variable; [`cases`] lets the variable scale it instead, so that a cheap property
 //! keeps trying more than an expensive one.
+//!
+//! A sweep too long for every run goes over [`share_of`] its cases: `FERROSTEP_SHARE` says which share.
 #![forbid(unsafe_code)]
 
 mod random;
+mod share;
 mod slicer_blocks;
 
 pub use random::Random;
+pub use share::{Share, SharedCases, VARIABLE as SHARE_VARIABLE, share_of, share_of_cases};
 pub use slicer_blocks::{SlicerBlock, SlicerBlocks};
 
 use proptest::test_runner::Config;

@@ -1,7 +1,7 @@
 //! Step times of S-curves against f64.
 #![allow(clippy::unwrap_used)]
 
-use ferrostep_random_cases::Random;
+use ferrostep_random_cases::{Random, share_of};
 
 use super::StepTimes;
 use crate::TICKS_PER_SECOND;
@@ -160,9 +160,9 @@ fn deviations(
 
 #[test]
 fn steps_of_random_runs_are_within_a_microsecond() {
-    let mut random = Random(20_170_802);
     let (mut worst, mut worst_interval) = (0.0f64, 0.0f64);
-    for _ in 0..40_000 {
+    for number in share_of(40_000) {
+        let mut random = Random::numbered(number);
         let run = random_run(&mut random);
         let curve = Curve::new(&run);
         let exact = Exact::new(&run);

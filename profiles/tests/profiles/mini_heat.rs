@@ -36,9 +36,16 @@ impl Mini {
 #[test]
 fn the_nozzle_overshoots_by_less_than_five_degrees() {
     let profile = load("prusa-mini").unwrap();
+    let share: Vec<u64> = ferrostep_random_cases::share_of(3 * 5 * 3).collect();
+    let mut cases = 0..;
     for dead_s in [2.0, 4.0, 5.6] {
         for target in [170.0, 200.0, 215.0, 240.0, 280.0] {
             for supply in [0.86, 1.0, 1.1] {
+                // The longest dead time with the extremes of target and supply is tried in every run.
+                let is_extreme = dead_s == 5.6 && [170.0, 280.0].contains(&target) && supply != 1.0;
+                if !cases.next().is_some_and(|case| is_extreme || share.contains(&case)) {
+                    continue;
+                }
                 let weather = Weather { supply: [supply; 2], ..Weather::STILL };
                 let mut mini = Mini::new(&profile, dead_s, weather, 1);
                 mini.control.set_target(Heater::Nozzle, target);

@@ -8,6 +8,7 @@ use std::rc::Rc;
 
 use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
+use ferrostep_random_cases::{Share, share_of};
 
 use crate::card::setup::{Event, Setup, StepLog, image, nothing, profile};
 
@@ -185,7 +186,8 @@ fn a_print_of_two_tools_goes_on_with_the_tool_that_it_had() {
     goes_on(two, &changed.replace("M109 S205", "M109 T1 S200\nM109 T0 S205").into_bytes(), 150);
 }
 
-/// Cuts at about this many random looks at the hosts' lines.
+/// Cuts at about this many random looks at the hosts' lines, and a print that goes on after each of this run's share of them; always
+/// after the first, the last, and one in the middle.
 fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
     let mut state = 7;
     let filled = filled(text);
@@ -193,7 +195,9 @@ fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
     assert!(cuts.len() > wanted as usize / 3, "{}", cuts.len());
     let (mut resumed, mut without) = (0, 0);
     let mut lines = Vec::new();
-    for (index, cut) in cuts.into_iter().enumerate() {
+    let always = [0, cuts.len() / 2, cuts.len() - 1];
+    for index in always.into_iter().chain(share_of(cuts.len() as u64).map(|index| index as usize)) {
+        let cut = &cuts[index];
         let (setup, events) = logged(profile, cut.card(&filled));
         let mut printer = setup.printer();
         let said = setup.converse(&mut printer, &["M21"], &mut nothing);
@@ -227,7 +231,8 @@ fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
     }
     lines.dedup();
     println!("{resumed} cuts resumed, {without} before the first place, at {} places", lines.len());
-    assert!(resumed > 40 && lines.len() > 10, "{resumed} {lines:?}");
+    assert!(resumed > 0, "{without}");
+    assert!((resumed > 40 && lines.len() > 10) || !Share::of_this_run().is_all(), "{resumed} {lines:?}");
 }
 
 /// A card whose print was cut in the middle, and the line after which it goes on.

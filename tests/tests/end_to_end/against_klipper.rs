@@ -1,6 +1,7 @@
 //! The book's table of time and error beside Klipper's rules: a part of it, measured again.
 
 use ferrostep_planner::ShaperKind;
+use ferrostep_random_cases::share_of;
 use ferrostep_testkit::against_klipper::chart;
 use ferrostep_testkit::against_klipper::table::{Case, Cell, FRAMES, Plan, measure, row_start, write_job};
 
@@ -27,14 +28,17 @@ fn the_books_rows_are_what_the_simulator_measures() {
     let folder = directory();
     let case = Case::bed_slinger(&repository(), "cube", &repository().join("examples/cube.gcode"));
     let job = write_job(&case, folder.path());
-    for (plan, kind, frame) in [
+    let cells = [
         (Plan::Ferrostep, ShaperKind::Zv, 0),
         (Plan::CloserFerrostep, ShaperKind::Mzv, 5),
         (Plan::BudgetFerrostep, ShaperKind::Zv, 1),
         (Plan::TolerantFerrostep, ShaperKind::Mzv, 2),
         (Plan::Klipper, ShaperKind::Mzv, 0),
         (Plan::TunedKlipper, ShaperKind::Zv, 3),
-    ] {
+    ];
+    // The first cell in every run, and this run's share of the others.
+    for index in std::iter::once(0).chain(share_of(cells.len() as u64 - 1).map(|index| index as usize + 1)) {
+        let (plan, kind, frame) = cells[index];
         let written = row(&page, "cube", plan, kind);
         let (time_s, p99_um) = measure(&case, &job, Cell { plan, kind, off: FRAMES[frame] });
         let make = "FERROSTEP_REFRESH=1 cargo xtask against-klipper";

@@ -157,7 +157,7 @@ fn a_corexy_job_resumes_at_any_frame() {
 }
 
 proptest! {
-    #![proptest_config(ferrostep_random_cases::cases(150))]
+    #![proptest_config(ferrostep_random_cases::share_of_cases(150))]
 
     /// Enters jobs in a homed machine with any settings.
     #[test]

@@ -15,6 +15,7 @@ use ferrostep_printer::{
     CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, HomingOutcome, Motion, MotionError, Printer,
     Profile, Replies, Signals,
 };
+use ferrostep_random_cases::share_of;
 use ferrostep_virtual_board::{
     BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, SheetShape, VirtualProbe, VirtualSensor,
 };
@@ -23,7 +24,7 @@ use crate::end_to_end::desk::profile;
 
 const MM: i64 = 100_000;
 
-/// Places a scenario and machine.
+/// Places a scenario and machine, of which a run tries its share.
 const PLACES: u64 = 10_000;
 
 /// The promise: how far the nozzle presses into the bed at most, mm.
@@ -283,9 +284,10 @@ fn from_everywhere(
     let judge = &judge;
     std::thread::scope(|scope| {
         for name in ["cartesian", "corexy", "prusa-mini"] {
+            let seeds = share_of(PLACES);
             scope.spawn(move || {
                 let profile = profile(name);
-                for seed in 0..PLACES {
+                for seed in seeds {
                     let Start { mechanics, true_10nm } = start(&profile, faults, seed);
                     let places = Places::new(mechanics);
                     let outcome = execute(&mut printer(&profile, &places), "G28");
@@ -424,7 +426,7 @@ fn spikes_on_z_leave_the_nozzle_above_the_bed() {
 fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
     for name in ["cartesian", "corexy", "prusa-mini"] {
         let profile = profile(name);
-        for seed in 0..PLACES {
+        for seed in share_of(PLACES) {
             let places = Places::new(start(&profile, HEALTHY, seed).mechanics);
             let mut printer = printer(&profile, &places);
             execute(&mut printer, "G28").unwrap();
@@ -459,7 +461,7 @@ fn a_dead_z_sensor_presses_once_as_documented() {
     });
     for name in ["cartesian", "corexy", "prusa-mini"] {
         let profile = profile(name);
-        for seed in 0..1000 {
+        for seed in share_of(1000) {
             let Start { mechanics, .. } = start(&profile, with_fault(2, SensorFault::AlwaysOff), seed);
             let places = Places::new(mechanics);
             let mut printer = printer(&profile, &places);

@@ -4,6 +4,7 @@
 use ferrostep_gpre::Encoding;
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_ends::{Ends, count_ends};
+use ferrostep_random_cases::share_of_cases;
 use ferrostep_testkit::hostile::Hostile;
 use proptest::prelude::*;
 
@@ -51,6 +52,8 @@ fn the_step_count_detects_a_lost_step() {
 }
 
 proptest! {
+    #![proptest_config(share_of_cases(256))]
+
     #[test]
     fn every_motor_ends_every_move_exactly(seed in any::<u64>()) {
         let program = Hostile::new(seed, 400);

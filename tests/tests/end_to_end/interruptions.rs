@@ -5,6 +5,7 @@ use ferrostep::record::Observer;
 use ferrostep::session::{PrintSession, Session};
 use ferrostep_planner::{PressureAdvance, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
+use ferrostep_random_cases::{Share, share_of};
 use ferrostep_simulator::nozzle::{Nozzle, NozzleSettings};
 use ferrostep_testkit::host_side::numbered;
 
@@ -13,8 +14,9 @@ use crate::end_to_end::hosts::Conversation;
 use crate::end_to_end::refusals::Collector;
 use crate::end_to_end::repeats::Seeded;
 
-/// Interruptions of all prints together.
+/// Interruptions of all prints together, of which a run makes its share.
 const INTERRUPTIONS: usize = 1000;
+const PRINTS: u64 = 80;
 
 /// The extruder's steps a millimetre, and the filament's cross-section, mm^2.
 const STEPS_PER_MM: f64 = 95.0;
@@ -273,12 +275,12 @@ fn follow(
 
 #[test]
 fn prints_that_are_interrupted_a_thousand_times_make_the_same_part() {
-    let mut random = Seeded::new(20);
     let mut interruptions = 0;
     let (mut worst, mut pauses, mut halts, mut prints) = ([Difference::default(); 2], 0, 0, 0);
-    while interruptions < INTERRUPTIONS {
+    for number in share_of(PRINTS) {
         prints += 1;
-        let advances = prints % 2;
+        let mut random = Seeded::new(20 + number);
+        let advances = (number % 2) as usize;
         let advance_s = [0.0, NOZZLE_S][advances];
         let lines = program(&mut random);
         let undisturbed = print(machine(advance_s), &lines, &[], &mut random);
@@ -293,7 +295,7 @@ fn prints_that_are_interrupted_a_thousand_times_make_the_same_part() {
             // Without an advance, to the step; with it the filament runs ahead, and less so where it stops.
             let slack_steps = [1, 12][advances];
             let got = follow(&expected, &points(&interrupted.steps), slack_steps, interrupted.is_halted);
-            let difference = got.unwrap_or_else(|error| panic!("print {prints}, {plan:?}: {error}"));
+            let difference = got.unwrap_or_else(|error| panic!("print {number}, {plan:?}: {error}"));
             interruptions += interrupted.happened;
             pauses += interrupted.pauses;
             halts += usize::from(interrupted.is_halted);
@@ -304,9 +306,11 @@ fn prints_that_are_interrupted_a_thousand_times_make_the_same_part() {
         }
     }
     eprintln!("{interruptions} interruptions of {prints} prints, {pauses} pauses, {halts} halts: {worst:?}");
-    assert!(pauses > INTERRUPTIONS / 2 && halts > 20, "{pauses} pauses, {halts} halts");
+    assert!(pauses > interruptions / 2, "{pauses} pauses in {interruptions} interruptions");
     // Without an advance the nozzle's pressure comes out at each stop: at 1.9 mm/s of filament 0.18 mm^3. With it a tenth of that.
     let [without, with] = worst;
-    assert!(without.excursions > 200 && without.laid_mm3 < 0.19 && without.aside_mm3 < 0.19, "{without:?}");
-    assert!(with.excursions > 200 && with.laid_mm3 < 0.018 && with.aside_mm3 < 0.018, "{with:?}");
+    assert!(without.excursions > 5 * prints && without.laid_mm3 < 0.19 && without.aside_mm3 < 0.19, "{without:?}");
+    assert!(with.excursions > 5 * prints && with.laid_mm3 < 0.018 && with.aside_mm3 < 0.018, "{with:?}");
+    let is_thousand = interruptions >= INTERRUPTIONS && halts > 20;
+    assert!(is_thousand || !Share::of_this_run().is_all(), "{interruptions} interruptions, {halts} halts");
 }

@@ -98,7 +98,7 @@ fn other_slicers() {
 }
 
 proptest! {
-    #![proptest_config(ferrostep_random_cases::cases(200))]
+    #![proptest_config(ferrostep_random_cases::share_of_cases(200))]
 
     /// To the last record of the trace: every step at its tick, every move's end.
     #[test]

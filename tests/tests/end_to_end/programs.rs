@@ -7,7 +7,7 @@ use ferrostep_oracle::reference::{
     EXTRUDER_FRACTIONS_PER_UNIT, InterpretOptions, Job, ReferenceProfile, UNITS_PER_MM, interpret,
 };
 use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
-use ferrostep_random_cases::cases;
+use ferrostep_random_cases::share_of_cases;
 use proptest::prelude::*;
 
 use crate::end_to_end::desk::{profile, rehearse, rehearse_traced};
@@ -156,7 +156,7 @@ fn prints_exactly(program: &Program) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(cases(400))]
+    #![proptest_config(share_of_cases(400))]
 
     #[test]
     fn any_bytes_end_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
@@ -171,7 +171,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(cases(150))]
+    #![proptest_config(share_of_cases(150))]
 
     #[test]
     fn valid_programs_print_exactly(program in program()) {

@@ -38,11 +38,19 @@ fn nothing_trips_while_nothing_fails() {
             rig.run(150.0).unwrap();
             rig.control.set_fan_demand(FanDemand::part(0));
         }
-        // A day of holding, and a step after a reading that has long been the same.
-        for step in [1.0, -1.0, 0.5, -0.5] {
-            rig.run(21_600.0).unwrap();
-            rig.control.set_target(heater, usual_target(heater) + step);
-        }
+    }
+}
+
+/// A step after a reading that has long been the same: six hours in this run's share of the cases, ten minutes in the others.
+#[test]
+fn a_step_after_hours_of_holding_trips_nothing() {
+    let steps = [1.0, -1.0, 0.5, -0.5];
+    let long: Vec<u64> = ferrostep_random_cases::share_of((ALONE.len() * steps.len()) as u64).collect();
+    let cases = ALONE.iter().flat_map(|heater| steps.map(|step| (*heater, step)));
+    for (case, (heater, step)) in (0..).zip(cases) {
+        let mut rig = Rig::holding(heater);
+        rig.run(if long.contains(&case) { 21_600.0 } else { 600.0 }).unwrap();
+        rig.control.set_target(heater, usual_target(heater) + step);
         rig.run(150.0).unwrap();
     }
 }

@@ -6,6 +6,8 @@ use std::string::String;
 use std::vec;
 use std::vec::Vec;
 
+use ferrostep_random_cases::share_of;
+
 use super::load::SecondMass;
 use super::tuning::chart::{self, Chart, GREY, Panel, RUST, Row};
 use super::tuning::models::{MODELS, Model};
@@ -213,7 +215,13 @@ fn modelled_heaters_keep_what_is_asked_of_tuned_ones() {
 /// The model differs from the heater by a fifth in each of its constants, or by a third in the sensor's.
 #[test]
 fn a_model_may_be_wrong_by_a_fifth() {
-    for model in &MODELS {
+    // Ten errors of each model; the first model has all of them in every run.
+    let share: Vec<u64> = (0..10).chain(share_of(10 * MODELS.len() as u64)).collect();
+    for (number, model) in (0..).zip(&MODELS) {
+        let mut cases = (10 * number..).map(|case| share.contains(&case));
+        if !share.iter().any(|case| case / 10 == number) {
+            continue;
+        }
         let found = tune(&mut Bench::new(model, 1.0));
         let wrong = |capacity: f32, loss: f32, sensor: f32, power: f32, filament: f32| HeaterModel {
             power_w: found.power_w * power,
@@ -235,6 +243,9 @@ fn a_model_may_be_wrong_by_a_fifth() {
             wrong(1.0, 1.0, 1.0, 1.0, 0.8),
             wrong(1.0, 1.0, 1.0, 1.0, 1.2),
         ] {
+            if cases.next() == Some(false) {
+                continue;
+            }
             let (outcome, _) = outcome(model, By::Model(wrong), 1.0, model.tuned_at, None);
             let Outcome { overshoot, rest, fan, .. } = outcome;
             let what = format!("{}: {outcome:?} with {wrong:?}, found was {found:?}", model.name);

@@ -1,7 +1,8 @@
 //! Hours of ordinary use, in which nothing may trip.
 //!
 //! Jobs follow each other, each with its material, weather, supply and noise; heat-up, print and cooling are run at the
-//! firmware's own 100 samples a second, by its own code. The suite runs 50 hours; more, and in less time, with
+//! firmware's own 100 samples a second, by its own code. The suite runs 50 hours, the lives of twenty machines, of which a
+//! run tries its share; more, and in less time, with
 //!
 //! ```text
 //! FERROSTEP_HEAT_HOURS=10000 cargo test --release -p ferrostep-profiles ordinary -- --nocapture
@@ -14,8 +15,9 @@ use ferrostep_profiles::load;
 use super::Mini;
 use super::plant::{Plant, Random, Weather};
 
-/// Hours in the suite.
-const SUITE_HOURS: f32 = 50.0;
+/// Machines of the suite, and how long each is in use, hours.
+const SUITE_LIVES: u64 = 20;
+const SUITE_LIFE_HOURS: f32 = 2.5;
 
 /// Nozzle and bed, degrees Celsius, and the fan's most, of 255: PLA, TPU, PETG, ASA, PC.
 const MATERIALS: [(f32, f32, f32); 5] =
@@ -182,6 +184,19 @@ impl Life {
     }
 }
 
+/// This run's share of the suite's machines.
+fn live_a_share() -> Report {
+    let mut total = Report::default();
+    for number in ferrostep_random_cases::share_of(SUITE_LIVES) {
+        let mut life = Life::new((number + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        while life.report.hours < SUITE_LIFE_HOURS {
+            life.job();
+        }
+        add(&mut total, &life.report);
+    }
+    total
+}
+
 /// This many hours, divided among the processors.
 fn live(hours: f32) -> Report {
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(2);
@@ -220,8 +235,9 @@ fn add(total: &mut Report, part: &Report) {
 
 #[test]
 fn ordinary_use_trips_nothing() {
-    let hours = std::env::var("FERROSTEP_HEAT_HOURS").map_or(SUITE_HOURS, |hours| hours.parse().unwrap());
-    let report = live(hours);
+    let wanted: Option<f32> = std::env::var("FERROSTEP_HEAT_HOURS").ok().map(|hours| hours.parse().unwrap());
+    let report = wanted.map_or_else(live_a_share, live);
     println!("{report:?}");
+    let hours = wanted.unwrap_or(SUITE_LIFE_HOURS);
     assert!(report.hours >= hours && report.jobs as f32 > hours / 10.0, "{report:?}");
 }

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use ferrostep_printer::{Profile, SupplySignal};
+use ferrostep_random_cases::{Share, share_of};
 
 use super::{JOINED_STEPS, end_of_line, filled, net, number_after, program, steps};
 use crate::card::setup::{Event, Setup, StepLog, nothing};
@@ -68,7 +69,12 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
     let (mut resumed, mut before, mut most) = (0, 0, 0);
     let rise_mm = 3;
     let rise_steps = (rise_mm as f64 * profile(0).steps_per_mm[2].to_f64()).round() as usize;
-    for look in (10..looks).step_by(looks as usize / 60) {
+    // Sixty instants, of which a run tries its share, and always the first, the last, and two in the middle.
+    let instants: Vec<u32> = (10..looks).step_by(looks as usize / 60).collect();
+    let (middle, last) = (instants.len() / 2, instants.len() - 1);
+    let always = [0, middle, middle + 1, last];
+    for index in always.into_iter().chain(share_of(instants.len() as u64).map(|index| index as usize)) {
+        let look = instants[index];
         // Every other time the nozzle rises; the undisturbed print never goes up by so much at once.
         let rises = look % 2 == 0;
         let failure = fail_at(&filled, look, if rises { rise_mm } else { 0 });
@@ -121,7 +127,8 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
         resumed += 1;
     }
     println!("{resumed} failures resumed, {before} before the first place, at most {most} moves made twice");
-    assert!(resumed > 40 && most as u32 <= MOST_LINES, "{resumed} {most}");
+    assert!(resumed > 0 && most as u32 <= MOST_LINES, "{resumed} {most}");
+    assert!(resumed > 40 || !Share::of_this_run().is_all(), "{resumed}");
 }
 
 /// Fails at a wait for heat and while paused, is right again, and the print goes on without a reset.
