@@ -108,6 +108,9 @@ pub struct Stm32f4 {
     halt: Halt,
     bus: Bus,
     wiring: Box<[Instance]>,
+    /// Slots of the ports and of the serial ports, which every store to a pin and every stop looks up.
+    port_slots: [usize; PORTS.len()],
+    serial_slots: [Option<usize>; SERIAL_PORTS.len()],
 }
 
 store!(Stm32f4 {
@@ -137,7 +140,7 @@ store!(Stm32f4 {
         sdio,
     ],
     parts: [usart, dma, bus],
-    built: [model, wiring, card_pins],
+    built: [model, wiring, port_slots, serial_slots, card_pins],
 });
 
 impl Stm32f4 {
@@ -155,6 +158,9 @@ impl Stm32f4 {
         if let Some(slot) = bus.slot_of(entry::CLOCKS_F446.name) {
             wiring[slot] = Instance::ClocksF446;
         }
+        let slot_of = |instance: Instance| wiring.iter().position(|wired| *wired == instance);
+        let port_slots = std::array::from_fn(|port| slot_of(Instance::Gpio(port)).unwrap_or_default());
+        let serial_slots = std::array::from_fn(|port| slot_of(Instance::Usart(port)));
         let adc_common = AdcCommon::with_clock(RESET_HZ);
         let mut chip = Self {
             model,
@@ -197,6 +203,8 @@ impl Stm32f4 {
             halt: Halt::Runs,
             bus,
             wiring,
+            port_slots,
+            serial_slots,
         };
         chip.check()?;
         Ok(chip)
@@ -284,8 +292,9 @@ impl Stm32f4 {
     /// Drives a pin from outside from `at` on; `None` releases it.
     pub fn drive_pin(&mut self, at: VirtualNanos, pin: crate::pins::Pin, level: Option<bool>) {
         let port = usize::from(pin.port);
-        let slot = self.slot(Instance::Gpio(port));
-        if let (Some(gpio), Some(pin)) = (self.gpio.get_mut(port), Pin::new(pin.number)) {
+        if let (Some(gpio), Some(&slot), Some(pin)) =
+            (self.gpio.get_mut(port), self.port_slots.get(port), Pin::new(pin.number))
+        {
             let (registers, mut context) = self.bus.drive(at, slot);
             gpio.drive(pin, level.map(Level::from), registers, &mut context);
         }
@@ -294,7 +303,7 @@ impl Stm32f4 {
     /// A port's registers.
     #[must_use]
     pub fn port_registers(&self, port: usize) -> Option<&RegisterFile> {
-        (port < PORTS.len()).then(|| Self::registers(&self.bus, self.slot(Instance::Gpio(port))))
+        self.port_slots.get(port).map(|slot| Self::registers(&self.bus, *slot))
     }
 
     /// The share of time for which a timer's channel drives its pin high; `None` if it does not drive the pin.
