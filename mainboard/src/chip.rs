@@ -2,7 +2,7 @@
 //!
 //! rigless's models were written from RM0090 for the STM32F427, of which these chips have a subset: clock tree, supply,
 //! flash interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and TIM8, watchdog, cycle counter. Own models are
-//! the EXTI and SYSCFG ([`exti`]), the other timers and the connections between timers ([`timers`]), USB ([`usb`]), and
+//! the EXTI and SYSCFG ([`exti`]), endless scans of the converters ([`converter`]), the other timers and the connections between timers ([`timers`]), USB ([`usb`]), and
 //! the SDIO with a card's slot ([`sdio`]). [`map`] lists each chip's instances and memories.
 //!
 //! **Where an F405, F407 or F446 differs from an F427 and the model is the F427's**
@@ -16,6 +16,7 @@
 //! another selection is reported |
 //! | 3.9.2 | the flash latency has three bits on the F405 and four on the F446 | modelled like the F427's |
 
+pub mod converter;
 pub mod entry;
 pub mod exti;
 mod halt;
@@ -33,7 +34,7 @@ use rigless::emulator::AccessKind;
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::st::tim::{Channel, Counter, Tim};
 use rigless::soc::stm32f427::generated;
-use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
+use rigless::soc::stm32f427::peripherals::adc::AdcCommon;
 use rigless::soc::stm32f427::peripherals::dbg::Dbg;
 use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::flash::Flash;
@@ -49,6 +50,7 @@ use rigless::store;
 use rigless::time::VirtualNanos;
 
 use crate::wiring::{CardSlot, Chip as Model};
+use converter::Converter;
 use entry::{ClocksF446, ENTRY_NS, Entry};
 use exti::{Exti, Syscfg};
 use instances::{ADVANCED, BASIC, GENERAL, Instance, ONE_CHANNEL, TWO_CHANNELS};
@@ -83,7 +85,7 @@ pub struct Stm32f4 {
     flash: Flash,
     gpio: [Gpio; PORTS.len()],
     usart: [Usart; SERIAL_PORTS.len()],
-    adc: [Adc; CONVERTERS.len()],
+    adc: [Converter; CONVERTERS.len()],
     adc_common: AdcCommon,
     general: [Linked<General>; GENERAL.len()],
     advanced: [Linked<Advanced>; ADVANCED.len()],
@@ -106,6 +108,9 @@ pub struct Stm32f4 {
     halt: Halt,
     bus: Bus,
     wiring: Box<[Instance]>,
+    /// Slots of the ports and of the serial ports, which every store to a pin and every stop looks up.
+    port_slots: [usize; PORTS.len()],
+    serial_slots: [Option<usize>; SERIAL_PORTS.len()],
 }
 
 store!(Stm32f4 {
@@ -135,7 +140,7 @@ store!(Stm32f4 {
         sdio,
     ],
     parts: [usart, dma, bus],
-    built: [model, wiring, card_pins],
+    built: [model, wiring, port_slots, serial_slots, card_pins],
 });
 
 impl Stm32f4 {
@@ -153,6 +158,9 @@ impl Stm32f4 {
         if let Some(slot) = bus.slot_of(entry::CLOCKS_F446.name) {
             wiring[slot] = Instance::ClocksF446;
         }
+        let slot_of = |instance: Instance| wiring.iter().position(|wired| *wired == instance);
+        let port_slots = std::array::from_fn(|port| slot_of(Instance::Gpio(port)).unwrap_or_default());
+        let serial_slots = std::array::from_fn(|port| slot_of(Instance::Usart(port)));
         let adc_common = AdcCommon::with_clock(RESET_HZ);
         let mut chip = Self {
             model,
@@ -161,7 +169,9 @@ impl Stm32f4 {
             flash: Flash::with_clock(RESET_HZ),
             gpio: std::array::from_fn(|_| Gpio::default()),
             usart: std::array::from_fn(|nth| Usart::with_clock(SERIAL_PORTS[nth].1, RESET_HZ)),
-            adc: std::array::from_fn(|_| Adc::with_clock(RESET_HZ / 2) /* ADCPRE is 0 after a reset, 13.13.16 */),
+            adc: std::array::from_fn(
+                |_| Converter::with_clock(RESET_HZ / 2), /* ADCPRE is 0 after a reset, 13.13.16 */
+            ),
             adc_common,
             general: std::array::from_fn(|nth| Linked::new(GENERAL[nth].0, RESET_HZ, GENERAL[nth].1)),
             advanced: std::array::from_fn(|nth| {
@@ -193,6 +203,8 @@ impl Stm32f4 {
             halt: Halt::Runs,
             bus,
             wiring,
+            port_slots,
+            serial_slots,
         };
         chip.check()?;
         Ok(chip)
@@ -280,8 +292,9 @@ impl Stm32f4 {
     /// Drives a pin from outside from `at` on; `None` releases it.
     pub fn drive_pin(&mut self, at: VirtualNanos, pin: crate::pins::Pin, level: Option<bool>) {
         let port = usize::from(pin.port);
-        let slot = self.slot(Instance::Gpio(port));
-        if let (Some(gpio), Some(pin)) = (self.gpio.get_mut(port), Pin::new(pin.number)) {
+        if let (Some(gpio), Some(&slot), Some(pin)) =
+            (self.gpio.get_mut(port), self.port_slots.get(port), Pin::new(pin.number))
+        {
             let (registers, mut context) = self.bus.drive(at, slot);
             gpio.drive(pin, level.map(Level::from), registers, &mut context);
         }
@@ -290,7 +303,7 @@ impl Stm32f4 {
     /// A port's registers.
     #[must_use]
     pub fn port_registers(&self, port: usize) -> Option<&RegisterFile> {
-        (port < PORTS.len()).then(|| Self::registers(&self.bus, self.slot(Instance::Gpio(port))))
+        self.port_slots.get(port).map(|slot| Self::registers(&self.bus, *slot))
     }
 
     /// The share of time for which a timer's channel drives its pin high; `None` if it does not drive the pin.
@@ -376,7 +389,7 @@ impl Stm32f4 {
     }
 
     /// Converter 1, 2 or 3.
-    pub fn converter(&mut self, number: u8) -> Option<&mut Adc> {
+    pub fn converter(&mut self, number: u8) -> Option<&mut Converter> {
         self.adc.get_mut(usize::from(number).checked_sub(1)?)
     }
 }

@@ -10,7 +10,6 @@ use rigless::cpu::armv7m as core;
 use rigless::machine::armv7m::{self, Fpu, MpuRegions, Variant};
 use rigless::machine::{Board as Rigless, Target};
 use rigless::mcu::{Mcu, Operate};
-use rigless::soc::stm32f427::peripherals::adc::Channel;
 use rigless::store;
 use rigless::time::VirtualNanos;
 
@@ -189,10 +188,8 @@ impl Machine {
         if self.plant.advance(now_ns) {
             self.follow_timers(now_ns);
             for (adc, millivolts) in self.plant.voltages(now_ns) {
-                if let (Some(converter), Some(channel)) =
-                    (self.chip.converter(adc.converter), Channel::new(adc.channel))
-                {
-                    converter.set_input(channel, millivolts);
+                if let Some(converter) = self.chip.converter(adc.converter) {
+                    converter.set_input(adc.channel, millivolts);
                 }
             }
             self.follow_rail(now_ns);

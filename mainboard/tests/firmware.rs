@@ -37,6 +37,7 @@ mod prepared;
 mod real_hosts;
 mod rehearsal;
 mod same_steps;
+mod shares;
 mod shipped;
 mod supply;
 mod timing;

@@ -64,10 +64,10 @@ impl Mcu for Stm32f4 {
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        for slot in 0..self.wiring.len() {
-            let Instance::Usart(nth) = self.wiring[slot] else { continue };
+        for (usart, slot) in self.usart.iter_mut().zip(self.serial_slots) {
+            let Some(slot) = slot else { continue };
             let (registers, mut context) = self.bus.drive(now, slot);
-            rigless::device::Device::poll(&mut self.usart[nth], registers, &mut context);
+            rigless::device::Device::poll(usart, registers, &mut context);
         }
     }
 

@@ -123,6 +123,8 @@ pub struct Linked<F: Family> {
     /// The last access of the firmware.
     touched: VirtualNanos,
     clock_hz: u64,
+    /// Places in the layout of the registers of [`Rows`], which is asked for at each event.
+    places: Option<[usize; 7]>,
     /// See [`Linked::rest`].
     resting: Option<Rest>,
 }
@@ -167,12 +169,12 @@ impl<F: Family> Linked<F> {
             .iter()
             .find(|(name, _)| *name == instance)
             .map_or([None; 4], |(_, masters)| masters.map(|master| (!master.is_empty()).then_some(master)));
-        Self { tim, masters, level: Level::Low, pulses: 0, touched: VirtualNanos(0), clock_hz, resting: None }
-    }
-
-    fn row(&self, name: &str) -> Option<F::Register> {
-        let row = Device::layout(&self.tim).iter().position(|register| register.name == name)?;
-        F::Register::from_index(row)
+        let layout = Device::layout(&tim);
+        let place = |name: &str| layout.iter().position(|register| register.name == name);
+        let places = ["CR1", "CR2", "DIER", "SR", "CNT", "PSC", "ARR"].map(place);
+        let places = places.iter().all(Option::is_some).then(|| places.map(Option::unwrap_or_default));
+        let touched = VirtualNanos(0);
+        Self { tim, masters, level: Level::Low, pulses: 0, touched, clock_hz, places, resting: None }
     }
 
     /// Stops a timer whose events have no receiver. A timer that reports updates to a slave wakes the run at each of
@@ -213,15 +215,8 @@ impl<F: Family> Linked<F> {
     }
 
     fn rows(&self) -> Option<Rows<F::Register>> {
-        Some(Rows {
-            cr1: self.row("CR1")?,
-            cr2: self.row("CR2")?,
-            dier: self.row("DIER")?,
-            sr: self.row("SR")?,
-            cnt: self.row("CNT")?,
-            psc: self.row("PSC")?,
-            arr: self.row("ARR")?,
-        })
+        let [cr1, cr2, dier, sr, cnt, psc, arr] = self.places?.map(F::Register::from_index);
+        Some(Rows { cr1: cr1?, cr2: cr2?, dier: dier?, sr: sr?, cnt: cnt?, psc: psc?, arr: arr? })
     }
 
     /// Reports the changes of the trigger output since the last call.
