@@ -45,7 +45,7 @@ fn nothing_trips_while_nothing_fails() {
 #[test]
 fn a_step_after_hours_of_holding_trips_nothing() {
     let steps = [1.0, -1.0, 0.5, -0.5];
-    let long: Vec<u64> = ferrostep_random_cases::share_of((ALONE.len() * steps.len()) as u64).collect();
+    let long: std::vec::Vec<u64> = ferrostep_random_cases::share_of((ALONE.len() * steps.len()) as u64).collect();
     let cases = ALONE.iter().flat_map(|heater| steps.map(|step| (*heater, step)));
     for (case, (heater, step)) in (0..).zip(cases) {
         let mut rig = Rig::holding(heater);
