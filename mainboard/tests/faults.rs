@@ -100,7 +100,6 @@ macro_rules! parts {
     ($($name:ident: $part:literal,)*) => {
         $(
             #[test]
-            #[cfg_attr(debug_assertions, ignore = "takes minutes without optimization")]
             fn $name() {
                 assert_every_fault_keeps_its_promise($part);
             }
@@ -131,7 +130,6 @@ parts! {
 }
 
 #[test]
-#[cfg_attr(debug_assertions, ignore = "takes minutes without optimization")]
 fn a_seed_alone_determines_a_run() {
     let campaign = campaign();
     let wanted = Wanted { only: Fault::named("ram-bit-flips"), state: Some(State::Printing) };

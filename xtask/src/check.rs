@@ -166,7 +166,7 @@ fn slow_image_tests() -> Result<(u64, Vec<String>), Failure> {
     let path = system::root().join(SLOW_TESTS);
     let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let turns = text.lines().find_map(|line| line.strip_prefix("shares = ")?.parse().ok());
-    let name = |line: &str| Some(line.strip_prefix('"')?.split_once('"')?.0.to_owned());
+    let name = |line: &str| Some(line.trim().strip_prefix("{ name = \"")?.split_once('"')?.0.to_owned());
     Ok((turns.ok_or_else(|| format!("{}: no shares", path.display()))?, text.lines().filter_map(name).collect()))
 }
 

@@ -38,37 +38,23 @@ const KINDS: [(&str, &[&str]); 9] = [
 ];
 
 fn shares() -> Shares {
-    let path = crate::images::root().join("mainboard/tests/shares.toml");
+    let path = crate::firmware::images::root().join("mainboard/tests/shares.toml");
     toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// The module of all tests of images, where they share a program with others.
-const IMAGES: &str = "firmware::";
-
-/// The names of this program's tests, each with that module.
+/// The names of this program's tests.
 fn names() -> BTreeSet<String> {
     let output = Command::new(std::env::current_exe().unwrap()).args(["--list", "--format", "terse"]).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
-    let names: BTreeSet<String> =
-        text.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_owned).collect();
-    if names.iter().any(|name| name.starts_with(IMAGES)) {
-        return names;
-    }
-    names.into_iter().map(|name| format!("{IMAGES}{name}")).collect()
-}
-
-fn module(name: &str) -> &str {
-    name.split("::").next().unwrap_or_default()
+    text.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_owned).collect()
 }
 
 #[test]
 fn every_test_of_the_rotating_share_exists() {
     let (listed, names) = (shares(), names());
     assert!((2..=20).contains(&listed.shares), "twenty checks run every test: {} shares", listed.shares);
-    // Those of other modules may be another program's.
-    let modules: BTreeSet<&str> = names.iter().map(|name| module(name)).collect();
-    let is_missing = |name: &&str| modules.contains(module(name)) && !names.contains(*name);
-    let missing: Vec<&str> = listed.tests.iter().map(|test| test.name.as_str()).filter(is_missing).collect();
+    let listed_names = listed.tests.iter().map(|test| test.name.as_str());
+    let missing: Vec<&str> = listed_names.filter(|name| !names.contains(*name)).collect();
     assert!(missing.is_empty(), "shares.toml lists tests that do not exist: {missing:?}");
     let once: BTreeSet<&str> = listed.tests.iter().map(|test| test.name.as_str()).collect();
     assert_eq!(once.len(), listed.tests.len(), "shares.toml lists a test twice");
@@ -91,7 +77,7 @@ fn some_test_of_each_kind_runs_in_every_check() {
     let always: Vec<String> =
         names().into_iter().filter(|name| !listed.tests.iter().any(|test| test.name == *name)).collect();
     for (kind, modules) in KINDS {
-        let is_of = |name: &&String| modules.iter().any(|module| name.starts_with(&format!("{IMAGES}{module}::")));
+        let is_of = |name: &&String| modules.iter().any(|module| name.starts_with(&format!("firmware::{module}::")));
         assert!(always.iter().any(|name| is_of(&name)), "no test of {kind} runs in every check");
     }
 }
