@@ -68,10 +68,10 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
         let image = options.image.clone().map_or_else(|| build(run), Ok)?;
         count(run, &mainboard, &image)?
     };
-    if options.only != Some(Part::Target) {
-        if let Some(desk) = run.step("instructions of estimates", desk::count)? {
-            insert(&mut figures, baseline::DESK, desk);
-        }
+    if options.only != Some(Part::Target)
+        && let Some(desk) = run.step("instructions of estimates", desk::count)?
+    {
+        insert(&mut figures, baseline::DESK, desk);
     }
     let is_for_a_person = options.json || !(options.check || options.save_baseline);
     if is_for_a_person && options.only.is_none() {
