@@ -309,8 +309,10 @@ fn prints_that_are_interrupted_a_thousand_times_make_the_same_part() {
     assert!(pauses > interruptions / 2, "{pauses} pauses in {interruptions} interruptions");
     // Without an advance the nozzle's pressure comes out at each stop: at 1.9 mm/s of filament 0.18 mm^3. With it a tenth of that.
     let [without, with] = worst;
-    assert!(without.excursions > 5 * prints && without.laid_mm3 < 0.19 && without.aside_mm3 < 0.19, "{without:?}");
-    assert!(with.excursions > 5 * prints && with.laid_mm3 < 0.018 && with.aside_mm3 < 0.018, "{with:?}");
+    // Every other print is of a kind.
+    let least = 5 * prints / 2;
+    assert!(without.excursions > least && without.laid_mm3 < 0.19 && without.aside_mm3 < 0.19, "{without:?}");
+    assert!(with.excursions > least && with.laid_mm3 < 0.018 && with.aside_mm3 < 0.018, "{with:?}");
     let is_thousand = interruptions >= INTERRUPTIONS && halts > 20;
     assert!(is_thousand || !Share::of_this_run().is_all(), "{interruptions} interruptions, {halts} halts");
 }

@@ -8,7 +8,7 @@ use ferrostep_step_player::{Past, PastSlot};
 use crate::end_to_end::command::{directory, ferrostep, file, repository};
 
 /// Moves, a remark, and a command that no printer knows.
-const JOB: &str = "G28\nG1 X20 F6000\nM9999\nG1 X30 Y10 E1\nG1 X10 Y10 E2\nM104 S0\n";
+const JOB: &str = "G28\nM109 S200\nG1 X20 F6000\nM9999\nG1 X30 Y10 E1\nG1 X10 Y10 E2\nM104 S0\n";
 
 /// The words of each command that has `--json`, by the command's own help.
 fn commands() -> BTreeSet<String> {
