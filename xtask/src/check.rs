@@ -73,13 +73,8 @@ fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
         Default::default()
     });
     // Before the tests: beside them cargo would wait for its own lock.
-    let workbench = run.step("workbench and virtual mainboard: build", || {
-        let workbench = Workbench::build()?;
-        // A program of its own, whose packages have other features.
-        system::run(cargo().args(["build", "--package", "ferrostep-mainboard-log"]))?;
-        Ok(workbench)
-    })?;
-    let mainboard = system::target_directory().join("debug").join(MAINBOARD);
+    let workbench = run.step("workbench: build", Workbench::build)?;
+    let mainboard = run.step("virtual mainboard: build", || program_of(&workbench))?;
     // Images are linked and counted on one core.
     let mut programs = Vec::new();
     let image = run.beside(
@@ -179,6 +174,12 @@ fn default_members() -> Result<Vec<String>, Failure> {
     let is_default = |package: &Value| package.get("id").is_some_and(|id| members.contains(id));
     let name = |package: &Value| package.get("name").and_then(Value::as_str).map(str::to_owned);
     Ok(list("packages").iter().filter(|package| is_default(package)).filter_map(name).collect())
+}
+
+/// The virtual mainboard's program, which this builds.
+fn program_of(workbench: &Workbench) -> Result<PathBuf, Failure> {
+    let said = system::run_for_output(&mut workbench.command(["mainboard", "--program"]))?;
+    Ok(PathBuf::from(said.trim_end()))
 }
 
 /// Lints the firmware, builds all boards' images, and returns the path of the bench's.

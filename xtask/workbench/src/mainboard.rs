@@ -56,7 +56,12 @@ pub const PACKAGE: &str = "ferrostep-mainboard";
 
 /// Builds the program and returns its path.
 pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
-    run.step("virtual mainboard: build", || system::run(cargo().args(["build", "--package", PACKAGE])))?;
+    run.step("virtual mainboard: build", || {
+        // With this program: alone it would be compiled with other features of what both use, and once more.
+        system::run(cargo().args(["build", "--package", PACKAGE, "--package", env!("CARGO_PKG_NAME")]))?;
+        // A program of its own, since it has to have others.
+        system::run(cargo().args(["build", "--package", "ferrostep-mainboard-log"]))
+    })?;
     Ok(system::target_directory().join("debug").join(PACKAGE))
 }
 
