@@ -1,5 +1,7 @@
 //! One line that says what `cargo test` leaves to `cargo xtask test`.
 
+#![allow(clippy::unwrap_used)]
+
 use std::io::Write;
 
 use ferrostep_testkit::program::repository;

@@ -76,7 +76,7 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
     for index in always.into_iter().chain(share_of(instants.len() as u64).map(|index| index as usize)) {
         let look = instants[index];
         // Every other time the nozzle rises; the undisturbed print never goes up by so much at once.
-        let rises = look % 2 == 0;
+        let rises = look.is_multiple_of(2);
         let failure = fail_at(&filled, look, if rises { rise_mm } else { 0 });
         let Failure { said, card, .. } = &failure;
         // The printer says so, and is halted.
