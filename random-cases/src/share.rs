@@ -144,6 +144,7 @@ fn seed(whole: RngSeed, share: Share) -> RngSeed {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
