@@ -240,6 +240,7 @@ fn follow(
     let (mut last, mut last_filament) = ([0; 3], 0);
     let mut is_aside = false;
     let mut left_at_mm3 = 0.0;
+    let mut left = String::new();
     for (index, point) in interrupted.iter().enumerate() {
         let goes_on = expected
             .peek()
@@ -255,6 +256,7 @@ fn follow(
         if !is_aside {
             difference.excursions += 1;
             is_aside = true;
+            left = format!("left by event {index} to {point:?} instead of {:?}", expected.peek());
         }
         if point.filament > last_filament + slack_steps {
             return Err(format!(
@@ -268,7 +270,7 @@ fn follow(
     }
     let missing = expected.count();
     if is_aside && !ends_early || missing > 0 && !ends_early {
-        return Err(format!("{missing} events of X, Y and Z are missing after {last:?}, aside: {is_aside}"));
+        return Err(format!("{missing} events of X, Y and Z are missing after {last:?}, aside: {is_aside}, {left}"));
     }
     Ok(difference)
 }
@@ -311,8 +313,8 @@ fn prints_that_are_interrupted_a_thousand_times_make_the_same_part() {
     let [without, with] = worst;
     // Every other print is of a kind.
     let least = 5 * prints / 2;
-    assert!(without.excursions > least && without.laid_mm3 < 0.19 && without.aside_mm3 < 0.19, "{without:?}");
-    assert!(with.excursions > least && with.laid_mm3 < 0.018 && with.aside_mm3 < 0.018, "{with:?}");
+    assert!(without.excursions >= least && without.laid_mm3 < 0.19 && without.aside_mm3 < 0.19, "{without:?}");
+    assert!(with.excursions >= least && with.laid_mm3 < 0.018 && with.aside_mm3 < 0.018, "{with:?}");
     let is_thousand = interruptions >= INTERRUPTIONS && halts > 20;
     assert!(is_thousand || !Share::of_this_run().is_all(), "{interruptions} interruptions, {halts} halts");
 }
