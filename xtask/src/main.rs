@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use xtask::steps::Run;
+use xtask::share::Share;
+use xtask::steps::{Failure, Run};
 use xtask::{check, hosts, mutants, tools, workbench};
 
 /// Tasks of the Ferrostep workspace.
@@ -30,6 +31,8 @@ enum Task {
     },
     /// Install the programs from outside that tests run, and say which
     Tools,
+    /// Print the commit's share of long sweeps, as tests want it in FERROSTEP_SHARE
+    Share,
     /// Install the hosts that tests print with (OctoPrint, printcore) into a Python environment; its folder is the first line of
     /// the output
     Hosts,
@@ -56,20 +59,22 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments.task,
         Err(error) => error.exit(),
     };
-    let name = match task {
-        Task::Test(_) => "test",
-        Task::Ci { .. } => "ci",
-        Task::Tools => "tools",
-        Task::Hosts => "hosts",
-        Task::Mutants(_) => "mutants",
+    let in_steps = |name, task: &dyn Fn(&mut Run) -> Result<(), Failure>| {
+        let mut run = Run::new(name);
+        let result = task(&mut run);
+        run.finish(result)
     };
-    let mut run = Run::new(name);
-    let result = match task {
-        Task::Test(options) => check::test(&mut run, &options).map(|_| ()),
-        Task::Ci { save_costs } => check::everything(&mut run, save_costs),
-        Task::Tools => tools::install(&mut run).map(|_| ()),
-        Task::Hosts => hosts::install(&mut run).map(|folder| println!("{}", folder.display())),
-        Task::Mutants(options) => mutants::run(&mut run, &options),
-    };
-    run.finish(result)
+    match task {
+        Task::Test(options) => in_steps("test", &|run| check::test(run, &options)),
+        Task::Ci { save_costs } => in_steps("ci", &|run| check::everything(run, save_costs)),
+        Task::Tools => in_steps("tools", &|run| tools::install(run).map(|_| ())),
+        Task::Hosts => in_steps("hosts", &|run| hosts::install(run).map(|folder| println!("{}", folder.display()))),
+        Task::Mutants(options) => in_steps("mutants", &|run| mutants::run(run, &options)),
+        Task::Share => {
+            let (share, why) = Share::of_this_commit();
+            eprintln!("{why}");
+            println!("{}", share.value());
+            ExitCode::SUCCESS
+        }
+    }
 }

@@ -38,8 +38,17 @@ enum Kind {
 }
 
 /// Folders of tests and tools, from the root.
-const TOOLS: [&str; 8] =
-    ["fuzz", "image-code", "random-cases", "tests", "tests/outside", "tests/testkit", "xtask", "xtask/workbench"];
+const TOOLS: [&str; 9] = [
+    "fuzz",
+    "image-code",
+    "mainboard/log",
+    "random-cases",
+    "tests",
+    "tests/outside",
+    "tests/testkit",
+    "xtask",
+    "xtask/workbench",
+];
 
 impl Kind {
     const ALL: [Self; 4] = [Self::Both, Self::Board, Self::Desk, Self::Tool];

@@ -14,6 +14,9 @@ pub const ROOM: [f64; 2] = [132.0, 36.0];
 /// Most rooms in a row.
 const MAX_ROOMS: usize = 4;
 
+/// Most rooms in a row that no arrow passes.
+const MAX_ROOMS_WITHOUT_ARROWS: usize = 5;
+
 /// Width that a passing arrow takes, pixels.
 const PASSAGE: f64 = 8.0;
 
@@ -52,11 +55,13 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Lays out packages. `uses`: the arrows of each, which have no cycle. `is_last`: whether it stands in the last row.
+    /// Lays out packages. `uses`: the arrows of each, which have no cycle. `is_last`: true for those in the last rows, which have
+    /// no arrows.
     pub fn new(uses: &[BTreeSet<usize>], is_last: &[bool]) -> Self {
         let mut row_of = rows(uses, is_last);
         let last = row_of.iter().max().map_or(0, |last| last + 1);
-        row_of.iter_mut().zip(is_last).filter(|(_, is_last)| **is_last).for_each(|(row, _)| *row = last);
+        let last_rooms = row_of.iter_mut().zip(is_last).filter(|(_, is_last)| **is_last).map(|(row, _)| row);
+        last_rooms.enumerate().for_each(|(number, row)| *row = last + number / MAX_ROOMS_WITHOUT_ARROWS);
         let mut layout = Self {
             places: row_of.iter().map(|row| Place { row: *row, is_room: true, x: 0.0 }).collect(),
             rooms: uses.len(),
