@@ -89,3 +89,16 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
 pub(crate) fn moves(command: &Command<'_>) -> bool {
     matches!(command, Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover)
 }
+
+/// Whether a command sets how the words of later moves are read: what a print that goes on takes over from before its pause.
+pub(crate) fn sets_modes(command: &Command<'_>) -> bool {
+    matches!(
+        command,
+        Command::SetUnits(_)
+            | Command::AbsolutePositioning
+            | Command::RelativePositioning
+            | Command::AbsoluteExtrusion
+            | Command::RelativeExtrusion
+            | Command::SetPosition(_)
+    )
+}

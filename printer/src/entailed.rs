@@ -3,7 +3,7 @@
 use ferrostep_gcode::{Command, Reply};
 
 use crate::axis_names::AXIS_NAMES;
-use crate::command_kind::moves;
+use crate::command_kind::{moves, sets_modes};
 use crate::error::{CommandError, Failure};
 use crate::fan_commands::PAUSE;
 use crate::filament::{CHANGE_FILAMENT, lays};
@@ -21,7 +21,7 @@ impl core::fmt::Display for Letter {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// If its reader did not wait, the next move of a print resumes it.
+    /// If its reader did not wait, the next move or mode of a print resumes it.
     pub(crate) async fn go_on_and_dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let is_of_print = match self.source {
             Source::Host { is_numbered } => is_numbered && !self.prints_from_card(),
@@ -36,10 +36,11 @@ impl<P: Ports> Printer<'_, P> {
         {
             return Err(CommandError::FailedHome { axis });
         }
+        // A mode too: set while the print is paused, it would be undone when the print goes on.
+        if is_of_print && self.is_paused() && (moves(command) || sets_modes(command)) {
+            self.resume().await?;
+        }
         if is_of_print && moves(command) {
-            if self.is_paused() {
-                self.resume().await?;
-            }
             if self.have_heaters_rested() {
                 self.replies
                     .send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));

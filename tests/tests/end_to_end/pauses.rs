@@ -362,6 +362,26 @@ fn a_host_that_pauses_by_itself_finds_the_print_where_it_was() {
     assert_eq!(print.stands_mm(), [20.0, 30.0, 5.0]);
 }
 
+/// A mode that the print sets first after its host's pause is the print's: it goes back before the mode is set, which then holds.
+#[test]
+fn a_mode_that_comes_first_after_a_host_s_pause_is_the_print_s() {
+    let place_mm = |mode: &str, line: &str| {
+        let machine = machine(&profile("cartesian"));
+        let mut print = Print::begun(&machine);
+        print.say("M25");
+        let replies = print.say(mode);
+        assert_eq!(count(&replies, "//action:resumed"), 1, "{mode}: {replies:?}");
+        print.say(line);
+        print.conversation.finish();
+        let [x, y, _] = print.stands_mm();
+        [x, y]
+    };
+    // At X20 Y30.
+    assert_eq!(place_mm("G91", "G1 X1.5 Y-0.5"), [21.5, 29.5]);
+    assert_eq!(place_mm("G92 X7 Y9", "G1 X8 Y8"), [21.0, 29.0]);
+    assert_eq!(place_mm("G20", "G1 X1 Y2"), [25.4, 50.8]);
+}
+
 #[test]
 fn heaters_that_went_off_in_a_pause_are_hot_again_before_anything_moves() {
     let machine = machine(&profile("cartesian"));
