@@ -90,7 +90,7 @@ pub(crate) fn moves(command: &Command<'_>) -> bool {
     matches!(command, Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover)
 }
 
-/// Whether a command sets how the words of later moves are read: what a print that goes on takes over from before its pause.
+/// True for a command that sets how the words of later moves are read: a print that goes on has these as before its pause.
 pub(crate) fn sets_modes(command: &Command<'_>) -> bool {
     matches!(
         command,
