@@ -40,12 +40,9 @@ impl<P: Ports> Printer<'_, P> {
         if is_of_print && self.is_paused() && (moves(command) || sets_modes(command)) {
             self.resume().await?;
         }
-        if is_of_print && moves(command) {
-            if self.have_heaters_rested() {
-                self.replies
-                    .send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));
-                self.heat_again(self.targets_celsius).await?;
-            }
+        if is_of_print && moves(command) && self.have_heaters_rested() {
+            self.replies.send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));
+            self.heat_again(self.targets_celsius).await?;
         }
         let due = self.due_of_tower(command);
         let mut of_tower = due.as_deref().and_then(|line| self.read_of_tower(line));
