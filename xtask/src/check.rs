@@ -167,8 +167,7 @@ fn slow_image_tests() -> Result<(u64, Vec<String>), Failure> {
 
 /// Packages that `cargo test` tests.
 fn default_members() -> Result<Vec<String>, Failure> {
-    let metadata = system::output(cargo().args(["metadata", "--format-version", "1", "--no-deps"]));
-    let metadata: Value = metadata.and_then(|text| serde_json::from_str(&text).ok()).ok_or("`cargo metadata` fails")?;
+    let metadata = programs::metadata()?;
     let list = |key: &str| metadata.get(key).and_then(Value::as_array).cloned().unwrap_or_default();
     let members = list("workspace_default_members");
     let is_default = |package: &Value| package.get("id").is_some_and(|id| members.contains(id));

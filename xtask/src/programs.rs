@@ -70,10 +70,17 @@ pub fn affected(since: &str) -> Result<BTreeSet<String>, Failure> {
     git.current_dir(system::root()).args(["diff", "--name-only", since]);
     let changed =
         system::output(&mut git).ok_or_else(|| format!("git knows no commit {since}: name another with --since"))?;
-    let metadata = system::output(cargo().args(["metadata", "--format-version", "1", "--no-deps"]));
-    let metadata = metadata.and_then(|text| serde_json::from_str(&text).ok()).ok_or("`cargo metadata` fails")?;
     let root = system::root();
-    Ok(dependents(&packages(&metadata, &root), &changed.lines().map(PathBuf::from).collect::<Vec<_>>()))
+    Ok(dependents(&packages(&metadata()?, &root), &changed.lines().map(PathBuf::from).collect::<Vec<_>>()))
+}
+
+/// Cargo's description of the workspace.
+///
+/// # Errors
+/// Cargo does not answer.
+pub fn metadata() -> Result<Value, Failure> {
+    let said = system::output(cargo().args(["metadata", "--format-version", "1", "--no-deps"]));
+    said.and_then(|text| serde_json::from_str(&text).ok()).ok_or_else(|| "`cargo metadata` fails".to_owned())
 }
 
 /// A package's folder from the root, and the packages that it names.
