@@ -36,7 +36,7 @@ impl Share {
         (share, format!("commit {hash} is number {count}, and has share {share}"))
     }
 
-    /// Whether a test is tried that has this number among those that take turns.
+    /// True if the test of this number, among those that take turns, is tried.
     pub fn has(self, number: u64, turns: u64) -> bool {
         match self {
             Self::All => true,

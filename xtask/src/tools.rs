@@ -14,10 +14,10 @@ const CHROMIUM_VARIABLE: &str = "FERROSTEP_CHROMIUM";
 /// Environment variable that names the folder above Cura's `definitions`.
 pub const CURA_VARIABLE: &str = "FERROSTEP_CURA";
 
-/// Where Debian's package `cura` puts the definitions that all printers inherit.
+/// Folder in which Debian's package `cura` puts the definitions that all printers inherit.
 const CURA_RESOURCES: &str = "usr/share/cura/resources";
 
-/// How a tool is recognised.
+/// Sign by which a tool is recognised.
 #[derive(Clone, Copy, Debug)]
 enum Sign {
     /// One of these programs is on the path.

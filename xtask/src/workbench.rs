@@ -67,7 +67,7 @@ const PACKAGE: &str = "ferrostep-workbench";
 /// Cargo's profile, that of the tests, for which its crates are compiled anyway; and the folder of that profile's programs.
 const PROFILE: (&str, &str) = ("test", "debug");
 
-/// Whether a command is one of the workbench's.
+/// True for a command of the workbench.
 pub fn has(command: &OsStr) -> bool {
     COMMANDS.iter().any(|(name, _)| command == *name)
 }
