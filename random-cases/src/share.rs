@@ -61,12 +61,12 @@ impl Share {
         SharedCases { share: Self { index, ..self }, next: 0, total, current: None, test }
     }
 
-    /// Whether all cases are tried: what only all of them show can be asked then.
+    /// True if all cases are tried: a test may ask then for what only all of them show.
     pub fn is_all(self) -> bool {
         self.of == 1
     }
 
-    /// Whether the case of this number is in the share.
+    /// True for a case of this number in the share.
     pub fn has(self, case: u64) -> bool {
         (case % self.of + case / self.of % self.of) % self.of == self.index
     }
