@@ -330,12 +330,12 @@ proptest! {
                 before = Some(ratio);
             }
         }
-        // Look-ahead by few blocks sees less of a path in many parts. An S-curve takes the least acceleration that a tolerance leaves to
-        // one of several parts for all of them.
-        let is_least_of_all =
-            machine.choice.acceleration == AccelerationProfile::SCurve && machine.choice.path_tolerance_mm.is_some();
-        if machine.look_ahead > 16 && !is_least_of_all {
-            prop_assert!(without <= with_stops * 1.005, "{without} s instead of {with_stops} s");
+        // Look-ahead by few blocks sees less of a path in many parts. The parts of an S-curve's run share the least of their
+        // accelerations, so that a part with little of it (filament, Z, a tolerance) may slow its neighbours.
+        let is_s_curve = machine.choice.acceleration == AccelerationProfile::SCurve;
+        let most = if is_s_curve { 1.15 } else { 1.005 };
+        if machine.look_ahead > 16 && !(is_s_curve && machine.choice.path_tolerance_mm.is_some()) {
+            prop_assert!(without <= with_stops * most, "{without} s instead of {with_stops} s");
         }
     }
 }
