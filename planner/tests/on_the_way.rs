@@ -230,18 +230,20 @@ fn wipes(moves: &[Option<Move>]) -> BTreeSet<u32> {
     wipes.map(|(_, one)| one.line).collect()
 }
 
-/// How many steps the motors make, there and back, and how long the path is, mm.
-fn steps_and_path(blocks: &[PlannedBlock]) -> ([u64; 3], f64) {
-    let (mut sum, mut path) = ([0; 3], 0.0);
+/// How many steps the motors make, there and back; how long the path is, mm; how often the filament moves without a step of them.
+fn steps_and_path(blocks: &[PlannedBlock]) -> ([u64; 3], f64, usize) {
+    let (mut sum, mut path, mut alone) = ([0; 3], 0.0, 0);
     for stretch in blocks.iter().flat_map(|planned| Stretches::of(&planned.block)) {
         for (sum, steps) in sum.iter_mut().zip(stretch.steps) {
             *sum += u64::from(steps.unsigned_abs());
         }
         if filament_per_path(&stretch).is_some() {
             path += f64::from(stretch.length_10nm) / 1e5;
+        } else {
+            alone += 1;
         }
     }
-    (sum, path)
+    (sum, path, alone)
 }
 
 /// Where the motors are, in steps and 1/256 steps of the extruder, at the end of each line.
@@ -303,9 +305,10 @@ proptest! {
         prop_assert_eq!(expected.len(), found.len());
         prop_assert_eq!(expected[&u32::MAX], found[&u32::MAX]);
         // The nozzle keeps to its path: nowhere back, nowhere beside, but for the rounding of each part.
-        let ((steps, path), (same_steps, same_path)) = (steps_and_path(&stops), steps_and_path(&on_the_way));
+        let ((steps, path, _), (same_steps, same_path, alone)) = (steps_and_path(&stops), steps_and_path(&on_the_way));
         prop_assert_eq!(steps, same_steps);
-        let rounding = 2e-5 * (stops.len() + on_the_way.len()) as f64;
+        // A part of the path that is shorter than a step looks like filament alone.
+        let rounding = 2e-5 * (stops.len() + on_the_way.len()) as f64 + alone as f64 / 80.0;
         prop_assert!((path - same_path).abs() <= rounding + 2e-6 * path, "{path} mm, {same_path} mm");
         let wipes = wipes(&moves);
         let mut before: Option<Ratio> = None;
