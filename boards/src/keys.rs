@@ -64,7 +64,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     let motors = keys.section(
         "motors",
         "x (A), y (B), z and e move, on at most three ports; of the others those that lift a profile's Z \
-         ([how](z-motors.md#sockets-and-ports)), the rest is kept switched off",
+         ([how](z-motors.md#sockets-and-ports)) or push T1's filament, the rest is kept switched off",
     );
     let has_uart = uart.is_some();
     let moving = ["x", "y", "z", "e"].map(|name| motor(&motors.section(name, ""), name, has_uart, &mut pins));
