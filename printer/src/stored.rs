@@ -40,6 +40,8 @@ struct Stored<M: Parts> {
     foreign: usize,
     /// What has been mended.
     faults: usize,
+    /// Values that differ from the profile's; `None`: no one asks.
+    differ: Option<usize>,
     /// Points of the mesh along X and Y.
     mesh: Option<[u8; 2]>,
     /// What the machine has done in its life.
@@ -59,6 +61,9 @@ impl<M: Parts> fmt::Display for Stored<M> {
 
 /// The name of [`Statistics`] in a memory, whose settings have the names of a profile's keys.
 const STATISTICS: u16 = id_of("statistics");
+
+/// How many stored values that differ from the profile's are named: more would be too many lines for a start.
+const MAX_NAMED: usize = 6;
 
 /// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
 fn setting_of<M: Parts>(entry: Entry) -> Option<(&'static Group<M>, &'static Setting<M>)> {
@@ -90,7 +95,7 @@ impl<P: Ports, M: SettingsMemory> KeepsSettings<P> for M {
             )),
             Some(SettingsCommand::Store) => printer.store_settings(self),
             Some(SettingsCommand::Validate) => {
-                let stored = printer.read_settings(self, "M504")?;
+                let stored = printer.read_settings(self, "M504", false)?;
                 printer.replies.say(format_args!("echo:M504: stored are {stored}"));
             }
             _ => return printer.load_settings(self, command.is_none()),
@@ -371,7 +376,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// M501. Of an empty memory `is_start` says nothing.
     #[inline(never)]
     fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) -> Option<MotionChoice> {
-        let stored = self.read_settings(memory, "M501")?;
+        let stored = self.read_settings(memory, "M501", is_start)?;
         if is_start {
             self.print_clock.statistics = stored.statistics;
         }
@@ -384,12 +389,18 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The profile's values with the stored ones in their places. What cannot be used is named.
     #[inline(never)]
-    fn read_settings(&self, memory: &dyn SettingsMemory, code: &str) -> Option<Stored<PartsOf<P>>> {
+    fn read_settings(
+        &self,
+        memory: &dyn SettingsMemory,
+        code: &str,
+        names_differences: bool,
+    ) -> Option<Stored<PartsOf<P>>> {
         let mut stored = Stored {
             values: self.profile_values(),
             known: 0,
             foreign: 0,
             faults: 0,
+            differ: names_differences.then_some(0),
             mesh: None,
             statistics: Statistics::default(),
         };
@@ -413,6 +424,12 @@ impl<'a, P: Ports> Printer<'a, P> {
             self.take_entry(entry, &mut stored);
         }
         self.check(&mut stored);
+        if let Some(differ @ 1..) = stored.differ {
+            self.replies.say(format_args!(
+                "echo:settings: what is stored is used in place of the profile's, values that differ: {differ} (M503); M502, \
+                 then M500 takes the profile's"
+            ));
+        }
         Some(stored)
     }
 
@@ -450,6 +467,19 @@ impl<'a, P: Ports> Printer<'a, P> {
                 Shown(most),
                 Shown(before),
             ));
+        } else if let Some(differ) = &mut stored.differ
+            && entry.value != before
+        {
+            // An image with a new profile has not changed this value: who has flashed it is to see that.
+            *differ = differ.saturating_add(1);
+            if *differ <= MAX_NAMED {
+                self.replies.say(format_args!(
+                    "echo:settings: {} is stored as {}, the profile has {}",
+                    group.key(setting, index),
+                    Shown(entry.value),
+                    Shown(before),
+                ));
+            }
         }
     }
 }

@@ -261,7 +261,15 @@ fn settings_survive_the_power() {
     let mut after = printer(&rig_after, &bank, Some(&memory));
     assert_eq!(after.live_values(), after.profile_values());
     after.restore_settings();
-    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (68 values, 0 faults)"]);
+    let said = rig_after.last_texts();
+    assert_eq!(said.len(), 8, "six are named: {said:#?}");
+    assert_eq!(said[1], "echo:settings: max_feed_mm_per_s.x is stored as 111.00, the profile has 200.00");
+    assert_eq!(
+        said[6],
+        "echo:settings: what is stored is used in place of the profile's, values that differ: 68 (M503); M502, then M500 \
+         takes the profile's"
+    );
+    assert_eq!(said[7], "echo:stored settings retrieved (68 values, 0 faults)");
     assert_eq!(after.live_values(), values);
     assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 68 values, 0 faults"]);
     // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
@@ -288,7 +296,7 @@ fn statistics_survive_the_power_without_m500() {
     let (rig_after, bank) = rig();
     let mut after = printer(&rig_after, &bank, Some(&memory));
     after.restore_settings();
-    assert_eq!(rig_after.last_texts(), ["echo:stored settings retrieved (1 values, 0 faults)"]);
+    assert_eq!(rig_after.last_texts()[2..], ["echo:stored settings retrieved (1 values, 0 faults)"]);
     assert_eq!(after.live_values().limits.max_feed_mm_per_s[0], 77.0);
     let said = says(&rig_after, &mut after, "M78");
     assert!(said[0].starts_with("Stats: Prints: 1, Finished: 1, Failed: 0\n"), "{said:?}");
@@ -373,7 +381,7 @@ fn a_value_out_of_range_costs_itself_alone() {
     ] {
         assert!(said.iter().any(|said| said.contains(named)), "{named}: {said:#?}");
     }
-    assert_eq!(said.len(), 11, "{said:#?}");
+    assert_eq!(said.len(), 18, "11 and those that differ: {said:#?}");
     let mut expected = profile;
     expected.limits.max_feed_mm_per_s[1] = 99.0;
     expected.advance[0] = Some(0.04);
