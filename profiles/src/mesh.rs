@@ -17,6 +17,9 @@ const SHEET: Range = range(-5.0, 5.0, "mm");
 const SCATTER: Range = range(0.0, 1.0, "mm");
 const SAMPLES: Range = range(1.0, 10.0, "approaches");
 
+/// Distance of the first and last points from the bed's ends where no area is set: that of Prusa (MIN_PROBE_EDGE). On the edge a
+/// probe may miss the sheet.
+const DEFAULT_EDGE_MM: f64 = 5.0;
 /// Prusa's number of points for a bed of 180 mm.
 const DEFAULT_POINTS: [f64; 2] = [4.0, 4.0];
 /// The correction has faded where a layer's height is no longer visible, long before the top.
@@ -40,7 +43,7 @@ pub(crate) fn mesh(
     let mut settings = MeshSettings {
         points: DEFAULT_POINTS.map(|points| points as u8),
         interpolation: MeshInterpolation::Bilinear,
-        area_10nm: reach_mm.map(|ends| ends.map(units_10nm)),
+        area_10nm: default_area_mm(reach_mm, safe).map(|ends| ends.map(units_10nm)),
         fade_10nm: units_10nm(DEFAULT_FADE_MM),
         lift_10nm: safe.raise_10nm,
         depth_10nm: units_10nm(DEFAULT_DEPTH_MM),
@@ -69,7 +72,9 @@ pub(crate) fn mesh(
             .word("interpolation", [("bilinear", MeshInterpolation::Bilinear), ("bicubic", MeshInterpolation::Bicubic)])
             .or(MeshInterpolation::Bilinear, "what the surface is [between them](levelling.md#following-it)");
         let about = "where they are: from the first to the last, places of the probe";
-        if let Some(area) = table.optional_section("area_mm", "all that the probe reaches of the bed", about) {
+        if let Some(area) =
+            table.optional_section("area_mm", "what the probe reaches of the bed, but 5 mm at its ends", about)
+        {
             for (index, axis) in ["x", "y"].into_iter().enumerate() {
                 let ends = area.ends(axis, AREA).required("");
                 let ([from, to], [least, most]) = (ends, reach_mm[index]);
@@ -125,6 +130,16 @@ pub(crate) fn mesh(
         }
     }
     can_follow.then_some(settings)
+}
+
+/// What is measured without a word about it: what the probe reaches, but the ends of the bed.
+fn default_area_mm(reach_mm: [[f64; 2]; 2], safe: &SafeHoming) -> [[f64; 2]; 2] {
+    [0, 1].map(|axis: usize| {
+        let ([from, to], bed) = (reach_mm[axis], safe.bed_10nm[axis].map(|units| units as f64 / 100_000.0));
+        // Of a small bed less.
+        let edge_mm = DEFAULT_EDGE_MM.min((to - from).max(0.0) / 4.0);
+        [from.max(bed[0] + edge_mm), to.min(bed[1] - edge_mm)]
+    })
 }
 
 /// What the probe reaches of the bed, along X and along Y.

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod commands;
+mod edges;
 mod faults;
 mod first_layer;
 mod jobs;

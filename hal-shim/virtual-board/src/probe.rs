@@ -33,12 +33,17 @@ impl SheetShape {
     }
 }
 
+/// How much of a sheet lies beyond each end of the bed, units of 10 nm: sheets are cut some tenths larger than the part that is
+/// printed on, and homing by stall finds its place to some hundredths.
+const SHEET_EDGE_10NM: i64 = 50_000;
+
 /// A probe beside the nozzle. It sees the sheet only where it is above it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VirtualProbe {
     /// From the nozzle to the probe along X and Y, units of 10 nm.
     pub offset_10nm: [i64; 2],
-    /// The sheet's outline: lower and upper end along X and Y, machine coordinates, units of 10 nm.
+    /// The part of the sheet that is printed on: lower and upper end along X and Y, machine coordinates, units of 10 nm. The sheet
+    /// is half a millimetre larger on each side.
     pub sheet_10nm: [[i64; 2]; 2],
     /// Its shape.
     pub shape: SheetShape,
@@ -54,7 +59,7 @@ impl VirtualProbe {
     /// Whether it is above the sheet when the nozzle is here.
     pub fn is_above_sheet(&self, nozzle_10nm: [i64; 3]) -> bool {
         let places = self.place_10nm(nozzle_10nm).into_iter().zip(self.sheet_10nm);
-        places.into_iter().all(|(place, [from, to])| (from..=to).contains(&place))
+        places.into_iter().all(|(place, [from, to])| (from - SHEET_EDGE_10NM..=to + SHEET_EDGE_10NM).contains(&place))
     }
 
     /// How high the sheet is below it when the nozzle is here.
@@ -66,6 +71,15 @@ impl VirtualProbe {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sheet_is_half_a_millimetre_larger_than_the_bed() {
+        let probe = VirtualProbe { offset_10nm: [0; 2], sheet_10nm: [[0, 18_000_000]; 2], shape: SheetShape::FLAT };
+        for (place, is_above) in [(-6_000, true), (-50_000, true), (-50_001, false), (18_050_000, true)] {
+            assert_eq!(probe.is_above_sheet([place, 9_000_000, 0]), is_above, "{place}");
+            assert_eq!(probe.is_above_sheet([9_000_000, place, 0]), is_above, "{place}");
+        }
+    }
 
     #[test]
     fn a_sheet_is_tilted_and_bent() {

@@ -26,6 +26,13 @@ pub fn round(mesh: &str) -> Profile {
 fn machine(mesh: &str, is_round: bool) -> Profile {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../profiles/cartesian.toml");
     let mut text = std::fs::read_to_string(path).unwrap();
+    // All of the bed is measured, to its ends, unless the table says otherwise.
+    let whole = "[mesh]\narea_mm = { x = [0, 200], y = [0, 200] }\n";
+    let mesh = match () {
+        () if mesh.contains("area_mm") => mesh.to_owned(),
+        () if mesh.contains("[mesh]\n") => mesh.replacen("[mesh]\n", whole, 1),
+        () => format!("{whole}{mesh}"),
+    };
     let [x, y, z] = PROBE_MM;
     let homing = format!(
         "[homing]\nraise_mm = 5\nhome_at_mm = {{ x = 120, y = 90 }}\nprobe_offset_mm = {{ x = {x}, y = {y}, z = {z} }}\n\
