@@ -32,14 +32,14 @@ impl Mini {
     }
 }
 
-/// Prusa's gains are for a regulator that knows the hot end's model; here they hold it without one.
+/// A first layer that begins right after M109 is not laid too hot.
 #[test]
-fn the_nozzle_overshoots_by_less_than_five_degrees() {
+fn the_nozzle_overshoots_by_less_than_two_degrees() {
     let profile = load("prusa-mini").unwrap();
-    let share: Vec<u64> = ferrostep_random_cases::share_of(3 * 5 * 3).collect();
+    let share: Vec<u64> = ferrostep_random_cases::share_of(3 * 6 * 3).collect();
     let mut cases = 0..;
     for dead_s in [2.0, 4.0, 5.6] {
-        for target in [170.0, 200.0, 215.0, 240.0, 280.0] {
+        for target in [100.0, 170.0, 200.0, 215.0, 240.0, 280.0] {
             for supply in [0.86, 1.0, 1.1] {
                 // The longest dead time with the extremes of target and supply is tried in every run.
                 let is_extreme = dead_s == 5.6 && [170.0, 280.0].contains(&target) && supply != 1.0;
@@ -58,7 +58,7 @@ fn the_nozzle_overshoots_by_less_than_five_degrees() {
                 }
                 let case =
                     format!("dead time {dead_s} s, {target} C, supply {supply}: {highest} beyond, {settled_s} s");
-                assert!(highest < 5.0 && settled_s < 180, "{case}");
+                assert!(highest < 2.0 && settled_s < 180, "{case}");
                 // The fan at full power at once, and off again. The hottest targets are not held with it.
                 for power in [255, 0].into_iter().filter(|_| target <= 240.0) {
                     mini.control.set_fan_demand(FanDemand::part(power));
