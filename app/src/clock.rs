@@ -8,6 +8,27 @@ use rtic_monotonics::systick::prelude::*;
 
 systick_monotonic!(Mono, 1_000);
 
+#[cfg(any(drivers, tachometers, accelerometer))]
+/// A period that is kept: [`Mono::delay`] adds a tick, so that a loop of one millisecond would take two.
+pub struct Period {
+    next: <Mono as Monotonic>::Instant,
+    length: <Mono as Monotonic>::Duration,
+}
+
+#[cfg(any(drivers, tachometers, accelerometer))]
+impl Period {
+    /// A period in milliseconds that begins now.
+    pub fn new(milliseconds: u32) -> Self {
+        Self { next: Mono::now(), length: milliseconds.millis() }
+    }
+
+    /// Waits for its next end. Those that were missed are left out.
+    pub async fn pass(&mut self) {
+        self.next = (self.next + self.length).max(Mono::now());
+        Mono::delay_until(self.next).await;
+    }
+}
+
 /// Tells the time and waits for it.
 #[derive(Clone, Debug, Default)]
 pub struct SystemClock {

@@ -97,6 +97,8 @@ mod app {
     use crate::button::Button;
     use crate::card::{self, BoardCard, BoardMailbox};
     use crate::clock::Mono;
+    #[cfg(any(drivers, tachometers, accelerometer))]
+    use crate::clock::Period;
     use crate::commands;
     use crate::drivers as board_drivers;
     use crate::fans::SharedDemand;
@@ -399,8 +401,9 @@ mod app {
     #[task(priority = 8, local = [fan_speeds])]
     async fn tachometers(cx: tachometers::Context) {
         let Some(speeds) = cx.local.fan_speeds else { return };
+        let mut period = Period::new(TACHOMETERS_INTERVAL_MS);
         loop {
-            Mono::delay(TACHOMETERS_INTERVAL_MS.millis()).await;
+            period.pass().await;
             speeds.look();
         }
     }
@@ -440,7 +443,7 @@ mod app {
                 }
             }
             // It looks in either case, woken or after the interval.
-            let _ = Mono::timeout_after(PLANNER_INTERVAL_MS.millis(), cx.local.planner_work.wait()).await;
+            let _ = Mono::timeout_at(Mono::now() + PLANNER_INTERVAL_MS.millis(), cx.local.planner_work.wait()).await;
         }
     }
 
@@ -465,6 +468,7 @@ mod app {
             cx.shared;
         let replies = BoardReplies::new(writers);
         let mut line = board_drivers::Line(&mut driver_line);
+        let mut period = Period::new(DRIVERS_INTERVAL_MS);
         loop {
             let now = cx.local.drivers_clock.now_ticks();
             if let Some(event) = drivers.lock(|bank| bank.poll(&mut line, now)) {
@@ -475,7 +479,7 @@ mod app {
                 }
                 continue;
             }
-            Mono::delay(DRIVERS_INTERVAL_MS.millis()).await;
+            period.pass().await;
         }
     }
 
@@ -485,6 +489,7 @@ mod app {
     async fn accelerometer(cx: accelerometer::Context) {
         let accelerometer::SharedResources { mut machine, mut writers, mut recorder, .. } = cx.shared;
         let clock = *cx.local.accelerometer_clock;
+        let mut period = Period::new(ACCELEROMETER_INTERVAL_MS);
         loop {
             let motor_steps = machine.lock(|machine| machine.motor_steps());
             recorder.lock(|recorder| recorder.follow(motor_steps, clock.now_ticks()));
@@ -493,7 +498,7 @@ mod app {
                     break;
                 }
             }
-            Mono::delay(ACCELEROMETER_INTERVAL_MS.millis()).await;
+            period.pass().await;
         }
     }
 
