@@ -43,6 +43,10 @@ pub enum Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            // What the board sends comes back by the same line, whether or not a driver listens.
+            Self::Line(ExchangeError::GarbledEcho) => out.write_str(
+                "does not answer: what is sent comes back garbled on its serial line, or not at all; is the line shorted, or its pin another?",
+            ),
             Self::Line(error) => write!(out, "does not answer: {error}; is the motor supply on?"),
             Self::Version(version) => {
                 write!(out, "is no TMC2209: its version is 0x{version:02x}, expected 0x{VERSION:02x}")
