@@ -1,7 +1,11 @@
 //! Heaters that have a target and are not used go off: a host that has gone must not leave them on for ever.
 //!
-//! Use is a line from any host, a frame of a prepared job, or motion. A dwell and a wait for heat do not count: they end by
-//! themselves, and then comes a line or silence. A warning comes first, so that no wait is cut short unannounced.
+//! Use is a line from any host, a frame of a prepared job, motion, or a line at work that ends by itself: a dwell (G4), a wait
+//! for heat (M109, M190, M191) while the temperature comes nearer to its target ([`Approach`]), an autotune. Otherwise a long
+//! heat soak would end with a cold bed, and the print would go on. After such a line comes the next one, or silence.
+//!
+//! A wait for a person (M0, M25, M600) does not count: it may last for ever. When it ends, the print heats up again, and waits,
+//! before anything moves. So does a print whose host was silent for too long. A warning comes first.
 
 use core::fmt;
 
@@ -41,6 +45,33 @@ impl fmt::Display for HeaterRest {
                  the temperatures again (M104, M140) and wait for them"
             ),
         }
+    }
+}
+
+/// By how much a temperature must come nearer to its target for its wait to count as use, degrees. One that never arrives
+/// does not keep heaters on for ever.
+const MIN_APPROACH_CELSIUS: f32 = 0.5;
+
+/// How near a wait for heat has come to its target.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Approach {
+    nearest_celsius: f32,
+}
+
+impl Approach {
+    /// A wait that begins.
+    pub(crate) const fn new() -> Self {
+        Self { nearest_celsius: f32::INFINITY }
+    }
+
+    /// Whether the wait goes on as it should, with the temperature this far from its target: it has arrived, or has come nearer
+    /// since the last call that returned `true`.
+    pub(crate) fn goes_on(&mut self, distance_celsius: f32, has_arrived: bool) -> bool {
+        let is_nearer = distance_celsius <= self.nearest_celsius - MIN_APPROACH_CELSIUS;
+        if is_nearer {
+            self.nearest_celsius = distance_celsius;
+        }
+        is_nearer || has_arrived
     }
 }
 
@@ -114,6 +145,17 @@ mod tests {
             assert_eq!(timeout.look(1_799_900, is_used, has_target, timeout_s), None);
             assert_eq!(looks(&mut timeout, 1_799_950, 1499, 1800), [], "the warning, too, begins anew");
         }
+    }
+
+    #[test]
+    fn a_wait_counts_while_it_comes_nearer_or_has_arrived() {
+        let mut approach = Approach::new();
+        let distances =
+            [(100.0, true), (99.6, false), (99.5, true), (120.0, false), (99.1, false), (99.0, true), (1.0, true)];
+        for (distance, expected) in distances {
+            assert_eq!(approach.goes_on(distance, false), expected, "{distance}");
+        }
+        assert!(approach.goes_on(1.0, true) && !approach.goes_on(1.0, false));
     }
 
     #[test]

@@ -164,7 +164,7 @@ impl<P: Ports> Printer<'_, P> {
         match self.source {
             // Within a macro there is no reader that could wait.
             Source::Card if !self.is_in_macro => return Ok(()),
-            Source::File => {}
+            Source::File => self.tell_long_pause(words.longest_ms),
             Source::Host { .. } | Source::Card => {
                 self.signals.set_paused_for_user(true);
                 let waited = self.answer_pause().await;
@@ -176,6 +176,19 @@ impl<P: Ports> Printer<'_, P> {
             }
         }
         self.resume().await
+    }
+
+    /// Reports that a printer switches its heaters off in a pause of this length; a file is read on at once.
+    fn tell_long_pause(&self, longest_ms: Option<u64>) {
+        let timeout_s = self.signals.heater_timeout_s();
+        let is_longer = longest_ms.is_some_and(|longest_ms| longest_ms / 1000 >= timeout_s.into());
+        if is_longer && timeout_s > 0 && self.targets_celsius.iter().any(|celsius| *celsius > 0.0) {
+            let line = self.line;
+            self.replies.say(format_args!(
+                "echo:line {line}: a printer switches its heaters off after {timeout_s} s of this pause (M86), and heats up \
+                 again when it ends"
+            ));
+        }
     }
 
     /// Waits until a person wants the print to go on.

@@ -140,6 +140,11 @@ impl Signals {
         self.host_spoke.store(true, Ordering::Release);
     }
 
+    /// The command at hand goes on by itself: heaters are used as if a host had spoken.
+    pub(crate) fn note_use(&self) {
+        self.note_host();
+    }
+
     /// Whether a host has sent anything since the last [`Self::take_host_spoken`].
     pub fn has_host_spoken(&self) -> bool {
         self.host_spoke.load(Ordering::Acquire)

@@ -59,17 +59,18 @@ impl<'a, P: Ports> Printer<'a, P> {
         is_on(Heater::Nozzle) || self.heating.has_nozzles() && is_on(Heater::Nozzle1)
     }
 
-    /// Whether the nozzle of a host's print was switched off as unused: commands have set a target, and it is gone.
+    /// Whether any heater was switched off as unused: commands have set a target, and it is gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
-        let heater = self.nozzle();
-        let nozzle_celsius = self.targets_celsius[heater.index()];
-        self.has_host() && nozzle_celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0
+        let mut targets = Heater::ALL.into_iter().zip(self.targets_celsius);
+        targets.any(|(heater, celsius)| celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0)
     }
 
-    /// A new print begins: it sets its own temperatures.
+    /// A new print begins, or one was given up: heaters that are off stay off until they get a new target.
     pub(crate) fn forget_rested_heaters(&mut self) {
-        if self.have_heaters_rested() {
-            self.targets_celsius = [0.0; Heater::COUNT];
+        for heater in Heater::ALL {
+            if self.heating.status(heater).target_celsius <= 0.0 {
+                self.targets_celsius[heater.index()] = 0.0;
+            }
         }
     }
 
@@ -93,7 +94,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// M109, M190, M191: until the temperature has stayed near its target for the profile's residency time. S waits only
-    /// if it has to heat. M108 ends the wait, not the heating.
+    /// if it has to heat, and then also until an overshoot has passed. M108 ends the wait, not the heating.
     pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
         let until = match target {
             WaitTarget::Heating(value) => {

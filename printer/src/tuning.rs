@@ -181,6 +181,7 @@ impl<P: Ports> Printer<'_, P> {
         let progress = self.heating.relay(heater);
         let step = if self.has_model(heater) { self.heating.step(heater) } else { None };
         self.heating.set_target(heater, 0.0);
+        self.targets_celsius[heater.index()] = 0.0;
         outcome?;
         if self.has_model(heater) {
             self.end_step(heater, step, uses);

@@ -5,6 +5,7 @@ use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
 use crate::heat::{HeaterStatus, RelayProgress, StepProgress};
+use crate::heater_timeout::Approach;
 use crate::part::Part;
 use crate::paused::PauseAnswer;
 use crate::ports::Heating;
@@ -96,6 +97,7 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             if now >= end {
                 return Ok(());
             }
+            self.signals.note_use();
             self.clock.delay_ms((end - now).min(LOOK_MS) as u32).await;
         }
     }
@@ -141,6 +143,7 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             if core::mem::replace(&mut told, ended) != ended {
                 tell(ended, of, ends_celsius);
             }
+            self.signals.note_use();
             self.clock.delay_ms(LOOK_MS as u32).await;
         }
     }
@@ -162,6 +165,7 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             {
                 return Ok(());
             }
+            self.signals.note_use();
             self.clock.delay_ms(LOOK_MS as u32).await;
         }
     }
@@ -178,6 +182,9 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         let had_target = heating.status(heater).target_celsius > 0.0;
         let mut near_since: Option<u64> = None;
         let mut cooling = Cooling::default();
+        let mut approach = Approach::new();
+        // A heater that has overshot while it heated up is waited for, one that was hotter from the start is not.
+        let mut has_heated = false;
         let mut next_report = self.clock.now_ms() + REPORT_MS;
         loop {
             if self.signals.is_halted() {
@@ -196,7 +203,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
                 Until::Near { cooling_counts } => {
                     let above = status.celsius - status.target_celsius;
                     let is_above = above > settings.residency_window_celsius;
-                    if status.target_celsius <= 0.0 || !cooling_counts && is_above {
+                    has_heated |= above < 0.0;
+                    if status.target_celsius <= 0.0 || !cooling_counts && !has_heated && is_above {
                         return Ok(());
                     }
                     if is_above && cooling.is_over(now, status.celsius) {
@@ -210,6 +218,13 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
             };
             if left_ms == Some(0) {
                 return Ok(());
+            }
+            let distance = match until {
+                Until::AtLeast(celsius) => celsius - status.celsius,
+                Until::Near { .. } => (status.celsius - status.target_celsius).abs(),
+            };
+            if approach.goes_on(distance, left_ms.is_some()) {
+                self.signals.note_use();
             }
             if now >= next_report {
                 next_report = now + REPORT_MS;
@@ -225,7 +240,7 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
 pub(crate) enum Until {
     /// The temperature has stayed near its target for the profile's residency time.
     Near {
-        /// A heater that is too hot is waited for, too.
+        /// A heater that is hotter from the start is waited for, too; one that has overshot is in any case.
         cooling_counts: bool,
     },
     /// It is this warm, degrees Celsius.

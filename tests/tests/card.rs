@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod commands;
+mod heat_soak;
 mod homing;
 mod power_cuts;
 mod prints;

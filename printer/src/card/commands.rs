@@ -187,6 +187,7 @@ impl<P: Ports> Printer<'_, P> {
         } else if self.card.job == Job::Paused {
             self.replies.send(Reply::Text("//action:resumed"));
         } else {
+            self.forget_rested_heaters();
             self.card.aborted = false;
         }
         self.set_card_job(Job::Printing);
@@ -242,6 +243,7 @@ impl<P: Ports> Printer<'_, P> {
     /// M524, when the print has noticed it: planned motion ends, and nothing stays hot.
     pub(super) async fn end_aborted_print(&mut self) {
         self.heating.all_off();
+        self.forget_rested_heaters();
         self.commanded_fans_off().await;
         self.replies.send(Reply::Text("//action:cancel"));
         self.replies.send(Reply::Text("echo:card: the print was ended, heaters and fans are off"));

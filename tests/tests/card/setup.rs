@@ -8,6 +8,7 @@ use std::pin::pin;
 use std::rc::Rc;
 use std::task::Poll;
 
+use embedded_hal_async::delay::DelayNs;
 use ferrostep::desk::{DeskHeating, DeskMachine};
 use ferrostep::record::Observer;
 use ferrostep::session::{PrintSession, Session};
@@ -95,6 +96,8 @@ pub struct Setup {
     session: Desk,
     pub card: Card,
     host: RefCell<Host>,
+    /// Virtual time that passes each time that the print has nothing to do, ms.
+    pub idle_ms: Cell<u32>,
 }
 
 /// Called every time that the hosts are asked for lines, with the place of the print. Returns their lines.
@@ -108,7 +111,12 @@ impl Setup {
     /// A printer whose motors are observed.
     pub fn logged(profile: Profile, image: Vec<u8>, log: StepLog) -> Self {
         let session = Session::print(profile, 128, log, Said::default());
-        Self { session, card: Card::new(VirtualCard::new(image)), host: RefCell::new(Host::new()) }
+        Self {
+            session,
+            card: Card::new(VirtualCard::new(image)),
+            host: RefCell::new(Host::new()),
+            idle_ms: Cell::new(0),
+        }
     }
 
     /// Puts a file on the card, as a host does.
@@ -148,6 +156,11 @@ impl Setup {
     /// The supply's signal says that it is right again.
     pub fn mend_supply(&self) {
         self.session.set_supply_failing(false);
+    }
+
+    /// Virtual time since the start, s.
+    pub fn now_s(&self) -> f64 {
+        self.session.clock().now_ns() as f64 * 1e-9
     }
 
     /// Where the motors stand, by their steps.
@@ -256,6 +269,10 @@ impl HostLines for Hosts<'_, '_> {
     fn tell_all(&mut self) {}
 
     async fn wait(&mut self, _idle: bool) {
+        let idle_ms = self.setup.idle_ms.get();
+        if idle_ms > 0 {
+            return VirtualDelay(self.setup.session.clock()).delay_ms(idle_ms).await;
+        }
         // Pending once, so that virtual time may pass.
         let waited = Cell::new(false);
         let mut once = pin!(poll_fn(|_| if waited.replace(true) { Poll::Ready(()) } else { Poll::Pending }));
