@@ -116,7 +116,7 @@ const NO_DISPLAY: &str = "there is no display";
 const NO_UNIT: &str = "there is no such unit: change filament by hand";
 const NO_STORE: &str = "the profile says where home is";
 const NO_OUTPUT: &str = "there is no such output";
-const NO_TWIN: &str = "this machine has one extruder";
+const NO_TWIN: &str = "one extruder prints at a time";
 
 /// All of them, by letter and number; at most 128, a bit each in [`crate::Remarks`].
 #[rustfmt::skip]
