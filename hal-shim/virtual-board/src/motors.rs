@@ -372,7 +372,7 @@ mod tests {
 
     #[test]
     fn a_probe_triggers_above_the_sheet_only() {
-        for (left_10nm, sees) in [(0, true), (100_001, false)] {
+        for (left_10nm, sees) in [(0, true), (150_000, true), (150_001, false)] {
             let mut motors = motors(Kinematics::Cartesian);
             let sheet_10nm = [[left_10nm, 1_000_000], [0, 1_000_000]];
             motors.set_probe(VirtualProbe { offset_10nm: [0, 0], sheet_10nm, shape: SheetShape::FLAT });
