@@ -285,6 +285,15 @@ pub enum Command<'a> {
         /// P0: the probe's offset stays as it is.
         keeps_offset: bool,
     },
+    /// SET_GCODE_OFFSET Z: how far the nozzle is above what the G-code says, mm in any unit of the G-code.
+    OffsetZ {
+        /// Z, or Z_ADJUST.
+        offset: Decimal,
+        /// Z_ADJUST: it is added to the offset in force.
+        adds: bool,
+        /// MOVE=1: the nozzle follows at once; else its next move along Z does.
+        moves: bool,
+    },
     /// M500 to M504: the stored settings.
     Settings(SettingsCommand),
     /// The bed's mesh, and what measures it.

@@ -207,7 +207,6 @@ pub static NOT_EXECUTED: &[NotExecuted] = &[
     accepted(named(5), "SAVE_GCODE_STATE", "note modes and position (Klipper)", "there is no return to them"),
     accepted(named(6), "SKEW_PROFILE", "load, save or remove the skew of a machine (Klipper)", "the skew of the profile, or the one that M500 has stored, is in force: set it with SET_SKEW or M852"),
     refused(named(7), "RESTORE_GCODE_STATE", "return to noted modes and position (Klipper)", "coordinates and feeds could be read wrongly; write G90 or G91, M82 or M83, and F"),
-    refused(named(8), "SET_GCODE_OFFSET", "offset of the coordinates (Klipper)", "the part would lie elsewhere; use M290 for Z, or G92"),
 ];
 
 const _: () = assert!(NOT_EXECUTED.len() <= 128, "a set of remarks has a bit for each entry");

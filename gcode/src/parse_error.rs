@@ -108,6 +108,15 @@ pub enum ParseError {
         /// The words, such as `P or S`.
         words: &'static str,
     },
+    /// A word that the command does not have, where one is missing.
+    UnknownWord {
+        /// The command.
+        command: &'static str,
+        /// The word.
+        word: ShortText,
+        /// How its words are written.
+        words: &'static str,
+    },
     /// A word that a macro of the profile does not know.
     UnknownParameter {
         /// The macro.
@@ -152,6 +161,9 @@ impl fmt::Display for ParseError {
             }
             ParseError::WordsExpected { command, words } => {
                 write!(formatter, "{command}: expected {words}")
+            }
+            ParseError::UnknownWord { command, word, words } => {
+                write!(formatter, "{command}: unknown word \"{word}\", expected {words}")
             }
             ParseError::UnknownParameter { command, word, known: "" } => {
                 write!(formatter, "{command}: unknown word \"{word}\", the macro has none")

@@ -71,12 +71,8 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
         b'G' | b'M' if !has_number => Err(ParseError::NumberExpected { letter: char::from(letter) }),
         b'G' => g_codes::parse(code, remarks),
         b'M' => m_codes::parse(code, remarks),
-        // `Tx`, `Tc` and `T?` drive the filament changer of some printers.
-        b'T' if has_number && !has_subcode => {
-            if number == u32::MAX {
-                let text = crate::ShortText::new(text.get(digits_start..at).unwrap_or_default());
-                return Err(ParseError::TooLarge { letter: 'T', text });
-            }
+        // `Tx`, `Tc` and `T?` drive the filament changer of some printers, as numbers do that no tool has.
+        b'T' if has_number && !has_subcode && number <= LAST_TOOL => {
             let stays = code.words(remarks)?.flag(b'S');
             Ok(Command::SelectTool { tool: Some(number), stays })
         }
@@ -92,6 +88,9 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
         _ => named::parse(&code, remarks),
     }
 }
+
+/// Numbers above it are no tools, but orders to what some printers have: T255 and T1000 of Bambu's, T65535.
+const LAST_TOOL: u32 = 99;
 
 /// How an error calls a line of coordinates alone, with which other machines repeat the last G0 to G3.
 const BARE_COORDINATE: &str = "a coordinate without a command";

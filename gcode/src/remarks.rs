@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::ShortText;
 use crate::not_executed::NOT_EXECUTED;
 
 /// One remark. Letters are upper case.
@@ -53,8 +54,12 @@ pub enum Remark {
     NoBed,
     /// The alignment of Z's motors, on a machine that does not know how.
     OneZMotor,
-    /// Words of BED_MESH_CALIBRATE other than its area.
-    MeshWords,
+    /// M30 without a file's name.
+    ProgramEnd,
+    /// A K of M900 that is no time: it keeps the one in force.
+    OtherAdvance,
+    /// A word, `KEY=VALUE`, that the command does not have; `true`: not the only one in the line.
+    UnknownWord(ShortText, bool),
     /// M425 on a machine whose profile says of no play.
     NoBacklash,
     /// M42 on a machine without outputs.
@@ -85,6 +90,16 @@ pub struct Remarks {
     about_line: u32,
     /// A bit for each entry of [`NOT_EXECUTED`].
     not_executed: u128,
+    /// A bit for each unknown word that was met, of 32 kinds of spelling.
+    unknown_words: u32,
+    /// The newest of them, and whether it has company.
+    unknown_word: Option<(ShortText, bool)>,
+}
+
+/// The bit of a word in [`Remarks::unknown_words`].
+fn word_bit(word: ShortText) -> u32 {
+    let sum = word.as_str().bytes().fold(0_u32, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte.into()));
+    1 << (sum.wrapping_mul(0x9e37_79b1) >> 27)
 }
 
 /// Texts of the bits of `about_line`.
@@ -104,7 +119,7 @@ const ABOUT_LINE: &[&str] = &[
     "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J",
     "heaters and thermometers are extruder, heater_bed and chamber; no effect",
     "this machine has no probe, its bed must be level by itself; no effect",
-    "of the mesh's words MESH_MIN and MESH_MAX have an effect",
+    "without a file's name: ends a program, which needs no command here; what follows is executed",
     "the profile has no outputs; no effect",
     "the profile has no power_supply; no effect",
     "the profile has no chamber; no effect, and nothing is waited for",
@@ -112,6 +127,7 @@ const ABOUT_LINE: &[&str] = &[
     "the profile has no z_motors with points; no effect",
     "the profile has no light of several colours (color of its outputs); no effect",
     "the profile has no backlash; no effect",
+    "K: expected 0 to 2 s (Linear Advance 1.0 has other numbers); the advance stays",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -134,6 +150,8 @@ impl Remarks {
         zero: 0,
         about_line: 0,
         not_executed: 0,
+        unknown_words: 0,
+        unknown_word: None,
     };
 
     /// Whether there are no remarks.
@@ -167,7 +185,12 @@ impl Remarks {
             Remark::OtherHeater => self.about_line |= 1 << 13,
             Remark::WaitsForHeatOnly => self.about_line |= 1 << 2,
             Remark::NoBed => self.about_line |= NO_BED,
-            Remark::MeshWords => self.about_line |= 1 << 15,
+            Remark::ProgramEnd => self.about_line |= 1 << 15,
+            Remark::OtherAdvance => self.about_line |= 1 << 23,
+            Remark::UnknownWord(word, in_company) => {
+                self.unknown_words |= word_bit(word);
+                self.unknown_word = Some((word, in_company));
+            }
             Remark::NoOutputs => self.about_line |= 1 << 16,
             Remark::NoLight => self.about_line |= 1 << 21,
             Remark::NoSupply => self.about_line |= 1 << 17,
@@ -211,6 +234,7 @@ impl Remarks {
             *all |= more;
             new
         };
+        let unknown_words = merge(&mut self.unknown_words, other.unknown_words);
         let not_executed = other.not_executed & !self.not_executed;
         self.not_executed |= other.not_executed;
         Self {
@@ -222,6 +246,8 @@ impl Remarks {
             zero: merge(&mut self.zero, other.zero),
             about_line: merge(&mut self.about_line, other.about_line),
             not_executed,
+            unknown_words,
+            unknown_word: other.unknown_word.filter(|_| unknown_words != 0),
         }
     }
 }
@@ -242,6 +268,11 @@ impl fmt::Display for Remarks {
                 write!(out, "{separator}{} {says}", char::from(letter))?;
                 separator = "; ";
             }
+        }
+        if let Some((word, in_company)) = self.unknown_word {
+            let says = if in_company { " and others have no effect" } else { " has no effect" };
+            write!(out, "{separator}{word}{says}")?;
+            separator = "; ";
         }
         for says in ABOUT_LINE.iter().zip(0..).filter(|(_, bit)| self.about_line >> bit & 1 == 1).map(|(says, _)| says)
         {
@@ -303,7 +334,9 @@ mod tests {
             (Remark::NoBed, "this machine has no probe, its bed must be level by itself; no effect"),
             (Remark::OneZMotor, "the profile has no z_motors with points; no effect"),
             (Remark::NoBacklash, "the profile has no backlash; no effect"),
-            (Remark::MeshWords, "of the mesh's words MESH_MIN and MESH_MAX have an effect"),
+            (Remark::OtherAdvance, "K: expected 0 to 2 s (Linear Advance 1.0 has other numbers); the advance stays"),
+            (Remark::UnknownWord(ShortText::new("SPEED"), false), "SPEED has no effect"),
+            (Remark::UnknownWord(ShortText::new("SPEED"), true), "SPEED and others have no effect"),
             (Remark::NoEffect(b'W'), "W has no effect"),
             (Remark::Zero(b'E'), "E without a number is read as 0"),
         ] {

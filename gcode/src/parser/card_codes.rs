@@ -1,6 +1,7 @@
 //! Commands for the files on a memory card.
 
 use super::code::Code;
+use super::words::skip_blanks;
 use crate::remarks::Remarks;
 use crate::{CardCommand, InterruptedPrint, ParseError};
 
@@ -23,6 +24,8 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Option<Result
         27 => progress(code, remarks),
         28 => path(code, "M28").map(CardCommand::Write),
         29 => Ok(CardCommand::EndWrite),
+        // Alone it ends a program, which needs no command here.
+        30 if skip_blanks(code.rest.as_bytes(), 0) == code.rest.len() => return None,
         30 => path(code, "M30").map(CardCommand::Delete),
         31 => Ok(CardCommand::ReportTime),
         32 => select_and_start(code, remarks),
@@ -70,11 +73,30 @@ fn progress<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<CardCommand<'a
     Ok(interval.map_or(CardCommand::ReportProgress, |seconds| CardCommand::AutoReport { seconds }))
 }
 
-/// M32: the path stands between `!` and `#`, or after the words to the end of the line.
+/// Whether a text is words of M32, each a letter with a number or without.
+fn is_words(text: &str) -> bool {
+    let is_word = |word: &str| match word.as_bytes() {
+        [b'P' | b'S' | b'p' | b's', number @ ..] => number.iter().all(u8::is_ascii_digit),
+        _ => false,
+    };
+    text.split_ascii_whitespace().all(is_word)
+}
+
+/// A path without the `#` that ends it, and what follows that. A name may contain `#`, too.
+fn before_end_mark(text: &str) -> &str {
+    let ends = |place: &usize| text.get(place + 1..).is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', '\t']));
+    let end = text.rmatch_indices('#').map(|(place, _)| place).find(ends);
+    text.get(..end.unwrap_or(text.len())).unwrap_or_default()
+}
+
+/// M32: the path stands between `!` and `#`, or is the rest of the line.
 fn select_and_start<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<CardCommand<'a>, ParseError> {
     let text = code.free_text();
-    let (words, path) = text.split_once('!').unwrap_or(("", text));
-    let path = path.split_once('#').map_or(path, |(path, _)| path).trim_matches([' ', '\t']);
+    let (words, path) = match text.split_once('!') {
+        Some((words, path)) if is_words(words) => (words, before_end_mark(path)),
+        _ => ("", text),
+    };
+    let path = path.trim_matches([' ', '\t']);
     if path.is_empty() {
         return Err(ParseError::WordsExpected { command: "M32", words: "a file's name after !" });
     }

@@ -57,9 +57,16 @@ const fn not_supported(command: &'static str, why: &'static str) -> ParseError {
 
 fn arc<'a>(code: Code<'a>, clockwise: bool, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.places(remarks)?;
-    // P means more full circles, K an arc in another plane.
-    if words.is_not_zero(b'P') || words.is_not_zero(b'K') {
-        return Err(not_supported("G2 and G3 with P or K", "the arc would be missing; write arcs in XY, once around"));
+    if words.is_not_zero(b'K') {
+        return Err(not_supported("G2 and G3 with K", "the arc would be missing; write arcs in XY"));
+    }
+    // Slicers lift with P1, which is once around; some firmware counts the turns, some those beyond the first.
+    let turns = words.value(b'P').unwrap_or_default();
+    if turns != Decimal::ZERO && turns != Decimal::from_nanos(1_000_000_000) {
+        return Err(not_supported(
+            "G2 and G3 with P other than 0 and 1",
+            "P turns mean another path in each firmware; write a line for each turn",
+        ));
     }
     let form = match (words.value(b'R'), words.value(b'I'), words.value(b'J')) {
         (Some(radius), _, _) => ArcForm::Radius(radius),

@@ -215,7 +215,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             axes.z = axes.z.or(by);
             Ok(Command::ShiftZ { words: axes, keeps_offset: words.switch(b'P')? == Some(false) })
         }
-        400 => Ok(Command::Finish),
+        30 => {
+            remarks.add(Remark::ProgramEnd);
+            Ok(Command::Finish)
+        }
+        400 => finish(code, remarks),
         410 => Ok(Command::QuickStop),
         500 => code.without_words(Command::Settings(SettingsCommand::Store), remarks),
         501 => code.without_words(Command::Settings(SettingsCommand::Load), remarks),
@@ -360,6 +364,18 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
             }
         }
     })
+}
+
+/// M400. Bambu's firmware takes the words of G4, too, and U1 for a pause.
+#[inline(never)]
+fn finish<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    if words.flag(b'U') {
+        return Ok(Command::Pause(AxisWords::default()));
+    }
+    let from_milliseconds = words.nearest(b'P', 1)?;
+    let milliseconds = words.nearest(b'S', 1000)?.or(from_milliseconds);
+    Ok(milliseconds.map_or(Command::Finish, |milliseconds| Command::Dwell { milliseconds }))
 }
 
 /// M73: numbers that are too large become the largest, for no print is worse for that.

@@ -7,10 +7,11 @@ use super::pin;
 use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
 use crate::{
-    AdvanceWords, AxisWords, BedArea, BedCommand, Command, Decimal, NotExecuted, ParseError, ShaperWords, SkewCommand,
-    WaitTarget,
+    AdvanceWords, AxisWords, BedArea, BedCommand, Command, Decimal, NotExecuted, ParseError, ShaperWords, ShortText,
+    SkewCommand, WaitTarget,
 };
 
+mod offset;
 mod skew;
 mod tower;
 
@@ -31,6 +32,8 @@ pub(super) struct NamedWords<'a> {
     /// The command, and how its words are written, for errors.
     command: &'static str,
     form: &'static str,
+    /// The keys of its words, divided by `, `.
+    known: &'static str,
     text: &'a [u8],
 }
 
@@ -89,9 +92,25 @@ impl<'a> NamedWords<'a> {
         words.map(|word| word.iter().position(|byte| *byte == b'=').and_then(|end| word.get(..end)).unwrap_or_default())
     }
 
-    /// Whether every word has one of the known keys, which are divided by `, `.
-    fn has_only(&self, known: &str) -> bool {
-        self.keys().all(|key| is_one_of(known.as_bytes(), key))
+    /// The words that the command does not have, each as it names itself.
+    fn unknown(&self) -> impl Iterator<Item = ShortText> {
+        let known = self.known.as_bytes();
+        let names = Divided(self.text).zip(self.keys()).map(|(word, key)| if key.is_empty() { word } else { key });
+        // Cut at ASCII, so that they are text still.
+        let unknown = names.filter(move |name| !is_one_of(known, name));
+        unknown.map(|name| ShortText::new(core::str::from_utf8(name).unwrap_or_default()))
+    }
+
+    /// Whether a word that the command has stands without `=` and its value.
+    fn lacks_value(&self) -> bool {
+        let is_bare = |word: &[u8]| !word.contains(&b'=') && is_one_of(self.known.as_bytes(), word);
+        Divided(self.text).any(is_bare)
+    }
+
+    /// Refuses a line that has words, and none that the command has: it would be taken for a question.
+    fn must_be_known(&self) -> Result<(), ParseError> {
+        let all_unknown = self.unknown().count() == self.keys().count();
+        if all_unknown && self.unknown().next().is_some() { Err(self.expected()) } else { Ok(()) }
     }
 
     /// The value of a word as text.
@@ -151,46 +170,67 @@ impl<'a> NamedWords<'a> {
         Some(number.and_then(|number| u8::try_from(number).ok()).unwrap_or(u8::MAX))
     }
 
-    pub(super) const fn expected(&self) -> ParseError {
-        ParseError::WordsExpected { command: self.command, words: self.form }
+    /// The error of a line without a word that it needs, or with one that cannot be read. A word that the command does not have is
+    /// the likeliest cause.
+    pub(super) fn expected(&self) -> ParseError {
+        let (command, words) = (self.command, self.form);
+        match self.unknown().next() {
+            Some(word) => ParseError::UnknownWord { command, word, words },
+            None => ParseError::WordsExpected { command, words },
+        }
     }
 }
 
 /// Klipper's names of extruders, by their tools.
 const EXTRUDERS: [&str; 2] = ["extruder", "extruder1"];
 
-/// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 24] = [
-    ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
-    ("SET_HEATER_TEMPERATURE", "HEATER=extruder, extruder1, heater_bed or chamber, and TARGET with a number"),
-    ("TEMPERATURE_WAIT", "SENSOR=extruder, extruder1, heater_bed or chamber, and MINIMUM or MAXIMUM with a number"),
-    ("SET_PRINT_STATS_INFO", "TOTAL_LAYER or CURRENT_LAYER with a number"),
+/// The names that are executed, each with the keys of its words, and how they are written.
+const EXECUTED: [(&str, &str, &str); 25] = [
+    ("SET_VELOCITY_LIMIT", VELOCITY_WORDS, "VELOCITY or ACCEL with a number above 0"),
+    (
+        "SET_HEATER_TEMPERATURE",
+        "HEATER, TARGET",
+        "HEATER=extruder, extruder1, heater_bed or chamber, and TARGET with a number",
+    ),
+    (
+        "TEMPERATURE_WAIT",
+        "SENSOR, MINIMUM, MAXIMUM",
+        "SENSOR=extruder, extruder1, heater_bed or chamber, and MINIMUM or MAXIMUM with a number",
+    ),
+    ("SET_PRINT_STATS_INFO", "TOTAL_LAYER, CURRENT_LAYER", "TOTAL_LAYER or CURRENT_LAYER with a number"),
     (
         "SET_INPUT_SHAPER",
+        SHAPER_WORDS,
         "SHAPER_TYPE, SHAPER_TYPE_X or SHAPER_TYPE_Y with a kind, SHAPER_FREQ_X, SHAPER_FREQ_Y, DAMPING_RATIO_X or \
          DAMPING_RATIO_Y with a number",
     ),
-    ("SET_PRESSURE_ADVANCE", "ADVANCE or SMOOTH_TIME with a number"),
-    ("TURN_OFF_HEATERS", ""),
-    ("TUNING_TOWER", tower::FORM),
-    ("SET_FAN_SPEED", "FAN with a name, and SPEED with a number from 0 to 1"),
-    ("SET_PIN", "PIN with a name, and VALUE with a number from 0 to 1"),
-    ("PAUSE", ""),
-    ("RESUME", ""),
-    ("BED_MESH_CALIBRATE", "MESH_MIN and MESH_MAX with x,y, or neither"),
-    ("BED_MESH_CLEAR", ""),
-    ("PROBE_ACCURACY", "SAMPLES with a number up to 255"),
-    ("SCREWS_TILT_CALCULATE", ""),
-    ("SET_SKEW", skew::SET),
-    ("CALC_MEASURED_SKEW", skew::CALCULATE),
-    ("GET_CURRENT_SKEW", ""),
-    ("BLTOUCH_DEBUG", pin::DEBUG_WORDS),
-    ("ACTIVATE_EXTRUDER", "EXTRUDER=extruder or extruder1"),
-    ("Z_TILT_ADJUST", ALIGN_WORDS),
-    ("QUAD_GANTRY_LEVEL", ALIGN_WORDS),
-    ("SET_LED", "LED with a name, and RED, GREEN, BLUE or WHITE with a number from 0 to 1"),
+    ("SET_PRESSURE_ADVANCE", "EXTRUDER, ADVANCE, SMOOTH_TIME", "ADVANCE or SMOOTH_TIME with a number"),
+    ("TURN_OFF_HEATERS", "", ""),
+    ("TUNING_TOWER", tower::WORDS, tower::FORM),
+    ("SET_FAN_SPEED", "FAN, SPEED", "FAN with a name, and SPEED with a number from 0 to 1"),
+    ("SET_PIN", "PIN, VALUE", "PIN with a name, and VALUE with a number from 0 to 1"),
+    ("PAUSE", "", ""),
+    ("RESUME", "", ""),
+    ("BED_MESH_CALIBRATE", "MESH_MIN, MESH_MAX", "MESH_MIN and MESH_MAX with x,y, or neither"),
+    ("BED_MESH_CLEAR", "", ""),
+    ("PROBE_ACCURACY", "SAMPLES", "SAMPLES with a number up to 255"),
+    ("SCREWS_TILT_CALCULATE", "", ""),
+    ("SET_SKEW", "XY, XZ, YZ, CLEAR", skew::SET),
+    ("CALC_MEASURED_SKEW", "AC, BD, AD", skew::CALCULATE),
+    ("GET_CURRENT_SKEW", "", ""),
+    ("BLTOUCH_DEBUG", "COMMAND", pin::DEBUG_WORDS),
+    ("ACTIVATE_EXTRUDER", "EXTRUDER", "EXTRUDER=extruder or extruder1"),
+    ("Z_TILT_ADJUST", ALIGN_KEYS, ALIGN_WORDS),
+    ("QUAD_GANTRY_LEVEL", ALIGN_KEYS, ALIGN_WORDS),
+    (
+        "SET_LED",
+        "LED, RED, GREEN, BLUE, WHITE",
+        "LED with a name, and RED, GREEN, BLUE or WHITE with a number from 0 to 1",
+    ),
+    ("SET_GCODE_OFFSET", offset::WORDS, offset::FORM),
 ];
 
+const ALIGN_KEYS: &str = "RETRIES, RETRY_TOLERANCE";
 const ALIGN_WORDS: &str = "RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither";
 
 /// Most retries: one less than the rounds of Marlin's G34.
@@ -202,13 +242,30 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
     let line = code.text.trim_matches([' ', '\t']).as_bytes();
     let length = line.iter().position(|byte| matches!(byte, b' ' | b'\t')).unwrap_or(line.len());
     let (name, text) = line.split_at_checked(length).unwrap_or((line, &[]));
-    let executed = EXECUTED.iter().position(|(known, _)| is_one_of(known.as_bytes(), name));
-    let Some((index, (command, form))) = executed.and_then(|index| Some((index, *EXECUTED.get(index)?))) else {
+    let executed = EXECUTED.iter().position(|(known, ..)| is_one_of(known.as_bytes(), name));
+    let Some((index, (command, known, form))) = executed.and_then(|index| Some((index, *EXECUTED.get(index)?))) else {
         return code.outcome(NotExecuted::find_named(name), remarks);
     };
-    let words = NamedWords { command, form, text };
+    let words = NamedWords { command, form, known, text };
+    if words.lacks_value() {
+        return Err(words.expected());
+    }
+    let parsed = executed_one(index, &words, remarks)?;
+    let mut unknown = words.unknown();
+    if let Some(word) = unknown.next() {
+        remarks.add(Remark::UnknownWord(word, unknown.next().is_some()));
+    }
+    Ok(parsed)
+}
+
+/// Reads the words of one of [`EXECUTED`].
+fn executed_one<'a>(
+    index: usize,
+    words: &NamedWords<'a>,
+    remarks: &mut Remarks,
+) -> Result<Command<'a>, ParseError> {
     Ok(match index {
-        0 => velocity_limit(&words, remarks)?,
+        0 => velocity_limit(words, remarks)?,
         1 => {
             // Without a target it is off, as in Klipper.
             let target = Some(words.number("TARGET")?.unwrap_or(Decimal::ZERO).max(Decimal::ZERO));
@@ -221,30 +278,31 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
                 None => Command::Accepted,
             }
         }
-        2 => temperature_wait(&words, remarks)?,
+        2 => temperature_wait(words, remarks)?,
         3 => Command::Layer { current: words.count("CURRENT_LAYER")?, total: words.count("TOTAL_LAYER")? },
-        4 => input_shaper(&words)?,
-        5 => pressure_advance(&words)?,
+        4 => input_shaper(words)?,
+        5 => pressure_advance(words)?,
         6 => Command::HeatersOff,
-        7 => Command::Tower(tower::parse(&words)?),
-        8 => fan(&words, "FAN", "SPEED", remarks)?,
-        9 => fan(&words, "PIN", "VALUE", remarks)?,
+        7 => Command::Tower(tower::parse(words)?),
+        8 => fan(words, "FAN", "SPEED", remarks)?,
+        9 => fan(words, "PIN", "VALUE", remarks)?,
         10 => Command::Pause(AxisWords::default()),
         11 => Command::ResumePrint,
-        12 => Command::Bed(BedCommand::Measure { area: mesh_area(&words, remarks)?, unless_on: false }),
+        12 => Command::Bed(BedCommand::Measure { area: mesh_area(words)?, unless_on: false }),
         13 => Command::Bed(BedCommand::Clear),
         15 => Command::Bed(BedCommand::Screws),
-        16 => Command::Skew(skew::set(&words)?),
-        17 => Command::Skew(skew::calculate(&words)?),
+        16 => Command::Skew(skew::set(words)?),
+        17 => Command::Skew(skew::calculate(words)?),
         18 => Command::Skew(SkewCommand::Report),
-        19 => pin::debug(&words)?,
+        19 => pin::debug(words)?,
         20 => {
             // The nozzle stays, as Klipper's does.
             let tool = words.extruder("EXTRUDER").ok_or(words.expected())?;
             Command::SelectTool { tool: Some(tool.into()), stays: true }
         }
-        21 | 22 => align(&words)?,
-        23.. => light(&words)?,
+        21 | 22 => align(words)?,
+        23 => light(words)?,
+        24.. => offset::parse(words)?,
         _ => {
             let samples = words.count("SAMPLES")?.map(u8::try_from).transpose().map_err(|_| words.expected())?;
             Command::Bed(BedCommand::Repeat { samples, x: None, y: None })
@@ -255,7 +313,7 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
 /// Z_TILT_ADJUST and QUAD_GANTRY_LEVEL.
 fn align<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
     let (retries, accuracy) = (words.count("RETRIES")?, words.above_zero("RETRY_TOLERANCE")?);
-    if retries.is_some_and(|retries| retries > MOST_RETRIES) || !words.has_only("RETRIES, RETRY_TOLERANCE") {
+    if retries.is_some_and(|retries| retries > MOST_RETRIES) {
         return Err(words.expected());
     }
     let rounds = retries.map(|retries| retries as u8 + 1);
@@ -294,10 +352,7 @@ fn light<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
 
 /// The part of the bed of BED_MESH_CALIBRATE.
 #[inline(never)]
-fn mesh_area(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Option<BedArea>, ParseError> {
-    if !words.has_only("MESH_MIN, MESH_MAX") {
-        remarks.add(Remark::MeshWords);
-    }
+fn mesh_area(words: &NamedWords<'_>) -> Result<Option<BedArea>, ParseError> {
     let [from, to] = ["MESH_MIN", "MESH_MAX"].map(|key| words.value(key));
     let (from, to) = match (from, to) {
         (None, None) => return Ok(None),
@@ -335,6 +390,9 @@ fn temperature_wait(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Com
     })
 }
 
+/// The words of SET_VELOCITY_LIMIT.
+const VELOCITY_WORDS: &str = "VELOCITY, ACCEL, SQUARE_CORNER_VELOCITY, ACCEL_TO_DECEL, MINIMUM_CRUISE_RATIO";
+
 /// SET_VELOCITY_LIMIT.
 #[inline(never)]
 fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Command<'static>, ParseError> {
@@ -348,12 +406,10 @@ fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Comma
     Ok(Command::VelocityLimit { velocity, acceleration })
 }
 
-/// SET_PRESSURE_ADVANCE. A misspelt word is an error: the line would be taken for a question.
+/// SET_PRESSURE_ADVANCE.
 #[inline(never)]
 fn pressure_advance(words: &NamedWords<'_>) -> Result<Command<'static>, ParseError> {
-    if !words.has_only("EXTRUDER, ADVANCE, SMOOTH_TIME") {
-        return Err(words.expected());
-    }
+    words.must_be_known()?;
     let tool = words.extruder("EXTRUDER");
     let (slow, smooth_time) = (words.number("ADVANCE")?, words.number("SMOOTH_TIME")?);
     Ok(Command::PressureAdvance(tool, AdvanceWords { slow, smooth_time, ..AdvanceWords::default() }))
@@ -364,16 +420,14 @@ const SHAPER_WORDS: &str =
     "SHAPER_TYPE, SHAPER_TYPE_X, SHAPER_TYPE_Y, SHAPER_FREQ_X, SHAPER_FREQ_Y, DAMPING_RATIO_X, DAMPING_RATIO_Y";
 const SHAPER_WORDS_OF_Z: &str = "SHAPER_TYPE_Z, SHAPER_FREQ_Z, DAMPING_RATIO_Z";
 
-/// SET_INPUT_SHAPER. A misspelt word is an error: the line would be taken for a question.
+/// SET_INPUT_SHAPER.
 #[inline(never)]
 fn input_shaper<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
     if words.keys().any(|key| is_one_of(SHAPER_WORDS_OF_Z.as_bytes(), key)) {
         let why = "X and Y have filters, Z has none; leave its words out";
         return Err(ParseError::NotSupported { command: "SET_INPUT_SHAPER of Z", why });
     }
-    if !words.has_only(SHAPER_WORDS) {
-        return Err(words.expected());
-    }
+    words.must_be_known()?;
     let both = words.value_text("SHAPER_TYPE");
     let axis = |kind, frequency, damping| -> Result<ShaperWords<'a>, ParseError> {
         let kind = words.value_text(kind);

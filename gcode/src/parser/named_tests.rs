@@ -82,6 +82,31 @@ fn what_is_missing_or_malformed_is_refused() {
     }
 }
 
+/// Klipper goes on at a word that a command does not have; where another is missing, it is the likeliest cause.
+#[test]
+fn unknown_words_are_named() {
+    use crate::AdvanceWords;
+    let advance = Command::PressureAdvance(None, AdvanceWords { slow: some("0.0660"), ..AdvanceWords::default() });
+    reads_with(
+        "SET_PRESSURE_ADVANCE ADVANCE=0.0660 ADVANCE_LOOKAHEAD_TIME=0.010",
+        advance,
+        "ADVANCE_LOOKAHEAD_TIME has no effect",
+    );
+    let fan = Command::NamedFan { name: "a", power: 255 };
+    reads_with("SET_PIN PIN=a VALUE=1 CYCLE_TIME=0.01", fan, "CYCLE_TIME has no effect");
+    reads_with("TURN_OFF_HEATERS now", Command::HeatersOff, "now has no effect");
+    reads_with("PAUSE REASON=x A=1", Command::Pause(AxisWords::default()), "REASON and others have no effect");
+    for (text, word) in [
+        ("SET_PRESSURE_ADVANCE K=0.05", "K"),
+        ("SET_INPUT_SHAPER SHAPER_FREQUENCY_X=40", "SHAPER_FREQUENCY_X"),
+        ("SET_FAN_SPEED FAN=a VALUE=1", "VALUE"),
+        ("SET_VELOCITY_LIMIT ACCELERATION=1000", "ACCELERATION"),
+        ("ACTIVATE_EXTRUDER extruder1", "extruder1"),
+    ] {
+        assert!(refused(text).contains(&format!(": unknown word \"{word}\", expected ")), "{}", refused(text));
+    }
+}
+
 /// What files for Klipper begin, go on and end with is known, and says why it does nothing.
 #[test]
 fn what_means_nothing_here_says_so() {
@@ -99,7 +124,6 @@ fn what_means_nothing_here_says_so() {
         let entry = NotExecuted::of(text).unwrap_or_else(|| panic!("{text}"));
         assert!(entry.to_string().contains(says), "{text}: {entry}");
     }
-    assert!(refused("SET_GCODE_OFFSET Z=0.1 MOVE=1").contains("the part would lie elsewhere"));
     // No name hides another, and none is executed as well.
     for entry in NOT_EXECUTED.iter().filter(|entry| entry.letter == crate::NAMED) {
         for name in entry.name.split(", ") {
@@ -119,8 +143,8 @@ fn the_beds_mesh() {
     let [left, front, right, back] = ["10", "20.5", "100", "110"].map(super::tests::number);
     let area = BedArea { left, right, front, back, is_size: false };
     reads("bed_mesh_calibrate MESH_MIN=10,20.5 mesh_max=100,110", measure(Some(area)));
-    let says = "of the mesh's words MESH_MIN and MESH_MAX have an effect";
-    reads_with("BED_MESH_CALIBRATE ADAPTIVE=1", measure(None), says);
+    reads_with("BED_MESH_CALIBRATE ADAPTIVE=1", measure(None), "ADAPTIVE has no effect");
+    reads_with("BED_MESH_CALIBRATE ADAPTIVE=1 METHOD=scan", measure(None), "ADAPTIVE and others have no effect");
     reads("BED_MESH_CLEAR", Command::Bed(BedCommand::Clear));
     reads("PROBE_ACCURACY SAMPLES=20", Command::Bed(BedCommand::Repeat { samples: Some(20), x: None, y: None }));
     for text in ["BED_MESH_CALIBRATE MESH_MIN=1,2", "BED_MESH_CALIBRATE MESH_MIN=1 MESH_MAX=2,3"] {

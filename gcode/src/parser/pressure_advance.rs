@@ -2,7 +2,7 @@
 
 use super::code::Code;
 use super::words::{Strays, Words};
-use crate::remarks::Remarks;
+use crate::remarks::{Remark, Remarks};
 use crate::{AdvanceWords, Command, Decimal, ParseError};
 
 /// The words of one of the two commands.
@@ -23,6 +23,9 @@ pub(super) const M900: Form = Form { command: "M900", tool: b'T', slow: b'K', ex
 pub(super) const M572: Form =
     Form { command: "M572", tool: b'D', slow: b'S', expected: "S with a number, and with L also T" };
 
+/// The largest K of M900, s. Linear Advance 1.0 counted in another unit: its K is 30 and more.
+const MAX_K_NANOS: i64 = 2_000_000_000;
+
 pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks, form: &Form) -> Result<Command<'a>, ParseError> {
     let Form { command, tool, slow, expected } = *form;
     let mut words = Words::new(remarks);
@@ -32,6 +35,10 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks, form: &Form) -> R
     if tool == b'T' {
         // K0 L0: neither is wanted.
         words.needless_zero(b'L');
+        if set.slow.is_some_and(|slow| !(0..=MAX_K_NANOS).contains(&slow.nanos())) {
+            words.remark(Remark::OtherAdvance);
+            return Ok(Command::Accepted);
+        }
         return Ok(Command::PressureAdvance(number, set));
     }
     set.fast = required(&mut words, b'L', command, expected)?;
@@ -74,6 +81,13 @@ mod tests {
         reads("M900 k=.05 ; filament", advance("0.05", "", "", ""));
         reads("M900 K0 L0", advance("0", "", "", ""));
         reads_with("M900 K0.05 L0.1", advance("0.05", "", "", ""), "L has no effect");
+        let says = "K: expected 0 to 2 s (Linear Advance 1.0 has other numbers); the advance stays";
+        for text in ["M900 K30", "M900 K=45 T1", "M900 K2.001", "M900 K-0.1"] {
+            reads_with(text, Command::Accepted, says);
+        }
+        reads("M900 K2", advance("2", "", "", ""));
+        reads_with("M900 K45 L10 W0.4", Command::Accepted, &format!("L has no effect; W has no effect; {says}"));
+        reads("M572 S30", advance("30", "", "", ""));
         reads("M572 S0.04", advance("0.04", "", "", ""));
         reads("M572 S0.036 W0.02", advance("0.036", "", "", "0.02"));
         reads("M572 S=0.05 L = .02 T=3", advance("0.05", ".02", "3", ""));
@@ -108,7 +122,7 @@ mod tests {
         for text in ["M900 K==0.05", "M900 =0.05", "M900 K0.05=", "M104 S=200", "G1 X=5"] {
             assert!(refused(text).contains("unexpected character '='"), "{text}: {}", refused(text));
         }
-        for text in ["SET_PRESSURE_ADVANCE ADVANCE", "SET_PRESSURE_ADVANCE ADVANCE=x", "SET_PRESSURE_ADVANCE K=0.05"] {
+        for text in ["SET_PRESSURE_ADVANCE ADVANCE=", "SET_PRESSURE_ADVANCE ADVANCE=x", "SET_PRESSURE_ADVANCE K=0.05"] {
             assert!(refused(text).contains("ADVANCE or SMOOTH_TIME with a number"), "{text}");
         }
     }

@@ -82,6 +82,9 @@ impl<'a> Words<'a> {
             let (bit, index) = (bit(upper), usize::from(upper - b'A'));
             words.present |= bit;
             if !begins_number(bytes, at) {
+                if strays != Strays::Refused {
+                    at = after_quotes(bytes, at);
+                }
                 if strays != Strays::Assigned || bytes.get(at) != Some(&b'=') {
                     continue;
                 }
@@ -331,6 +334,14 @@ fn not_finite(text: &str, at: usize) -> Option<ShortText> {
     }
     let name = text.get(at..at + 3)?;
     ["nan", "inf"].iter().any(|not_finite| name.eq_ignore_ascii_case(not_finite)).then(|| ShortText::new(name))
+}
+
+/// The place after a text in `"`, as Prusa's firmware takes it after a letter; without one `at`.
+#[cold]
+fn after_quotes(bytes: &[u8], at: usize) -> usize {
+    let text = bytes.get(at..).and_then(|rest| rest.strip_prefix(b"\""));
+    let length = text.and_then(|text| text.iter().position(|byte| *byte == b'"'));
+    length.map_or(at, |length| at + length + 2)
 }
 
 #[inline]

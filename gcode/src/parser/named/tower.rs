@@ -6,13 +6,13 @@ use crate::{Decimal, ParseError, TowerCourse, TowerWords};
 /// How its words are written, for errors.
 pub(super) const FORM: &str = "COMMAND, PARAMETER and START, with FACTOR (and BAND) or with STEP_DELTA and STEP_HEIGHT";
 
-/// Its words. What is misspelt or contradicts itself is an error: the value would not change as it is meant to.
+/// The keys of its words.
+pub(super) const WORDS: &str = "COMMAND, PARAMETER, START, SKIP, FACTOR, BAND, STEP_DELTA, STEP_HEIGHT";
+
+/// Its words. What is missing or contradicts itself is an error: the value would not change as it is meant to.
 pub(super) fn parse<'a>(words: &NamedWords<'a>) -> Result<Option<TowerWords<'a>>, ParseError> {
     if words.keys().next().is_none() {
         return Ok(None);
-    }
-    if !words.has_only("COMMAND, PARAMETER, START, SKIP, FACTOR, BAND, STEP_DELTA, STEP_HEIGHT") {
-        return Err(words.expected());
     }
     let [factor, delta] = [words.number("FACTOR")?, words.number("STEP_DELTA")?];
     let [band, height] = [words.above_zero("BAND")?, words.above_zero("STEP_HEIGHT")?];
@@ -33,7 +33,7 @@ pub(super) fn parse<'a>(words: &NamedWords<'a>) -> Result<Option<TowerWords<'a>>
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::tests::{number, reads, refused};
+    use super::super::super::tests::{number, reads, reads_with, refused};
     use super::*;
     use crate::Command;
 
@@ -82,11 +82,13 @@ mod tests {
             "COMMAND=M900 PARAMETER=K START=0 STEP_DELTA=1 STEP_HEIGHT=-5",
             "COMMAND=M900 PARAMETER=K START=0 FACTOR=1 SKIP=-1",
             "COMMAND=M900 PARAMETER=K START=x FACTOR=1",
-            "COMMAND=M900 PARAMETER=K START=0 FAKTOR=1",
-            "COMMAND=M900 PARAMETER=K START=0 FACTOR=1 fast",
             "COMMAND=\"M900 PARAMETER=K START=0 FACTOR=1",
         ] {
             assert_eq!(refused(&format!("TUNING_TOWER {words}")), format!("TUNING_TOWER: expected {FORM}"), "{words}");
         }
+        let refusal = refused("TUNING_TOWER COMMAND=M900 PARAMETER=K START=0 FAKTOR=1");
+        assert_eq!(refusal, format!("TUNING_TOWER: unknown word \"FAKTOR\", expected {FORM}"));
+        let linear = tower("M900", "K", "0", TowerCourse::Linear { factor: number("1") });
+        reads_with("TUNING_TOWER COMMAND=M900 PARAMETER=K START=0 FACTOR=1 fast", linear, "fast has no effect");
     }
 }
