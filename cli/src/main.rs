@@ -340,7 +340,7 @@ fn run<D: Desk, F: Fn(&str)>(
         watch.end_of_text(outcome.is_ok());
         outcome
     };
-    watch.end(&session.heating());
+    watch.end(&session.heating(), outcome.is_ok());
     let wall_s = started.elapsed().as_secs_f64();
     progress.end();
 

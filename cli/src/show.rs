@@ -182,7 +182,7 @@ pub(crate) fn record_without(
         watch.end_of_text(outcome.is_ok());
         (outcome, text)
     };
-    watch.end(&session.heating());
+    watch.end(&session.heating(), outcome.is_ok());
     let tally = printer.tally();
     let (figures, remarks) = (session.figures(), session.replies().remarks().to_vec());
     Ok(Shown {

@@ -22,6 +22,7 @@ pub struct Watch<'a> {
     /// Cross-section of the filament.
     filament_mm2: f64,
     line: u32,
+    is_arc: bool,
     tally: Tally,
     position_10nm: [i64; 4],
     /// The line that asks for the greatest flow, and that flow, mm^3/s.
@@ -37,6 +38,7 @@ impl<'a> Watch<'a> {
             max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
             filament_mm2: std::f64::consts::PI / 4.0 * diameter_mm * diameter_mm,
             line: 0,
+            is_arc: false,
             tally: Tally::default(),
             position_10nm: [0; 4],
             most: None,
@@ -52,9 +54,9 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Adds the remarks about the end.
-    pub fn end(&self, heating: &impl Heating) {
-        for heater in Heater::ALL {
+    /// Adds the remarks about the end of a job; of one that `has_ended`, not of one that stopped on its way, those about what is left on.
+    pub fn end(&self, heating: &impl Heating, has_ended: bool) {
+        for heater in Heater::ALL.into_iter().filter(|_| has_ended) {
             let celsius = heating.status(heater).target_celsius;
             if celsius > 0.0 {
                 let (name, code) = match heater {
@@ -89,6 +91,7 @@ impl<'a> Watch<'a> {
 impl<P: Ports> Onlooker<P> for Watch<'_> {
     fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
         self.line = line;
+        self.is_arc = ["G2", "G3", "G02", "G03"].iter().any(|arc| arc.eq_ignore_ascii_case(code(text)));
         if text.starts_with(['M', 'm']) {
             let code = code(text);
             if PAUSES.iter().any(|pause| pause.eq_ignore_ascii_case(code)) {
@@ -102,7 +105,11 @@ impl<P: Ports> Onlooker<P> for Watch<'_> {
         let tally = printer.tally();
         let position_10nm = printer.logical_10nm();
         if tally.clamped_moves != self.tally.clamped_moves {
-            let message = "the target lies outside the travel and is drawn in to its edge";
+            let message = if self.is_arc {
+                "the arc leaves the travel and is drawn in to its edge"
+            } else {
+                "the target lies outside the travel and is drawn in to its edge"
+            };
             self.remarks.note(RemarkKind::SoftLimit, Some(self.line), message);
         }
         if tally.unhomed_moves != self.tally.unhomed_moves {

@@ -30,7 +30,7 @@ impl AdvanceRefusal {
 impl fmt::Display for AdvanceRefusal {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ([least, most], unit, words) = match self.error {
-            PressureAdvanceError::Seconds => ([0.0, PressureAdvance::MAX_SECONDS], "s", "M900 K, M572 S or L, ADVANCE"),
+            PressureAdvanceError::Seconds => ([0.0, PressureAdvance::MAX_SECONDS], "s", "M572 S or L, ADVANCE"),
             PressureAdvanceError::Speed => (PressureAdvance::FILAMENT_MM_PER_S, "mm/s", "M572 T"),
             PressureAdvanceError::SmoothTime => (PressureAdvance::SMOOTH_TIME_S, "s", "M572 W, SMOOTH_TIME"),
         };

@@ -23,6 +23,8 @@ pub struct Arc {
     end_radius: f64,
     angle: f64,
     chords: u32,
+    /// Between which X and which Y it lies.
+    reach: [[i64; 2]; 2],
 }
 
 fn length(vector: [f64; 2]) -> f64 {
@@ -47,6 +49,19 @@ fn direction_at(angle: f64) -> [f64; 2] {
     [cosine, sine]
 }
 
+/// Whether a turn by an angle from a direction passes the direction of an axis, to its upper (1) or lower side (-1).
+fn passes(start: [f64; 2], angle: f64, axis: usize, side: f64) -> bool {
+    let [x, y] = start;
+    let (cross, dot) = if axis == 0 { (-y * side, x * side) } else { (x * side, y * side) };
+    let mut between = libm::atan2(cross, dot);
+    if angle > 0.0 && between < 0.0 {
+        between += core::f64::consts::TAU;
+    } else if angle < 0.0 && between > 0.0 {
+        between -= core::f64::consts::TAU;
+    }
+    between.abs() <= angle.abs()
+}
+
 impl Arc {
     /// The arc around `centre`; equal start and end make a full circle.
     pub fn around(start: [i64; 2], end: [i64; 2], centre: [i64; 2], clockwise: bool) -> Result<Self, CommandError> {
@@ -61,7 +76,9 @@ impl Arc {
             });
         }
         let turn = core::f64::consts::TAU;
-        let cross = from[0] * to[1] - from[1] * to[0];
+        // By the chord, which is exact: of a large radius the two ends differ in their last digits only.
+        let chord = [(end[0] - start[0]) as f64, (end[1] - start[1]) as f64];
+        let cross = from[0] * chord[1] - from[1] * chord[0];
         let dot = from[0] * to[0] + from[1] * to[1];
         let mut angle = libm::atan2(cross, dot);
         if start == end {
@@ -73,8 +90,18 @@ impl Arc {
         }
         // A chord over angle p is r (1 - cos(p/2)) away from its arc.
         let radius = start_radius.max(end_radius);
-        // All chords are checked before the first one is executed.
-        if centre.iter().any(|&middle| (middle as f64).abs() + radius > MAX_COORDINATE_10NM as f64) {
+        let start_direction = [from[0] / start_radius, from[1] / start_radius];
+        let reach = [0, 1].map(|axis| {
+            let mut ends = [start[axis].min(end[axis]), start[axis].max(end[axis])];
+            for (place, side) in ends.iter_mut().zip([-1.0, 1.0]) {
+                if passes(start_direction, angle, axis, side) {
+                    *place = round_half_away(centre[axis] as f64 + side * radius);
+                }
+            }
+            ends
+        });
+        // All chords are checked before the first one is executed. Its points count, not its centre, which may be kilometres away.
+        if reach.as_flattened().iter().any(|place| place.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
             return Err(CommandError::TooFar);
         }
         let cosine = (1.0 - CHORD_TOLERANCE_MM * MM / radius).max(0.0);
@@ -82,11 +109,12 @@ impl Arc {
         let chords = (libm::ceil(angle.abs() / widest) as u32).max(1);
         Ok(Self {
             centre: [centre[0] as f64, centre[1] as f64],
-            start: [from[0] / start_radius, from[1] / start_radius],
+            start: start_direction,
             start_radius,
             end_radius,
             angle,
             chords,
+            reach,
         })
     }
 
@@ -113,6 +141,19 @@ impl Arc {
     /// Number of chords, at least 1.
     pub fn chords(&self) -> u32 {
         self.chords
+    }
+
+    /// Between which X and which Y it lies, units of 10 nm.
+    pub fn reach(&self) -> [[i64; 2]; 2] {
+        self.reach
+    }
+
+    /// A length that no chord exceeds, units of 10 nm.
+    pub fn longest_chord(&self) -> i64 {
+        let radius = self.start_radius.max(self.end_radius);
+        // The radius may change along the arc, and ends are rounded.
+        let change = (self.end_radius - self.start_radius).abs();
+        round_half_away(radius * self.angle.abs() / f64::from(self.chords) + change) + 2
     }
 
     /// The ends of all chords but the last, which ends where the arc ends.
@@ -190,6 +231,51 @@ mod tests {
         }
         assert!(Arc::with_radius([0, 0], [1_000_000, 0], 300_000, true).is_err());
         assert!(Arc::with_radius([0, 0], [0, 0], 300_000, true).is_err());
+    }
+
+    #[test]
+    fn it_reaches_as_far_as_its_points() {
+        let mm = |length: f64| round_half_away(length * MM);
+        // Bulges to the right of its ends; the other way round to the left.
+        let bulge = |clockwise| Arc::around([mm(195.0), mm(90.0)], [mm(195.0), mm(110.0)], [mm(195.0), mm(100.0)], clockwise);
+        assert_eq!(bulge(false).unwrap().reach(), [[mm(195.0), mm(205.0)], [mm(90.0), mm(110.0)]]);
+        assert_eq!(bulge(true).unwrap().reach(), [[mm(185.0), mm(195.0)], [mm(90.0), mm(110.0)]]);
+        let circle = Arc::around([mm(5.0), 0], [mm(5.0), 0], [0, 0], true).unwrap();
+        assert_eq!(circle.reach(), [[mm(-5.0), mm(5.0)]; 2]);
+        // From 4.9 m to 5.1 m and back, and from 4.9 m a little on.
+        let middle = [mm(4900.0), 0];
+        assert_eq!(Arc::around([mm(4790.0), 0], [mm(4790.0), 0], middle, true).unwrap_err(), CommandError::TooFar);
+        assert!(Arc::around([mm(4800.0), 0], [mm(4900.0), mm(100.0)], middle, true).is_ok());
+    }
+
+    /// The centre may be as far away as numbers go; a wall of 180 mm that is nearly straight keeps to its circle.
+    #[test]
+    fn large_radii_are_exact() {
+        for radius_mm in [3_000.0, 9_999.0, 100_000.0, 10_000_000.0, 900_000_000.0] {
+            for clockwise in [false, true] {
+                let side = if clockwise { -1.0 } else { 1.0 };
+                let centre = [10_000_000, round_half_away(side * radius_mm * MM)];
+                // Symmetric about the axis, each end as far below it as the circle is there.
+                let half: f64 = 90.0;
+                let sagitta_mm = half * half / (radius_mm + (radius_mm * radius_mm - half * half).sqrt());
+                let ends = [-half, half].map(|x| [10_000_000 + round_half_away(x * MM), round_half_away(side * sagitta_mm * MM)]);
+                let arc = Arc::around(ends[0], ends[1], centre, clockwise).unwrap();
+                let mut count = 0;
+                let mut before = ends[0];
+                for point in arc.inner_points().chain([ends[1]]) {
+                    let x_mm = (point[0] - 10_000_000) as f64 / MM;
+                    let y_mm = x_mm * x_mm / (radius_mm + (radius_mm * radius_mm - x_mm * x_mm).sqrt());
+                    let off_mm = (point[1] as f64 / MM - side * y_mm).abs();
+                    assert!(off_mm < 3e-5, "{radius_mm} {x_mm}: {off_mm}");
+                    let chord = length([(point[0] - before[0]) as f64, (point[1] - before[1]) as f64]);
+                    assert!(point[0] > before[0] && chord <= arc.longest_chord() as f64, "{radius_mm} {x_mm}");
+                    (before, count) = (point, count + 1);
+                }
+                assert_eq!(count, arc.chords());
+                let by_radius = Arc::with_radius(ends[0], ends[1], round_half_away(radius_mm * MM), clockwise).unwrap();
+                assert_eq!(by_radius.chords(), arc.chords(), "{radius_mm}");
+            }
+        }
     }
 
     #[test]

@@ -75,6 +75,11 @@ enum Waiting<'a> {
         words: &'a AxisWords,
         keeps_offset: bool,
     },
+    OffsetZ {
+        offset: Decimal,
+        adds: bool,
+        moves: bool,
+    },
     Bed(&'a BedCommand),
     Card(&'a CardCommand<'a>),
     Supply(SupplyCommand),
@@ -175,6 +180,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
             Waiting::PressureAdvance(tool, words) => self.advance(tool, words).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
+            Waiting::OffsetZ { offset, adds, moves } => self.offset_z(offset, adds, moves).await?,
             Waiting::Bed(command) => {
                 if P::Motion::HAS_BED {
                     let printer = &mut *self;
@@ -438,6 +444,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::InputShaper { ref axes, usual } => return waiting(Waiting::InputShaper { axes, usual }),
             Command::PressureAdvance(tool, ref words) => return waiting(Waiting::PressureAdvance(tool, words)),
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
+            Command::OffsetZ { offset, adds, moves } => return waiting(Waiting::OffsetZ { offset, adds, moves }),
             Command::Settings(command) if self.refuse_settings(command) => {}
             Command::Settings(command) if Self::needs_standstill(command) => {
                 return waiting(Waiting::Finish(Then::Settings(command)));

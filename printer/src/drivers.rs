@@ -82,6 +82,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::ChangeFilament { .. }
             | Command::LoadFilament { .. }
             | Command::ShiftZ { .. }
+            | Command::OffsetZ { .. }
             | Command::EnableMotors(_) => return Ok(true),
             Command::Bed(bed) => return Ok(self.has_bed() && bed.probes()),
             Command::ReportDrivers => (122, Shown::All, ALL_MOTORS, None),

@@ -60,6 +60,8 @@ pub enum CommandError {
         celsius: f64,
         /// Highest allowed.
         maximum_celsius: f32,
+        /// That is not allowed itself.
+        below: bool,
     },
     /// A word is outside its range.
     OutOfRange {

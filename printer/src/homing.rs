@@ -175,9 +175,9 @@ impl<M: Motion> Homing<'_, '_, M> {
         // The other axes stay, a lifted Z has its part in where they are.
         let mut position = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         if axis == Z {
-            // The sensor's height counts: it includes the lift and the shift.
+            // The sensor's height counts: it includes the lift and the shift. Klipper's offset stays.
             self.interpreter.modal.lift_10nm = 0;
-            self.interpreter.modal.z.shift_10nm = 0;
+            self.interpreter.modal.z.shift_10nm = self.interpreter.modal.z.offset_10nm;
             self.interpreter.modal.z.raised_to_10nm = None;
         }
         position[axis] = match outcome {
@@ -205,7 +205,7 @@ impl<M: Motion> Homing<'_, '_, M> {
     fn set_axis(&mut self, axis: usize, position_10nm: [i64; 3]) {
         self.motion.set_position(position_10nm);
         if axis == Z {
-            self.interpreter.modal.machine_10nm[Z] = position_10nm[Z];
+            self.interpreter.modal.machine_10nm[Z] = self.interpreter.modal.machine_z_10nm(position_10nm[Z]);
         }
         self.interpreter.follow_plane(position_10nm);
     }

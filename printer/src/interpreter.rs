@@ -15,9 +15,6 @@ use crate::skew::Skew;
 /// Logical extruder positions stay within 10,000 km.
 pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 
-/// No chord is longer: 2 sqrt(2 r c) with the largest radius, 10 m, and c of 0.01 mm is 28.3 mm.
-const LONGEST_CHORD_10NM: i64 = 3_000_000;
-
 /// Turns G-code into moves. Holds the state that lasts from line to line; touches neither motors nor heaters.
 ///
 /// A line is first turned into a move ([`Self::linear`], [`Self::arc`]). It becomes part of the state only when the planner has
@@ -41,6 +38,8 @@ pub(crate) struct AskedMove {
     pub displaces: bool,
     /// The axes whose target a soft limit has changed.
     pub clamped: [bool; 3],
+    /// Of an arc: between which X and which Y of the machine it was to go.
+    pub reach_10nm: Option<[[i64; 2]; 2]>,
     target: Target,
     extrusion: AdaptiveExtrusion,
 }
@@ -59,6 +58,7 @@ pub(crate) struct ArcMoves {
     /// Whether any of them pushes filament.
     pub extrudes: bool,
     points: InnerPoints,
+    reach_10nm: [[i64; 2]; 2],
     target: Target,
     /// Z and E before the arc.
     start: [i64; 2],
@@ -106,7 +106,8 @@ impl ArcMoves {
             line: self.line,
             ends_move: self.taken == self.chords,
         };
-        Some(AskedMove { request, displaces: true, clamped: self.clamped, target, extrusion })
+        let reach_10nm = Some(self.reach_10nm);
+        Some(AskedMove { request, displaces: true, clamped: self.clamped, reach_10nm, target, extrusion })
     }
 }
 
@@ -146,7 +147,7 @@ impl<'a> MoveInterpreter<'a> {
             ends_move: true,
         };
         let displaces = target.machine_10nm != self.modal.machine_10nm || filament_100pm != 0;
-        Ok(AskedMove { request, displaces, clamped, target, extrusion })
+        Ok(AskedMove { request, displaces, clamped, reach_10nm: None, target, extrusion })
     }
 
     /// G2, G3: chords at most 0.01 mm off; Z and E follow evenly.
@@ -161,10 +162,8 @@ impl<'a> MoveInterpreter<'a> {
         let target = self.target(axes, feed)?;
         let from = self.modal.machine_10nm;
         let [start, end] = [from, target.machine_10nm].map(|[x, y, _]| [x, y]);
-        let length = |word: Decimal| {
-            let length_10nm = self.modal.length_10nm(word).ok_or(CommandError::TooFar)?;
-            if length_10nm.abs() > MAX_COORDINATE_10NM { Err(CommandError::TooFar) } else { Ok(length_10nm) }
-        };
+        // A centre may be farther away than any point: that of a nearly straight wall.
+        let length = |word: Decimal| self.modal.length_10nm(word).ok_or(CommandError::TooFar);
         let arc = match form {
             ArcForm::Centre { i, j } => {
                 let (i, j) = (length(i)?, length(j)?);
@@ -176,7 +175,7 @@ impl<'a> MoveInterpreter<'a> {
         let by_length = self.extrudes_by_length(axes, &target);
         let mut extrudes = filament_100pm != 0;
         if by_length {
-            let longest = [from[0] + LONGEST_CHORD_10NM, from[1], from[2]];
+            let longest = [from[0] + arc.longest_chord(), from[1], from[2]];
             let (longest_100pm, _) = self.along(self.modal.extrusion, from, longest);
             self.check_filament(longest_100pm)?;
             extrudes = longest_100pm != 0;
@@ -184,6 +183,7 @@ impl<'a> MoveInterpreter<'a> {
         Ok(ArcMoves {
             extrudes,
             points: arc.inner_points(),
+            reach_10nm: arc.reach(),
             target,
             start: [from[2], self.modal.extruder_10nm],
             filament_100pm,
@@ -199,7 +199,7 @@ impl<'a> MoveInterpreter<'a> {
     /// Follows a move that the planner has taken, in state and tallies. A stop takes back the part that was not made, here and in
     /// the planner.
     pub fn take(&mut self, asked: &AskedMove) {
-        let AskedMove { request, displaces, clamped, target, extrusion } = asked;
+        let AskedMove { request, displaces, clamped, target, extrusion, .. } = asked;
         let from = self.modal.machine_10nm;
         self.modal.machine_10nm = target.machine_10nm;
         self.modal.extruder_10nm = target.extruder_10nm;
@@ -292,7 +292,10 @@ impl<'a> MoveInterpreter<'a> {
         // All are within 5 m.
         let motors_z_10nm = z.wrapping_add(lift_10nm).wrapping_add(self.modal.z.shift_10nm);
         let ahead_10nm = self.skew.ahead_10nm(axis, [x, y, motors_z_10nm]);
-        self.travel_10nm(axis).map(|end_10nm| end_10nm.wrapping_add(ahead_10nm))
+        let [lower_10nm, upper_10nm] = self.travel_10nm(axis).map(|end_10nm| end_10nm.wrapping_add(ahead_10nm));
+        // Where an offset has not yet been followed, the nozzle stands at an end of its travel and the G-code sees it beyond.
+        let unfollowed_10nm = if axis == 2 { self.modal.z.offset_10nm.max(0) } else { 0 };
+        [lower_10nm.wrapping_sub(unfollowed_10nm), upper_10nm]
     }
 
     /// Where the axes go for a machine position with Z lifted, as far as the soft limits let it, and shifted as M290 has it.

@@ -27,8 +27,10 @@ pub(crate) struct KnownZ {
     pub trigger_10nm: Option<i64>,
     /// Where homing has raised a Z that is not homed to: it does so once.
     pub raised_to_10nm: Option<i64>,
-    /// How far the motors stand above what the G-code sees (M290).
+    /// How far the motors stand above what the G-code sees (M290, SET_GCODE_OFFSET).
     pub shift_10nm: i64,
+    /// The part of it that homing leaves (SET_GCODE_OFFSET).
+    pub offset_10nm: i64,
     /// The probe's pin was seen to go in, and has not been called out since.
     pub pin_is_in: bool,
 }
@@ -195,6 +197,7 @@ impl Modal {
         self.cold_extrusion_allowed = print.cold_extrusion_allowed;
         self.retraction = print.retraction;
         self.z.shift_10nm = print.z.shift_10nm;
+        self.z.offset_10nm = print.z.offset_10nm;
     }
 
     /// Notes whether the named axes have failed to home.
@@ -212,8 +215,9 @@ impl Modal {
             *lost |= is_lost;
         }
         if axes >> 2 & 1 == 1 {
-            // The shift (M290) is one of coordinates and stays.
-            self.z = KnownZ { shift_10nm: self.z.shift_10nm, ..KnownZ::default() };
+            // Shift and offset are of coordinates and stay.
+            let KnownZ { shift_10nm, offset_10nm, .. } = self.z;
+            self.z = KnownZ { shift_10nm, offset_10nm, ..KnownZ::default() };
         }
     }
 

@@ -56,7 +56,7 @@ impl<P: Ports> Printer<'_, P> {
     fn taken(&mut self, asked: &AskedMove) {
         self.interpreter.take(asked);
         if asked.request.ends_move && asked.clamped.contains(&true) {
-            self.say_clamped(asked.clamped);
+            self.say_clamped(asked.clamped, asked.reach_10nm);
         }
     }
 
@@ -73,17 +73,22 @@ impl<P: Ports> Printer<'_, P> {
         Err(CommandError::ColdExtrusion { celsius, minimum_celsius })
     }
 
-    pub(crate) fn say_clamped(&self, clamped: [bool; 3]) {
+    /// Says how a move was to leave the travel of some axes; an arc may do so on its way, which `reach_10nm` knows.
+    pub(crate) fn say_clamped(&self, clamped: [bool; 3], reach_10nm: Option<[[i64; 2]; 2]>) {
         let mut text = Text::new();
         let line = self.line;
         let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));
         for axis in (0..3).filter(|&axis| clamped[axis]) {
             let modal = &self.interpreter.modal;
             let [lower, upper] = self.interpreter.asked_travel_10nm(axis, modal.machine_10nm, modal.lift_10nm);
-            let [at, lower, upper] = [modal.machine_10nm[axis], lower, upper]
-                .map(|length_10nm| Real::fixed(length_10nm as f64 / 100_000.0, 2));
+            let (mut at, mut verb) = (modal.machine_10nm[axis], "ends at");
+            if let Some([least, most]) = reach_10nm.and_then(|reach| reach.get(axis).copied()) {
+                (at, verb) = (if most - upper > lower - least { most } else { least }, "goes to");
+            }
+            let [at, lower, upper] =
+                [at, lower, upper].map(|length_10nm| Real::fixed(length_10nm as f64 / 100_000.0, 2));
             let name = AXIS_NAMES[axis];
-            let allowed = format_args!(" {name} ends at {at} (allowed {lower} to {upper})");
+            let allowed = format_args!(" {name} {verb} {at} (allowed {lower} to {upper})");
             complete = complete.and(core::fmt::write(&mut text, allowed));
         }
         if complete.is_ok() {

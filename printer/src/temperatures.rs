@@ -24,7 +24,9 @@ impl<'a, P: Ports> Printer<'a, P> {
         // In the control's precision: rounding must not take it to the maximum.
         let target = celsius as f32;
         if target >= settings.max_celsius || target > settings.max_target_celsius {
-            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
+            // At the maximum the heater is switched off, so that a target must be below it; one that the profile allows may be it.
+            let below = settings.max_target_celsius >= settings.max_celsius;
+            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius, below });
         }
         self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
         if celsius > 0.0 {

@@ -223,7 +223,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             modal.machine_10nm = [to_x, to_y, to_z];
             modal.lift_10nm = 0;
             if clamped.contains(&true) {
-                self.say_clamped(clamped);
+                self.say_clamped(clamped, None);
             }
         }
         let is_drawn_back =

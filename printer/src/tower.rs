@@ -247,6 +247,10 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn read_of_tower<'l>(&mut self, line: &'l str) -> Option<Command<'l>> {
         let mut remarks = Remarks::NONE;
         let read: Result<_, ParseError> = parse_with_remarks(line, &mut remarks);
+        if read == Ok(Command::Accepted) {
+            self.fail_tower(line, &remarks);
+            return None;
+        }
         if !remarks.is_empty() {
             self.remark(self.line, line, &remarks);
         }
@@ -256,7 +260,7 @@ impl<P: Ports> Printer<'_, P> {
     /// A tower's line was refused: the print goes on with the value before.
     #[cold]
     #[inline(never)]
-    pub(crate) fn fail_tower(&mut self, line: &str, failure: &Failure) {
+    pub(crate) fn fail_tower(&mut self, line: &str, failure: &impl fmt::Display) {
         self.tower = None;
         self.replies.say(format_args!("echo:line {}: TUNING_TOWER has ended, \"{line}\": {failure}", self.line));
     }

@@ -1,6 +1,6 @@
-//! M851 and M290: the probe's offset, and the height of the nozzle.
+//! M851, M290 and SET_GCODE_OFFSET: the probe's offset, and the height of the nozzle.
 
-use ferrostep_gcode::{AxisWords, Real};
+use ferrostep_gcode::{AxisWords, Decimal, Real};
 use ferrostep_planner::Move;
 
 use crate::axis_names::AXIS_NAMES;
@@ -99,6 +99,33 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
+    /// SET_GCODE_OFFSET: the offset along Z lasts through homing, and the probe's stays. Where the nozzle does not move at once it goes
+    /// where its next move along Z ends: until then the G-code sees it at another height.
+    pub(crate) async fn offset_z(&mut self, offset: Decimal, adds: bool, moves: bool) -> Result<(), CommandError> {
+        let before_10nm = self.interpreter.modal.z.offset_10nm;
+        let base_10nm = if adds { before_10nm } else { 0 };
+        // Klipper's lengths are mm in any unit of the G-code.
+        let offset_10nm = within('Z', offset.to_10nm_from_mm(), -MAX_SHIFT_10NM, MAX_SHIFT_10NM)?;
+        let offset_10nm = within('Z', base_10nm + offset_10nm, -MAX_SHIFT_10NM, MAX_SHIFT_10NM)?;
+        let by_10nm = offset_10nm - before_10nm;
+        if by_10nm == 0 {
+            return Ok(());
+        }
+        if self.interpreter.modal.in_prepared_job {
+            return Err(CommandError::ShiftsNoJob);
+        }
+        let shift_10nm = self.interpreter.modal.z.shift_10nm;
+        within('Z', by_10nm, -MAX_SHIFT_10NM - shift_10nm, MAX_SHIFT_10NM - shift_10nm)?;
+        if moves && self.interpreter.modal.homed[2] {
+            self.move_by_shift(by_10nm).await?;
+        } else {
+            self.interpreter.modal.z.shift_10nm = shift_10nm + by_10nm;
+            self.interpreter.modal.machine_10nm[2] -= by_10nm;
+        }
+        self.interpreter.modal.z.offset_10nm = offset_10nm;
+        Ok(())
+    }
+
     async fn shift_z_by(&mut self, by_10nm: i64, keeps_offset: bool) -> Result<(), CommandError> {
         if self.interpreter.modal.in_prepared_job {
             return Err(CommandError::ShiftsNoJob);
@@ -115,6 +142,16 @@ impl<P: Ports> Printer<'_, P> {
             let [minimum, maximum] = SafeHoming::PROBE_Z_10NM;
             within('Z', by_10nm, minimum - offset_10nm, maximum - offset_10nm)?;
         }
+        self.move_by_shift(by_10nm).await?;
+        if self.has_probe() && !keeps_offset {
+            self.interpreter.modal.probe_offset_10nm[2] = offset_10nm + by_10nm;
+        }
+        Ok(())
+    }
+
+    /// Shifts Z under the G-code, by a move of its own.
+    async fn move_by_shift(&mut self, by_10nm: i64) -> Result<(), CommandError> {
+        let before_10nm = self.interpreter.modal.z.shift_10nm;
         self.interpreter.modal.z.shift_10nm = before_10nm + by_10nm;
         let target_10nm = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2] as f32;
@@ -122,9 +159,6 @@ impl<P: Ports> Printer<'_, P> {
         if let Err(error) = self.motion.add(request).await {
             self.interpreter.modal.z.shift_10nm = before_10nm;
             return Err(error.into());
-        }
-        if self.has_probe() && !keeps_offset {
-            self.interpreter.modal.probe_offset_10nm[2] = offset_10nm + by_10nm;
         }
         Ok(())
     }

@@ -108,6 +108,8 @@ impl Passed {
                     | Command::Bed(_)
                     | Command::Settings(_)
                     | Command::ShiftZ { .. }
+                    // A job with another offset than 0 is not prepared.
+                    | Command::OffsetZ { .. }
                     | Command::Tower(_)
                     | Command::Accelerometer { .. }
                     | Command::RecordAcceleration { .. }

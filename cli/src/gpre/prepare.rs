@@ -2,7 +2,7 @@
 
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
-use ferrostep_gcode::{BedCommand, Command, parse};
+use ferrostep_gcode::{BedCommand, Command, Decimal, parse};
 use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::{Encoding, Header, ModalState, Thumbnail};
 use ferrostep_papers::wide::PacketWriter;
@@ -176,6 +176,9 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
             Ok(Command::ShiftZ { words, .. }) if words.z.is_some() => Some(
                 "M290 shifts a print by hand and cannot be prepared: put the height into the job (M851, or its G-code)",
             ),
+            Ok(Command::OffsetZ { offset, .. }) if offset != Decimal::ZERO => Some(
+                "SET_GCODE_OFFSET shifts a print and cannot be prepared: put the height into the job (M851, or its G-code)",
+            ),
             Ok(Command::Bed(BedCommand::Align { .. })) if printer.aligns_z() => Some(
                 "G34 leaves Z at a height that only the machine knows: take the line out, and send it before the job",
             ),
@@ -262,7 +265,7 @@ pub fn prepare<F: Fn(&str)>(
         look(progress, &session.figures());
     }));
     watch.end_of_text(outcome.is_ok());
-    watch.end(&session.heating());
+    watch.end(&session.heating(), outcome.is_ok());
     outcome.map_err(PrepareError::Job)?;
     writer.take_ready();
     let frames = match &mut writer.parts {

@@ -44,9 +44,10 @@ impl fmt::Display for CommandError {
                 Real::fixed(*radius_mm, 3),
                 Real::fixed(*chord_mm, 3)
             ),
-            Self::TooHot { celsius, maximum_celsius } => {
+            Self::TooHot { celsius, maximum_celsius, below } => {
                 let (celsius, maximum) = (Real::short(*celsius, 6), Real::short(*maximum_celsius, 2));
-                write!(out, "S: {celsius} C is too hot, expected at most {maximum} C")
+                let most = if *below { "less than" } else { "at most" };
+                write!(out, "S: {celsius} C is too hot, expected {most} {maximum} C")
             }
             Self::OutOfRange { word, value, minimum, maximum } => {
                 let [value, minimum, maximum] = [value, minimum, maximum].map(|number| Real::short(*number, 6));
@@ -102,7 +103,8 @@ impl fmt::Display for CommandError {
             Self::NotPaused => write!(out, "no print is paused: M601, M600 or M25 pauses one"),
             Self::Shifted { shift_10nm } => write!(
                 out,
-                "M290 has shifted Z by {} mm, and a prepared job brings its own heights: G28 Z ends the shift, M851 keeps it",
+                "M290 or SET_GCODE_OFFSET has shifted Z by {} mm, and a prepared job brings its own heights: SET_GCODE_OFFSET Z=0 and G28 Z end the \
+                 shift, M851 keeps it",
                 mm(*shift_10nm, 3)
             ),
             Self::MeshAndJob => out.write_str(

@@ -63,9 +63,9 @@ fn what_is_out_of_range_is_refused_with_its_numbers_and_the_advance_stays() {
     execute(&mut printer, "M572 S0.05 W0.02").unwrap();
     let good = rig.choice();
     for (line, says) in [
-        ("M900 K2.1", "pressure advance: 2.1 s is out of range, expected 0 to 2 s (M900 K, M572 S or L, ADVANCE)"),
-        ("M900 K-0.1", "pressure advance: -0.1 s is out of range, expected 0 to 2 s (M900 K, M572 S or L, ADVANCE)"),
-        ("M572 S0.1 L3 T4", "pressure advance: 3 s is out of range, expected 0 to 2 s (M900 K, M572 S or L, ADVANCE)"),
+        ("M572 S2.1", "pressure advance: 2.1 s is out of range, expected 0 to 2 s (M572 S or L, ADVANCE)"),
+        ("SET_PRESSURE_ADVANCE ADVANCE=-0.1", "pressure advance: -0.1 s is out of range, expected 0 to 2 s (M572 S or L, ADVANCE)"),
+        ("M572 S0.1 L3 T4", "pressure advance: 3 s is out of range, expected 0 to 2 s (M572 S or L, ADVANCE)"),
         ("M572 S0.1 L0.05 T0", "pressure advance: 0 mm/s is out of range, expected 0.01 to 100 mm/s (M572 T)"),
         ("M572 S0.1 W0.2", "pressure advance: 0.2 s is out of range, expected 0.001 to 0.1 s (M572 W, SMOOTH_TIME)"),
         (
@@ -76,6 +76,13 @@ fn what_is_out_of_range_is_refused_with_its_numbers_and_the_advance_stays() {
         assert_eq!(execute(&mut printer, line).unwrap_err().to_string(), says, "{line}");
         assert_eq!(rig.choice(), good, "{line}");
     }
+    // Of Linear Advance 1.0, whose numbers are others.
+    for line in ["M900 K30", "M900 K2.1", "M900 K-0.1", "M900 K45 T0"] {
+        execute(&mut printer, line).unwrap();
+        assert_eq!(rig.choice(), good, "{line}");
+    }
+    execute(&mut printer, "M900 K2").unwrap();
+    assert_eq!(rig.choice().pressure_advance.seconds, 2.0);
 }
 
 #[test]

@@ -153,7 +153,7 @@ fn axes_stay_in_their_travel() {
         let said = rig.last_texts().concat();
         match text {
             "" => assert_eq!(said, "", "{line}"),
-            "X Y" => assert!(said.contains(" X ends at ") && said.contains(" Y ends at "), "{line}: {said}"),
+            "X Y" => assert!(said.contains(" X goes to ") && said.contains(" Y goes to "), "{line}: {said}"),
             _ => assert!(said.contains(text), "{line}: {said}"),
         }
     }

@@ -423,10 +423,22 @@ fn write_word(out: &mut impl Write, letter: char, place: &Place<'_>, scale: f64)
         Place::Whole(_) | Place::Byte(_) | Place::Switch(_) => write!(out, " {letter}{}", place.get() as u32),
         Place::Optional(None) => Ok(()),
         Place::Single(value) => write!(out, " {letter}{}", Shown(shortest(**value, scale))),
-        Place::Number(_) | Place::Optional(_) | Place::Length(_) => {
+        Place::Length(length_10nm) => write!(out, " {letter}{}", Shown(shortest_length(**length_10nm, scale))),
+        Place::Number(_) | Place::Optional(_) => {
             write!(out, " {letter}{}", Shown(place.get() * scale))
         }
     }
+}
+
+/// A length, or a speed a second, in a command's unit, with no more of at most five decimals than are read back as this value: F2540,
+/// not F2539.9998.
+fn shortest_length(length_10nm: i64, scale: f64) -> f64 {
+    const MM: f64 = 100_000.0;
+    let exact = length_10nm as f64 / MM * scale;
+    let rounded = [100.0, 1e3, 1e4, 1e5].map(|decimals| libm::round(exact * decimals) / decimals);
+    // As the command divides what it reads: without a rest.
+    let reads_back = |rounded: &f64| (libm::round(rounded * MM) / scale) as i64 == length_10nm;
+    rounded.into_iter().find(reads_back).unwrap_or(exact)
 }
 
 /// The value in a command's unit, with no more of at most six decimals than are read back as this value: 51, not 51.000001.

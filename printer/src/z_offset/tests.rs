@@ -132,3 +132,49 @@ fn a_shift_lasts_through_lifts_and_stays_below_the_top() {
     execute(&mut printer, "G28 X").unwrap();
     assert_eq!((rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]), (100.5, 100 * MM));
 }
+
+/// Klipper's offset: the nozzle follows with its next move along Z, and homing leaves it.
+#[test]
+fn an_offset_is_followed_by_the_next_move_along_z() {
+    let rig = Rig::new(|_| ());
+    let mut printer = rig.printer();
+    for line in ["G28", "SET_GCODE_OFFSET Z=-0.005", "G1 X20 F3000"] {
+        execute(&mut printer, line).unwrap();
+    }
+    assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (0.0, 500));
+    execute(&mut printer, "G1 X30 Z0.2").unwrap();
+    assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (0.195, 20_000));
+    // At once, and added; in mm whatever the unit.
+    for line in ["G20", "SET_GCODE_OFFSET Z_ADJUST=0.105 MOVE=1", "G21"] {
+        execute(&mut printer, line).unwrap();
+    }
+    assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (0.3, 20_000));
+    // A relative move goes on from where the nozzle is.
+    for line in ["SET_GCODE_OFFSET Z=0", "G91", "G1 Z1", "G90"] {
+        execute(&mut printer, line).unwrap();
+    }
+    assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (1.3, 130_000));
+    execute(&mut printer, "G1 Z1").unwrap();
+    assert_eq!(rig.true_mm()[2], 1.0);
+}
+
+#[test]
+fn an_offset_before_homing_lasts_through_it() {
+    let rig = Rig::new(|_| ());
+    let mut printer = rig.printer();
+    for line in ["SET_GCODE_OFFSET Z=0.1 MOVE=1", "G28", "G1 X20 F3000"] {
+        execute(&mut printer, line).unwrap();
+    }
+    // The nozzle stays at home, which the G-code sees 0.1 mm lower: no limit draws it up.
+    assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2], printer.tally().clamped_moves), (0.0, -10_000, 0));
+    for line in ["G1 Z0.2", "G28 Z", "G1 Z0.2", "M290 Z0.05", "G28 Z", "G1 Z0.2"] {
+        execute(&mut printer, line).unwrap();
+    }
+    assert_eq!(rig.true_mm()[2], 0.3);
+    assert_eq!(out_of_range(execute(&mut printer, "SET_GCODE_OFFSET Z=2.1")), [-2.0, 2.0]);
+    assert_eq!(out_of_range(execute(&mut printer, "SET_GCODE_OFFSET Z_ADJUST=1.95")), [-2.0, 2.0]);
+    printer.interpreter.modal.in_prepared_job = true;
+    let refused = execute(&mut printer, "SET_GCODE_OFFSET Z=0");
+    assert_eq!(refused, Err(Failure::Command(CommandError::ShiftsNoJob)));
+    execute(&mut printer, "SET_GCODE_OFFSET Z=0.1").unwrap();
+}
