@@ -33,6 +33,22 @@ pub struct Arguments {
     pub command: Command,
 }
 
+impl Command {
+    /// The plate that it names.
+    pub fn plate(&self) -> Option<u32> {
+        let argument = match self {
+            Self::Print { job, .. } | Self::Preprocess { job, .. } | Self::Estimate { job, .. } => &job.plate,
+            Self::Send(arguments) => &arguments.plate,
+            Self::Sweep(arguments) => &arguments.plate,
+            Self::Show(arguments) => &arguments.plate,
+            Self::Compare(arguments) => &arguments.plate,
+            Self::Simulate(arguments) => &arguments.plate,
+            _ => return None,
+        };
+        argument.plate
+    }
+}
+
 /// The subcommands.
 #[derive(Subcommand)]
 pub enum Command {
@@ -167,11 +183,22 @@ pub enum Command {
     },
 }
 
+/// The plate of a sliced 3MF.
+#[derive(clap::Args)]
+pub struct PlateArgument {
+    /// The plate of a sliced 3MF (.gcode.3mf) that holds several.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub plate: Option<u32>,
+}
+
 /// Arguments of `show`.
 #[derive(clap::Args)]
 pub struct ShowArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a prepared job; - is standard input.
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared job; - is standard input.
     pub file: PathBuf,
+    /// The plate of a 3MF.
+    #[command(flatten)]
+    pub plate: PlateArgument,
     /// The page to write [default: the file's name with .html, in this folder].
     #[arg(short, value_name = "PAGE.html")]
     pub out: Option<PathBuf>,
@@ -186,12 +213,15 @@ pub struct ShowArguments {
 /// Arguments of `compare`.
 #[derive(clap::Args)]
 pub struct CompareArguments {
-    /// The first job, A: G-code, as text or binary (.bgcode), plain or gzip.
+    /// The first job, A: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF.
     #[arg(value_name = "A")]
     pub file: PathBuf,
     /// The second job, B [default: the first, with another profile or --set].
     #[arg(value_name = "B")]
     pub second: Option<PathBuf>,
+    /// The plate of a 3MF.
+    #[command(flatten)]
+    pub plate: PlateArgument,
     /// Writes a page with both prints.
     #[arg(short, value_name = "PAGE.html")]
     pub out: Option<PathBuf>,
@@ -225,8 +255,11 @@ pub struct CompareArguments {
 /// Arguments of `send`.
 #[derive(clap::Args)]
 pub struct SendArguments {
-    /// G-code, as text or binary (.bgcode), plain or gzip, or a prepared job in the compact encoding; - is standard input.
+    /// G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared job in the compact encoding; - is standard input.
     pub file: PathBuf,
+    /// The plate of a 3MF.
+    #[command(flatten)]
+    pub plate: PlateArgument,
     /// The printer's serial port, or tcp:HOST:PORT [default: the only one on USB].
     #[arg(long, value_name = "PATH|tcp:HOST:PORT")]
     pub port: Option<Address>,
@@ -336,8 +369,11 @@ pub struct ServeArguments {
 #[derive(clap::Args)]
 #[command(group = clap::ArgGroup::new("changed").args(["acceleration", "error_budget", "set"]).required(true))]
 pub struct SweepArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip.
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF.
     pub file: PathBuf,
+    /// The plate of a 3MF.
+    #[command(flatten)]
+    pub plate: PlateArgument,
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,
@@ -420,8 +456,11 @@ impl From<PaperName> for Paper {
 /// Arguments that `print`, `preprocess` and `estimate` share.
 #[derive(clap::Args)]
 pub struct JobArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip; `print` also takes a prepared job; - is standard input.
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF; `print` also takes a prepared job; - is standard input.
     pub file: PathBuf,
+    /// The plate of a 3MF.
+    #[command(flatten)]
+    pub plate: PlateArgument,
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,

@@ -1,9 +1,11 @@
-//! The job's file: G-code as text or binary, or a prepared job, plain or gzip, read in portions; or the same from standard input.
+//! The job's file: G-code as text or binary, or in a sliced 3MF, or a prepared job, plain or gzip, read in portions; or the same from
+//! standard input.
 //! The content decides the kind, not the name.
 
 mod binary;
 mod foreign;
 mod place;
+mod sliced;
 
 use std::fmt;
 use std::fs::File;
@@ -11,6 +13,7 @@ use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use ferrostep_binary_gcode::{Error as BinaryError, MAGIC};
 use ferrostep_gpre::Header;
@@ -20,6 +23,7 @@ use place::Counting;
 pub use binary::{Description, SlicerFigures};
 pub use foreign::Foreign;
 pub use place::Place;
+pub use sliced::SlicedError;
 
 /// Bytes at the start of a file that are examined to tell text from binary data.
 const LOOK_BYTES: usize = 64 * 1024;
@@ -30,6 +34,15 @@ const AWAITED_BYTES: usize = 512;
 
 /// First bytes of a gzip file.
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+
+/// First bytes of a zip archive, and of an empty one.
+const ZIP_MAGICS: [[u8; 4]; 2] = [*b"PK\x03\x04", *b"PK\x05\x06"];
+
+/// The most bytes of an archive that comes through a pipe and is written to a file for a while: its directory is at its end.
+const MAX_PIPED_BYTES: u64 = 4 << 30;
+
+/// The plate of a sliced 3MF that the command line names, 0 for none: it counts for each time that a file is opened.
+static PLATE: AtomicU32 = AtomicU32::new(0);
 
 /// The name that stands for standard input.
 const STANDARD_INPUT: &str = "-";
@@ -50,6 +63,10 @@ pub enum InputError {
         /// The byte.
         byte: u8,
     },
+    /// A zip archive without the G-code that is looked for.
+    Sliced(SlicedError),
+    /// A plate was asked for of a file that has no plates.
+    NoPlates,
     /// Binary G-code that is damaged, or of an unknown kind.
     Binary(BinaryError),
 }
@@ -66,6 +83,8 @@ impl fmt::Display for InputError {
                     "not a text file: byte 0x{byte:02x} at offset {offset}, expected G-code or a prepared job (or gzip of it)"
                 )
             }
+            Self::Sliced(error) => error.fmt(out),
+            Self::NoPlates => write!(out, "--plate is for a sliced 3MF (.gcode.3mf), and this is none: leave it out"),
             Self::Binary(error) => error.fmt(out),
         }
     }
@@ -77,6 +96,11 @@ impl From<io::Error> for InputError {
     fn from(error: io::Error) -> Self {
         Self::Read(error)
     }
+}
+
+/// Chooses the plate of the sliced 3MFs that this process opens from now on; none: their only one.
+pub fn choose_plate(plate: Option<u32>) {
+    PLATE.store(plate.unwrap_or(0), Ordering::Relaxed);
 }
 
 /// Whether a path stands for standard input.
@@ -124,6 +148,9 @@ impl Input {
         let metadata = file.metadata()?;
         // A pipe has no size.
         let size = metadata.is_file().then_some(metadata.len());
+        if size.is_some() && is_zip(&mut file)? {
+            return Self::of_plate(file);
+        }
         let unpacked_size = if size.is_some() { gzip_size(&mut file)? } else { 0 };
         let input = Self::new(Box::new(file), size)?;
         input.place.unpacked_size.set(unpacked_size);
@@ -139,7 +166,18 @@ impl Input {
         Self::new(Box::new(Cursor::new(bytes)), Some(size))
     }
 
+    /// The G-code of a plate in a zip archive.
+    fn of_plate(file: File) -> Result<Self, InputError> {
+        let plate = Some(PLATE.load(Ordering::Relaxed)).filter(|plate| *plate > 0);
+        let plate = sliced::open(file, plate).map_err(InputError::Sliced)?;
+        Self::of_contents(plate.reader, Some(plate.bytes), true)
+    }
+
     fn new(file: Box<dyn Read>, size: Option<u64>) -> Result<Self, InputError> {
+        Self::of_contents(file, size, false)
+    }
+
+    fn of_contents(file: Box<dyn Read>, size: Option<u64>, is_plate: bool) -> Result<Self, InputError> {
         let place = Rc::new(Place::default());
         place.size.set(size.unwrap_or(0));
         let counting = |inner: Box<dyn Read>, count| -> Box<dyn Read> {
@@ -159,6 +197,19 @@ impl Input {
         start = look(&mut reader)?;
         if start.is_empty() {
             return Err(InputError::Empty);
+        }
+        if ZIP_MAGICS.iter().any(|magic| start.starts_with(magic)) && !is_plate {
+            // Its directory is at its end, where a pipe cannot go.
+            let mut file = tempfile::tempfile()?;
+            let copied = io::copy(&mut Cursor::new(start).chain(reader).take(MAX_PIPED_BYTES), &mut file)?;
+            if copied == MAX_PIPED_BYTES {
+                return Err(InputError::Sliced(SlicedError::Damaged("more than 4 GiB".to_owned())));
+            }
+            file.rewind()?;
+            return Self::of_plate(file);
+        }
+        if PLATE.load(Ordering::Relaxed) > 0 && !is_plate {
+            return Err(InputError::NoPlates);
         }
         let is_prepared = Header::is_gpre(&start);
         let is_binary = start.starts_with(&MAGIC);
@@ -210,6 +261,14 @@ impl Input {
     pub fn size_bytes(&self) -> u64 {
         self.place.size.get()
     }
+}
+
+/// Whether a file is a zip archive. It stands at its beginning again.
+fn is_zip(file: &mut File) -> io::Result<bool> {
+    let mut magic = [0; 4];
+    let is_zip = file.read_exact(&mut magic).is_ok() && ZIP_MAGICS.contains(&magic);
+    file.rewind()?;
+    Ok(is_zip)
 }
 
 /// The size that a gzip file's last four bytes say; 0 for another file. The file stands at its beginning again.

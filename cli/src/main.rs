@@ -58,6 +58,7 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(answer) => return outcome::of_arguments(&answer),
     };
+    input::choose_plate(arguments.command.plate());
     let outcome = match arguments.command {
         Command::Print { job, look_ahead, from_frame, trace, vcd, from, to } => {
             let vcd = vcd.as_deref().map(|path| (path, from, to));

@@ -30,10 +30,11 @@ pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
 
 /// `estimate --error-budget`.
 pub fn budgets(job: JobArguments, values: Values, simulate: bool) -> Result<ExitCode, String> {
-    let JobArguments { file, profile, json, strict: _ } = job;
+    let JobArguments { file, plate, profile, json, strict: _ } = job;
     let error_budget = Some(values);
     run(&SweepArguments {
         file,
+        plate,
         profile,
         acceleration: None,
         error_budget,

@@ -237,7 +237,8 @@ mod tests {
     fn it_reaches_as_far_as_its_points() {
         let mm = |length: f64| round_half_away(length * MM);
         // Bulges to the right of its ends; the other way round to the left.
-        let bulge = |clockwise| Arc::around([mm(195.0), mm(90.0)], [mm(195.0), mm(110.0)], [mm(195.0), mm(100.0)], clockwise);
+        let bulge =
+            |clockwise| Arc::around([mm(195.0), mm(90.0)], [mm(195.0), mm(110.0)], [mm(195.0), mm(100.0)], clockwise);
         assert_eq!(bulge(false).unwrap().reach(), [[mm(195.0), mm(205.0)], [mm(90.0), mm(110.0)]]);
         assert_eq!(bulge(true).unwrap().reach(), [[mm(185.0), mm(195.0)], [mm(90.0), mm(110.0)]]);
         let circle = Arc::around([mm(5.0), 0], [mm(5.0), 0], [0, 0], true).unwrap();
@@ -258,7 +259,8 @@ mod tests {
                 // Symmetric about the axis, each end as far below it as the circle is there.
                 let half: f64 = 90.0;
                 let sagitta_mm = half * half / (radius_mm + (radius_mm * radius_mm - half * half).sqrt());
-                let ends = [-half, half].map(|x| [10_000_000 + round_half_away(x * MM), round_half_away(side * sagitta_mm * MM)]);
+                let ends = [-half, half]
+                    .map(|x| [10_000_000 + round_half_away(x * MM), round_half_away(side * sagitta_mm * MM)]);
                 let arc = Arc::around(ends[0], ends[1], centre, clockwise).unwrap();
                 let mut count = 0;
                 let mut before = ends[0];

@@ -5,13 +5,18 @@ use std::path::PathBuf;
 use ferrostep_planner::ShaperKind as InputShaperKind;
 use ferrostep_simulator::shapers::ShaperKind;
 
+use super::PlateArgument;
+
 /// Arguments of `simulate`.
 #[derive(clap::Args)]
 #[command(group = clap::ArgGroup::new("filtered").args(["compare", "input_shaper"]).multiple(true))]
 pub struct SimulateArguments {
-    /// A job, which is printed on the virtual board first (G-code, as text or binary, plain or gzip, or a prepared job), or a trace
+    /// A job, which is printed on the virtual board first (G-code, as text or binary, plain or gzip, or in a sliced 3MF, or a prepared job), or a trace
     /// as `print --trace` writes it, of any firmware; - is standard input.
     pub file: PathBuf,
+    /// The plate of a 3MF.
+    #[command(flatten)]
+    pub plate: PlateArgument,
     /// The machine of the job: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,

@@ -5,7 +5,7 @@ use std::fmt;
 /// A kind of file that is not a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Foreign {
-    /// A 3MF project: a zip archive with a model.
+    /// A 3MF project: a zip archive with a model, and without G-code.
     ThreeMf,
     /// Some other zip archive.
     Zip,
@@ -29,10 +29,6 @@ impl Foreign {
     /// Recognises a file by its first bytes and its size, if that is known.
     pub fn of(start: &[u8], size: Option<u64>) -> Option<Self> {
         let contains = |text: &[u8]| memchr::memmem::find(start, text).is_some();
-        if start.starts_with(b"PK\x03\x04") || start.starts_with(b"PK\x05\x06") {
-            let is_project = contains(b"3D/") || contains(b"[Content_Types].xml");
-            return Some(if is_project { Self::ThreeMf } else { Self::Zip });
-        }
         if let Some((_, name)) = COMPRESSED.iter().find(|(first, _)| start.starts_with(first)) {
             return Some(Self::Compressed(name));
         }
@@ -68,7 +64,7 @@ impl fmt::Display for Foreign {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let slice = "slice it, and give the G-code that the slicer exports";
         match self {
-            Self::ThreeMf => write!(out, "this is a 3MF project, which holds a model: {slice}"),
+            Self::ThreeMf => write!(out, "this is a 3MF project, which holds a model and no G-code: {slice}"),
             Self::Stl => write!(out, "this is a model in STL: {slice}"),
             Self::Zip => write!(out, "this is a zip archive: unpack it, and give the G-code that is in it"),
             Self::Utf16 => write!(out, "this is text in UTF-16: save it as UTF-8"),
@@ -100,10 +96,7 @@ mod tests {
         let colourful = stl(9, 7);
         let size = colourful.len() as u64;
         for (start, size, expected) in [
-            (&b"PK\x03\x04\x14\0\0\0[Content_Types].xml"[..], None, Some(Foreign::ThreeMf)),
-            (b"PK\x03\x04\x14\0\0\x003D/3dmodel.model", None, Some(Foreign::ThreeMf)),
-            (b"PK\x03\x04\x14\0\0\0cube.gcode", None, Some(Foreign::Zip)),
-            (b"\x28\xb5\x2f\xfd\0", None, Some(Foreign::Compressed("zstd"))),
+            (&b"\x28\xb5\x2f\xfd\0"[..], None, Some(Foreign::Compressed("zstd"))),
             (b"solid cube\n facet normal 0 0 1\n", None, Some(Foreign::Stl)),
             (&stl(12, 0), None, Some(Foreign::Stl)),
             (&stl(3000, 0)[..65_536], None, Some(Foreign::Stl)),

@@ -111,7 +111,11 @@ mod tests {
             let (text, with) =
                 (format!("{name} RETRIES=4 RETRY_TOLERANCE=0.0075"), align(Some(5), some("0.0075"), None));
             reads(&text, with);
-            reads_with(&format!("{name} HORIZONTAL_MOVE_Z=5"), align(None, None, None), "HORIZONTAL_MOVE_Z has no effect");
+            reads_with(
+                &format!("{name} HORIZONTAL_MOVE_Z=5"),
+                align(None, None, None),
+                "HORIZONTAL_MOVE_Z has no effect",
+            );
             let says = format!(
                 "{name}: expected RETRIES with a number up to 29, RETRY_TOLERANCE with one above 0, or neither"
             );

@@ -84,7 +84,8 @@ fn is_words(text: &str) -> bool {
 
 /// A path without the `#` that ends it, and what follows that. A name may contain `#`, too.
 fn before_end_mark(text: &str) -> &str {
-    let ends = |place: &usize| text.get(place + 1..).is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', '\t']));
+    let ends =
+        |place: &usize| text.get(place + 1..).is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', '\t']));
     let end = text.rmatch_indices('#').map(|(place, _)| place).find(ends);
     text.get(..end.unwrap_or(text.len())).unwrap_or_default()
 }

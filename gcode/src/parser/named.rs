@@ -259,11 +259,7 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
 }
 
 /// Reads the words of one of [`EXECUTED`].
-fn executed_one<'a>(
-    index: usize,
-    words: &NamedWords<'a>,
-    remarks: &mut Remarks,
-) -> Result<Command<'a>, ParseError> {
+fn executed_one<'a>(index: usize, words: &NamedWords<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     Ok(match index {
         0 => velocity_limit(words, remarks)?,
         1 => {

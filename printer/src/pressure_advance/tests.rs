@@ -64,7 +64,10 @@ fn what_is_out_of_range_is_refused_with_its_numbers_and_the_advance_stays() {
     let good = rig.choice();
     for (line, says) in [
         ("M572 S2.1", "pressure advance: 2.1 s is out of range, expected 0 to 2 s (M572 S or L, ADVANCE)"),
-        ("SET_PRESSURE_ADVANCE ADVANCE=-0.1", "pressure advance: -0.1 s is out of range, expected 0 to 2 s (M572 S or L, ADVANCE)"),
+        (
+            "SET_PRESSURE_ADVANCE ADVANCE=-0.1",
+            "pressure advance: -0.1 s is out of range, expected 0 to 2 s (M572 S or L, ADVANCE)",
+        ),
         ("M572 S0.1 L3 T4", "pressure advance: 3 s is out of range, expected 0 to 2 s (M572 S or L, ADVANCE)"),
         ("M572 S0.1 L0.05 T0", "pressure advance: 0 mm/s is out of range, expected 0.01 to 100 mm/s (M572 T)"),
         ("M572 S0.1 W0.2", "pressure advance: 0.2 s is out of range, expected 0.001 to 0.1 s (M572 W, SMOOTH_TIME)"),

@@ -86,7 +86,7 @@ const LINES: &[&str] = &[
     "SET_INPUT_SHAPER SHAPER_TYPE=mzv(n=6,t=0.9)",
     "SET_INPUT_SHAPER SHAPER_FREQ_X=4",
     "SET_INPUT_SHAPER SHAPER_FREQUENCY_X=40",
-    "M900 K2.5",
+    "M572 S2.5",
     "M900 K",
     "M572 S0.05 T4",
     "M572 S0.05 W0.2",
@@ -167,11 +167,18 @@ const PROFILES: &[(&str, &str, &str)] = &[
     ("prusa-mini", "back_off_mm = 2.56", "back_off_mm = 1.99"),
 ];
 
+/// Zip archives of empty files: `[Content_Types].xml`; `Metadata/plate_1.gcode` and `plate_2.gcode`; `cube.gcode`.
+const PROJECT: &[u8] = b"PK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0[Content_Types].xmlPK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0\0\0\0\0\0\0\0\0\x80\x01\0\0\0\0[Content_Types].xmlPK\x05\x06\0\0\0\0\x01\0\x01\0A\0\0\01\0\0\0\0\0";
+const TWO_PLATES: &[u8] = b"PK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0Metadata/plate_1.gcodePK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0Metadata/plate_2.gcodePK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0\0\0\0\0\0\0\0\0\x80\x01\0\0\0\0Metadata/plate_1.gcodePK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x16\0\0\0\0\0\0\0\0\0\0\0\x80\x014\0\0\0Metadata/plate_2.gcodePK\x05\x06\0\0\0\0\x02\0\x02\0\x88\0\0\0h\0\0\0\0\0";
+const ARCHIVE: &[u8] = b"PK\x03\x04\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x0a\0\0\0cube.gcodePK\x01\x02\x14\0\x14\0\0\0\0\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x0a\0\0\0\0\0\0\0\0\0\0\0\x80\x01\0\0\0\0cube.gcodePK\x05\x06\0\0\0\0\x01\0\x01\08\0\0\0(\0\0\0\0\0";
+
 /// Files that are not jobs: kind, name, first bytes.
 const FILES: &[(&str, &str, &[u8])] = &[
     ("an empty file", "job.gcode", b""),
-    ("a 3MF project", "cube.3mf", b"PK\x03\x04\x14\0\0\0\x08\0[Content_Types].xml"),
-    ("another zip archive", "cube.zip", b"PK\x03\x04\x14\0\0\0\x08\0cube.gcode"),
+    ("a 3MF project", "cube.3mf", PROJECT),
+    ("a sliced 3MF with several plates", "cube.gcode.3mf", TWO_PLATES),
+    ("another zip archive", "cube.zip", ARCHIVE),
+    ("a damaged zip archive", "cube.gcode.3mf", b"PK\x03\x04\x14\0\0\0\x08\0[Content_Types].xml"),
     ("a model", "cube.stl", b"solid cube\n  facet normal 0 0 1\n"),
     ("text in UTF-16", "cube.gcode", b"\xff\xfeG\x002\x008\0\n\0"),
     ("a file packed by zstd", "cube.gcode.zst", b"\x28\xb5\x2f\xfd\x04\0"),

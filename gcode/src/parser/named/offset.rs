@@ -25,9 +25,7 @@ pub(super) fn parse<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseErro
     }
     let (z, by, moves) = (words.number("Z")?, words.number("Z_ADJUST")?, words.count("MOVE")?);
     match z.or(by) {
-        Some(offset) => {
-            Ok(Command::OffsetZ { offset, adds: z.is_none(), moves: moves.is_some_and(|moves| moves > 0) })
-        }
+        Some(offset) => Ok(Command::OffsetZ { offset, adds: z.is_none(), moves: moves.is_some_and(|moves| moves > 0) }),
         None if is_named => Ok(Command::Accepted),
         None => Err(words.expected()),
     }
@@ -45,7 +43,11 @@ mod tests {
         reads("set_gcode_offset z_adjust=.05 move=1", offset("0.05", true, true));
         reads("SET_GCODE_OFFSET X=0 Y=0.0 Z=0.1 MOVE=0", offset("0.1", false, false));
         reads("SET_GCODE_OFFSET Z=0.1 Z_ADJUST=0.2", offset("0.1", false, false));
-        reads_with("SET_GCODE_OFFSET Z=0.1 MOVE=1 MOVE_SPEED=5", offset("0.1", false, true), "MOVE_SPEED has no effect");
+        reads_with(
+            "SET_GCODE_OFFSET Z=0.1 MOVE=1 MOVE_SPEED=5",
+            offset("0.1", false, true),
+            "MOVE_SPEED has no effect",
+        );
         reads("SET_GCODE_OFFSET X=0 E=0", Command::Accepted);
     }
 
