@@ -74,7 +74,7 @@ fn commands_that_must_not_be_skipped_stop_the_job() {
     for (line, says) in [
         ("G5 X20 Y20 I1 J1 P1 Q1", ["\"G5", "G5: not supported, the curve would be missing; let the slicer"]),
         ("G5.1 X20 Y20 I1 J1", ["\"G5.1", "not supported, the move would be missing; use"]),
-        ("G2 X10 Y20 I5 P2", ["\"G2", "G2 and G3 with P or K: not supported"]),
+        ("G2 X10 Y20 I5 P2", ["\"G2", "G2 and G3 with P other than 0 and 1: not supported"]),
         ("G10 L2 P1 X5", ["\"G10", "not supported, the part would lie elsewhere"]),
         ("G52 X5", ["\"G52", "G52: not supported"]),
         ("G53 G1 X5", ["\"G53", "G53 with a move: not supported"]),
