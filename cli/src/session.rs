@@ -473,6 +473,10 @@ impl<F: Fn(&str)> Replies for JobReplies<F> {
         self.remarks.note(kind, Some(line), format_args!("{}: {remarks}", code(text)));
     }
 
+    fn note(&self, line: u32, text: std::fmt::Arguments<'_>) {
+        self.remarks.note(RemarkKind::Ignored, Some(line), text);
+    }
+
     fn unknown(&self, line: u32, text: &str) {
         if ferrostep_gcode::NotExecuted::of(text).is_none() {
             self.remarks.note(RemarkKind::Unknown, Some(line), format_args!("{}: unknown command", code(text)));

@@ -2,18 +2,18 @@
 
 use crate::Decimal;
 
-/// A part of the bed, in the current unit.
+/// A part of the bed, in the current unit. An end that is missing is the one of the whole bed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BedArea {
     /// L, or X: its left end.
-    pub left: Decimal,
+    pub left: Option<Decimal>,
     /// R, or W: its right end, or its width.
-    pub right: Decimal,
+    pub right: Option<Decimal>,
     /// F, or Y: its front end.
-    pub front: Decimal,
+    pub front: Option<Decimal>,
     /// B, or H: its back end, or its height.
-    pub back: Decimal,
-    /// `right` and `back` are sizes.
+    pub back: Option<Decimal>,
+    /// `right` and `back` are sizes, and none of the four is missing.
     pub is_size: bool,
 }
 
@@ -45,7 +45,7 @@ pub enum BedCommand {
         /// Y of the probe.
         y: Option<Decimal>,
     },
-    /// M420, G29 A: whether Z follows the mesh.
+    /// M420, G29 A, F and T: whether Z follows the mesh.
     Follow {
         /// S.
         on: Option<bool>,
@@ -76,7 +76,7 @@ pub enum BedCommand {
         /// A: by how many times the measured height they are moved.
         amplification: Option<Decimal>,
     },
-    /// BED_MESH_CLEAR: the mesh is forgotten.
+    /// BED_MESH_CLEAR, G29 J: the mesh is forgotten.
     Clear,
 }
 

@@ -44,7 +44,12 @@ pub enum Command<'a> {
     /// G20, G21.
     SetUnits(Units),
     /// G28; no axis means all.
-    Home(AxisFlags),
+    Home {
+        /// The axes.
+        axes: AxisFlags,
+        /// O: of these only those that are not homed.
+        unless_homed: bool,
+    },
     /// G90: all axes, the extruder included.
     AbsolutePositioning,
     /// G91: all axes, the extruder included.
@@ -152,6 +157,8 @@ pub enum Command<'a> {
     Stop {
         /// The longest wait, ms.
         longest_ms: Option<u64>,
+        /// The text for the person; may be empty.
+        text: &'a str,
     },
     /// M125, M226, M601: pauses and waits for a person. X and Y are where the nozzle waits, Z is by how much it rises.
     Pause(AxisWords),

@@ -70,6 +70,22 @@ pub enum Remark {
     NoSupply,
     /// M141 and M191 on a machine that does not know its chamber's temperature.
     NoChamber,
+    /// G29 with words that measure nothing here.
+    NothingMeasured,
+    /// A target below 0, with which other firmwares switch a heater off.
+    BelowZeroIsOff,
+    /// A power of 1 or less, of 255.
+    SmallPower,
+    /// M106 with words of other firmwares that set up a fan.
+    NoFanPower,
+    /// G90 has ended M83, and filament is to be pushed.
+    AbsoluteExtrusion,
+    /// M24 or M602 without a paused print.
+    NotPaused,
+    /// A command for the files of a card, in a print's own file.
+    NoFiles,
+    /// M524 in a file on the desk.
+    EndsCardPrint,
     /// M280, M401, M402 and BLTOUCH_DEBUG on a machine whose probe has no pin to move, and M280 of another servo.
     NoServo,
 }
@@ -121,13 +137,21 @@ const ABOUT_LINE: &[&str] = &[
     "this machine has no probe, its bed must be level by itself; no effect",
     "without a file's name: ends a program, which needs no command here; what follows is executed",
     "the profile has no outputs; no effect",
-    "the profile has no power_supply; no effect",
+    "the profile has no power_supply: M80 has no effect, M81 switches heaters, fans and motors off all the same",
     "the profile has no chamber; no effect, and nothing is waited for",
     "the profile has no such servo (table bltouch: P0); no effect",
     "the profile has no z_motors with points; no effect",
     "the profile has no light of several colours (color of its outputs); no effect",
     "the profile has no backlash; no effect",
     "K: expected 0 to 2 s (Linear Advance 1.0 has other numbers); the advance stays",
+    "nothing is measured (G29 or G29 P1 measures the bed, M420 S1 follows the mesh, M420 S0 ends that)",
+    "a target below 0 is off",
+    "S: full power is 255, as in Marlin (in RepRapFirmware 1)",
+    "the fan's power stays; S sets it",
+    "E is absolute since G90, as in Marlin, although M83 came before: write M83 after G90 if E is relative",
+    "no print is paused; no effect",
+    "a print's file cannot choose, write or delete files of the card; no effect",
+    "a print from the card ends here; no effect elsewhere",
 ];
 
 /// The bit of [`Remark::NoBed`].
@@ -198,6 +222,14 @@ impl Remarks {
             Remark::NoServo => self.about_line |= 1 << 19,
             Remark::OneZMotor => self.about_line |= ONE_Z_MOTOR,
             Remark::NoBacklash => self.about_line |= NO_BACKLASH,
+            Remark::NothingMeasured => self.about_line |= 1 << 23,
+            Remark::BelowZeroIsOff => self.about_line |= 1 << 24,
+            Remark::SmallPower => self.about_line |= 1 << 25,
+            Remark::NoFanPower => self.about_line |= 1 << 26,
+            Remark::AbsoluteExtrusion => self.about_line |= 1 << 27,
+            Remark::NotPaused => self.about_line |= 1 << 28,
+            Remark::NoFiles => self.about_line |= 1 << 29,
+            Remark::EndsCardPrint => self.about_line |= 1 << 30,
         }
     }
 
@@ -337,6 +369,11 @@ mod tests {
             (Remark::OtherAdvance, "K: expected 0 to 2 s (Linear Advance 1.0 has other numbers); the advance stays"),
             (Remark::UnknownWord(ShortText::new("SPEED"), false), "SPEED has no effect"),
             (Remark::UnknownWord(ShortText::new("SPEED"), true), "SPEED and others have no effect"),
+            (Remark::BelowZeroIsOff, "a target below 0 is off"),
+            (Remark::SmallPower, "S: full power is 255, as in Marlin (in RepRapFirmware 1)"),
+            (Remark::NoFanPower, "the fan's power stays; S sets it"),
+            (Remark::NotPaused, "no print is paused; no effect"),
+            (Remark::EndsCardPrint, "a print from the card ends here; no effect elsewhere"),
             (Remark::NoEffect(b'W'), "W has no effect"),
             (Remark::Zero(b'E'), "E without a number is read as 0"),
         ] {

@@ -48,7 +48,7 @@ impl<P: Ports> Printer<'_, P> {
         text: &str,
         card_start: Option<u32>,
     ) -> Result<Answer, (Failure, bool)> {
-        let stops = self.motion.stops();
+        let mut stops = self.motion.stops();
         let (mut call, mut changes, mut room) =
             (macros::call(self.profile.macros, text), Self::no_change(), MacroLine::new());
         self.is_in_macro = call.is_some();
@@ -76,10 +76,16 @@ impl<P: Ports> Printer<'_, P> {
             }
             let failure = match &parsed {
                 Ok(command) => match self.may_execute(line, card_start, command) {
+                    // A macro goes on after it.
+                    Ok(Answer::Given) if call.is_some() => continue,
                     Ok(Answer::Given) => return Ok(Answer::Given),
                     Ok(Answer::Ok) if self.begins_change(&mut changes, command) => continue,
                     Ok(Answer::Ok) => match self.command_with_signs_of_life(command).await {
                         // Between the lines of a macro, too, a stop is one of all that is at work.
+                        Ok(_) if matches!(command, Command::QuickStop) && call.is_some() => {
+                            stops = self.motion.stops();
+                            continue;
+                        }
                         Ok(_) if self.is_in_macro && self.motion.stops() != stops => {
                             Failure::Command(CommandError::Stopped)
                         }
@@ -113,6 +119,9 @@ impl<P: Ports> Printer<'_, P> {
         card_start: Option<u32>,
         command: &Command<'_>,
     ) -> Result<Answer, CommandError> {
+        if self.may_stand_in_file(command)? == Answer::Given {
+            return Ok(Answer::Given);
+        }
         match card_start {
             None if self.disturbs_print(command) => Err(CommandError::CardPrints),
             None => Ok(Answer::Ok),

@@ -346,7 +346,7 @@ impl<P: Ports> Printer<'_, P> {
                 // The bed's coordinates are those of T0.
                 Some(word) => {
                     let length_10nm = modal.length_10nm(word).ok_or(CommandError::TooFar)?;
-                    length_10nm - modal.offset_10nm[axis] + self.tool_offset_10nm()[axis]
+                    length_10nm - self.bed_offset_10nm()[axis]
                 }
                 None => *place + modal.probe_offset_10nm[axis],
             };

@@ -2,7 +2,7 @@
 
 use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, BedCommand, CardCommand, Command, Decimal, PinCommand,
-    PrintClockCommand, Remarks, Reply, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords,
+    PrintClockCommand, Remarks, Reply, RetractionWords, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords,
     WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
@@ -13,7 +13,7 @@ use crate::part::Part;
 use crate::paused::{PauseReason, PauseWords};
 use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
 use crate::power_loss::{FORGET, RESUME};
-use crate::printer::{Answer, Printer};
+use crate::printer::{Answer, Printer, Source};
 
 /// A command that may wait, so that none can be named without being executed.
 enum Waiting<'a> {
@@ -35,6 +35,8 @@ enum Waiting<'a> {
         retract: bool,
     },
     Home(AxisFlags),
+    /// M81 without a supply that can be switched.
+    EverythingOff,
     DisableMotors {
         mask: u8,
     },
@@ -54,8 +56,10 @@ enum Waiting<'a> {
     Stop(Stop),
     /// M92 without words.
     ReportSteps,
+    /// M201 to M208 without words.
+    ReportSetting(&'static str),
     ShowSettings(SettingsCommand),
-    Pause(PauseReason, PauseWords),
+    Pause(PauseReason, PauseWords<'a>),
     LoadFilament {
         loads: bool,
         length: Option<Decimal>,
@@ -157,6 +161,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Dwell { milliseconds } => self.dwell(milliseconds).await?,
             Waiting::Retraction { retract } => self.firmware_retract(retract).await?,
             Waiting::Home(axes) => self.home(axes).await?,
+            Waiting::EverythingOff => self.everything_off(false).await?,
             Waiting::DisableMotors { mask } => {
                 self.disable_motors(mask).await?;
                 self.keep_statistics();
@@ -168,7 +173,14 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Tower(words) => self.set_tower(words)?,
             Waiting::ShowSettings(command) => self.show_settings(command),
             Waiting::ReportSteps => self.report_steps_per_mm(),
-            Waiting::Stop(Stop::Quick) => self.stop_motion(),
+            Waiting::ReportSetting(code) => self.report_setting(code),
+            Waiting::Stop(Stop::Quick) => {
+                let stops = self.motion.stops();
+                self.stop_motion();
+                if self.source == Source::Card {
+                    self.card.note_own_stops(self.motion.stops().wrapping_sub(stops));
+                }
+            }
             Waiting::Stop(Stop::Emergency) => return self.emergency_stop(),
             Waiting::Stop(Stop::Restart) => self.restart()?,
             Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
@@ -244,8 +256,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::IdleTimeout { seconds } => self.signals.set_idle_timeout_s(seconds),
             Command::HeaterTimeout(Some(seconds)) => self.signals.set_heater_timeout_s(seconds),
             Command::HeaterTimeout(None) => self.replies.send(Reply::HeaterTimeout(self.signals.heater_timeout_s())),
-            Command::AbsoluteExtrusion => self.interpreter.modal.relative_extruder = false,
-            Command::RelativeExtrusion => self.interpreter.modal.relative_extruder = true,
+            Command::AbsoluteExtrusion => self.interpreter.modal.set_relative_extruder(false),
+            Command::RelativeExtrusion => self.interpreter.modal.set_relative_extruder(true),
             Command::SetNozzle(tool, _) | Command::WaitNozzle(tool, _) | Command::NozzleGains(tool, _)
                 if self.is_for_no_tool(tool) => {}
             Command::FlowPercent(tool, _) | Command::PressureAdvance(tool, _) if self.is_for_no_tool(tool) => {}
@@ -286,7 +298,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::PromptAnswer(button) if !self.emergency_parser => self.signals.answer_prompt(button),
             Command::PromptAnswer(_) => {}
             Command::ResumePrint if self.is_paused() => return waiting(Waiting::ResumePrint),
-            Command::ResumePrint => return Err(CommandError::NotPaused),
+            // It has its remark.
+            Command::ResumePrint => {}
             // A host begins a job with it.
             Command::SetLineNumber(Some(_)) => {
                 self.said = Remarks::NONE;
@@ -310,6 +323,24 @@ impl<P: Ports> Printer<'_, P> {
             Command::BlackBox { clear } => self.send_black_box(clear)?,
             Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
+            Command::MaxAcceleration(ref words) if *words == AxisWords::default() => {
+                return waiting(Waiting::ReportSetting("M201"));
+            }
+            Command::MaxFeed(ref words) if *words == AxisWords::default() => {
+                return waiting(Waiting::ReportSetting("M203"));
+            }
+            Command::Acceleration { print: None, retract: None, travel: None, both: None } => {
+                return waiting(Waiting::ReportSetting("M204"));
+            }
+            Command::Junction { deviation: None, ref corner_velocity } if *corner_velocity == AxisWords::default() => {
+                return waiting(Waiting::ReportSetting("M205"));
+            }
+            Command::RetractSettings(ref words) if *words == RetractionWords::default() => {
+                return waiting(Waiting::ReportSetting("M207"));
+            }
+            Command::RecoverSettings(ref words) if *words == RetractionWords::default() => {
+                return waiting(Waiting::ReportSetting("M208"));
+            }
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
             Command::StepsPerMm(_, ref words) if *words == AxisWords::default() => {
                 return waiting(Waiting::ReportSteps);
@@ -377,7 +408,12 @@ impl<P: Ports> Printer<'_, P> {
             Command::Dwell { milliseconds } => return waiting(Waiting::Dwell { milliseconds }),
             Command::Retract => return waiting(Waiting::Retraction { retract: true }),
             Command::Recover => return waiting(Waiting::Retraction { retract: false }),
-            Command::Home(axes) => return waiting(Waiting::Home(axes)),
+            Command::Home { axes, unless_homed: false } => return waiting(Waiting::Home(axes)),
+            Command::Home { axes, unless_homed: true } => {
+                if let Some(axes) = self.unhomed(axes) {
+                    return waiting(Waiting::Home(axes));
+                }
+            }
             Command::DisableMotors(axes) => return waiting(Waiting::DisableMotors { mask: mask(axes) }),
             Command::WaitNozzle(tool, target) => return waiting(Waiting::Heat(self.nozzle_of(tool)?, target)),
             Command::WaitBed(target) => return waiting(Waiting::Heat(Heater::Bed, target)),
@@ -425,13 +461,13 @@ impl<P: Ports> Printer<'_, P> {
             Command::SetLight { .. } if !self.has_light() => {}
             Command::SetLight { colors } => return waiting(Waiting::Light(colors)),
             Command::ReportFans => self.report_fans(),
-            Command::Stop { longest_ms } => {
-                return pause(PauseReason::Stop, PauseWords { longest_ms, ..PauseWords::default() });
+            Command::Stop { longest_ms, text } => {
+                return pause(PauseReason::Stop, PauseWords { longest_ms, text, ..PauseWords::default() });
             }
             Command::Pause(park) => return pause(PauseReason::Pause, PauseWords { park, ..PauseWords::default() }),
             Command::ChangeFilament { tool, park, unload, load } => {
                 self.needs_selected(tool)?;
-                return pause(PauseReason::FilamentChange, PauseWords { park, unload, load, longest_ms: None });
+                return pause(PauseReason::FilamentChange, PauseWords { park, unload, load, longest_ms: None, text: "" });
             }
             Command::FilamentLengths { unload, load } => self.filament_lengths(unload, load)?,
             Command::LoadFilament { loads, tool, length, rise } => {
@@ -452,6 +488,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Settings(command) => return waiting(Waiting::ShowSettings(command)),
             Command::Bed(ref command) if self.has_bed() => return waiting(Waiting::Bed(command)),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
+            Command::Supply(SupplyCommand::Off { .. }) if !self.has_supply() => return waiting(Waiting::EverythingOff),
             Command::Supply(_) if !self.has_supply() => {}
             Command::Supply(command) => return waiting(Waiting::Supply(command)),
             Command::ProbePin(_) if self.pin().is_none() => {}

@@ -76,7 +76,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Arc { .. }
             | Command::Retract
             | Command::Recover
-            | Command::Home(_)
+            | Command::Home { .. }
             | Command::SelectTool { tool: Some(1..), .. }
             | Command::Pause(_)
             | Command::ChangeFilament { .. }

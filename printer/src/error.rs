@@ -106,8 +106,6 @@ pub enum CommandError {
     TunesNoPrint,
     /// An autotune has found nothing, or the command is for the other kind of control: which, and what to do.
     HeaterControl(&'static str),
-    /// M24 or M602 without a print that is paused.
-    NotPaused,
     /// M290 has shifted Z, and a prepared job brings its own heights.
     Shifted {
         /// By how much, units of 10 nm.
@@ -191,6 +189,8 @@ pub enum CommandError {
     SupplyInUse,
     /// The memory card is in use: it prints, or a file is being written to it.
     CardInUse,
+    /// M28 in the file of a print.
+    WritesWithinPrint,
     /// A host's line would move the head of a print from the card.
     CardPrints,
     /// M796 asked for methods that this machine cannot use.
@@ -252,6 +252,26 @@ impl CommandError {
     /// Whether it has stopped the machine, not only the line.
     pub(crate) const fn stops(&self) -> bool {
         matches!(self, Self::Stopped | Self::Halted | Self::NeedsReset(_) | Self::MotionFault(_))
+    }
+
+    /// Whether a person can mend the reason beside the line, so that the line is worth a second try: by heat, homing, power or the limits.
+    pub(crate) const fn is_mendable(&self) -> bool {
+        self.fails_homing()
+            || matches!(
+                self,
+                Self::ColdExtrusion { .. }
+                    | Self::FeedTooSlow { .. }
+                    | Self::PausedUnhomed { .. }
+                    | Self::BedUnhomed { .. }
+                    | Self::ShiftsHomedZ
+                    | Self::NotAligned(_)
+                    | Self::Mesh(_)
+                    | Self::Driver { .. }
+                    | Self::Accelerometer(_)
+                    | Self::SupplyOff
+                    | Self::HeatersTimedOut
+                    | Self::TunesNoPrint
+            )
     }
 
     /// Whether an axis is not where the print needs it, because its homing has failed.

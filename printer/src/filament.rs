@@ -59,7 +59,7 @@ pub(crate) fn lays(command: &Command<'_>) -> bool {
 
 /// Whether a print may begin with such a command, or begin anew: filament may have been moved by hand.
 fn begins(command: &Command<'_>) -> bool {
-    matches!(command, Command::Home(_) | Command::SetNozzle(..) | Command::WaitNozzle(..))
+    matches!(command, Command::Home { .. } | Command::SetNozzle(..) | Command::WaitNozzle(..))
 }
 
 impl<P: Ports> Printer<'_, P> {

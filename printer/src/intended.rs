@@ -23,8 +23,17 @@ fn asks_for_cold(command: &Command<'_>) -> bool {
 
 impl<P: Ports> Printer<'_, P> {
     /// Adds to the parser's remarks what depends on the machine.
-    pub(crate) fn add_remarks(&self, command: &Command<'_>, remarks: &mut Remarks) {
+    pub(crate) fn add_remarks(&mut self, command: &Command<'_>, remarks: &mut Remarks) {
         match command {
+            Command::Linear { axes, .. } | Command::Arc { axes, .. } => {
+                let modal = &mut self.interpreter.modal;
+                if modal.has_ended_m83 && !modal.relative_extruder && axes.e.is_some() {
+                    modal.has_ended_m83 = false;
+                    remarks.add(Remark::AbsoluteExtrusion);
+                }
+            }
+            Command::ResumePrint if !self.is_paused() => remarks.add(Remark::NotPaused),
+            Command::Card(card) => self.add_card_remarks(card, remarks),
             Command::Bed(BedCommand::Align { .. }) if !self.aligns_z() => remarks.add(Remark::OneZMotor),
             Command::Bed(bed) if !self.has_bed() && !bed.asks_for_none() => remarks.add(Remark::NoBed),
             Command::Junction { corner_velocity, .. } => self.add_unlimited_axes(corner_velocity, remarks),

@@ -67,6 +67,10 @@ pub(crate) struct Modal {
     pub units: Units,
     pub relative: bool,
     pub relative_extruder: bool,
+    /// M83 was the last of M82, M83 and G90.
+    pub said_m83: bool,
+    /// G90 has ended M83, and no filament was pushed since: the next line with E has a remark.
+    pub has_ended_m83: bool,
     /// Feed at 100 %, units of 10 nm a minute.
     pub feed_10nm_per_min: i64,
     pub feed_percent: u16,
@@ -120,6 +124,8 @@ impl Modal {
             units: Units::Millimetres,
             relative: false,
             relative_extruder: false,
+            said_m83: false,
+            has_ended_m83: false,
             feed_10nm_per_min: DEFAULT_FEED_10NM_PER_MIN,
             feed_percent: 100,
             flow_percent: 100,
@@ -152,6 +158,15 @@ impl Modal {
     pub fn set_relative(&mut self, relative: bool) {
         self.relative = relative;
         self.relative_extruder = relative;
+        if !relative {
+            self.has_ended_m83 |= core::mem::take(&mut self.said_m83);
+        }
+    }
+
+    /// M82, M83.
+    pub fn set_relative_extruder(&mut self, relative: bool) {
+        self.relative_extruder = relative;
+        (self.said_m83, self.has_ended_m83) = (relative, false);
     }
 
     /// The G-code's coordinates become larger by this.

@@ -25,6 +25,14 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
+    /// Of these axes, or of all if none is named, those that are not homed; `None` without such an axis.
+    pub(crate) fn unhomed(&self, axes: AxisFlags) -> Option<AxisFlags> {
+        let all = axes.is_empty();
+        let [x, y, z] = self.interpreter.modal.homed;
+        let axes = AxisFlags { x: (axes.x || all) && !x, y: (axes.y || all) && !y, z: (axes.z || all) && !z, e: false };
+        (!axes.is_empty()).then_some(axes)
+    }
+
     /// M18, M84: a motor without current may be turned by hand, so its axis is no longer homed.
     pub(crate) async fn disable_motors(&mut self, motors: u8) -> Result<(), CommandError> {
         self.motion.finish().await?;

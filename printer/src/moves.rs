@@ -85,8 +85,11 @@ impl<P: Ports> Printer<'_, P> {
             if let Some([least, most]) = reach_10nm.and_then(|reach| reach.get(axis).copied()) {
                 (at, verb) = (if most - upper > lower - least { most } else { least }, "goes to");
             }
-            let [at, lower, upper] =
-                [at, lower, upper].map(|length_10nm| Real::fixed(length_10nm as f64 / 100_000.0, 2));
+            // In the G-code's coordinates, which its reader finds in the file.
+            let [at, lower, upper] = [at, lower, upper].map(|length_10nm| {
+                let of_job_10nm = length_10nm.wrapping_add(modal.offset_10nm[axis]);
+                Real::fixed(of_job_10nm as f64 / 100_000.0, 2)
+            });
             let name = AXIS_NAMES[axis];
             let allowed = format_args!(" {name} {verb} {at} (allowed {lower} to {upper})");
             complete = complete.and(core::fmt::write(&mut text, allowed));

@@ -43,7 +43,7 @@ impl<P: Ports> Printer<'_, P> {
         self.pause_at(reason, PauseWords::default()).await
     }
 
-    async fn pause_at(&mut self, reason: PauseReason, words: PauseWords) -> Result<(), CommandError> {
+    async fn pause_at(&mut self, reason: PauseReason, words: PauseWords<'_>) -> Result<(), CommandError> {
         if self.is_paused() {
             return Ok(());
         }
@@ -84,7 +84,7 @@ impl<P: Ports> Printer<'_, P> {
         // An answer from before is not meant for this pause.
         self.signals.take_answer();
         if !self.is_returning() {
-            self.tell_paused(reason);
+            self.tell_paused(if words.text.is_empty() { reason.text() } else { words.text });
         }
         Ok(())
     }
@@ -103,7 +103,7 @@ impl<P: Ports> Printer<'_, P> {
         let more_100pm = filament_100pm(self.profile.pause.more_10nm, 100);
         self.move_filament(load_100pm.saturating_add(more_100pm), self.profile.pause.filament_10nm_per_s).await?;
         self.motion.set_motors_enabled(1 << 3, false);
-        self.show_prompt(PauseReason::FilamentChange);
+        self.show_prompt(PauseReason::FilamentChange.text());
         Ok(())
     }
 
@@ -159,7 +159,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person goes on. A file on the desk has no one to ask and
     /// goes on at once. A card is read on when [`Self::is_paused`] returns `false`.
-    pub(crate) async fn pause_command(&mut self, reason: PauseReason, words: PauseWords) -> Result<(), CommandError> {
+    pub(crate) async fn pause_command(&mut self, reason: PauseReason, words: PauseWords<'_>) -> Result<(), CommandError> {
         self.pause_at(reason, words).await?;
         match self.source {
             // Within a macro there is no reader that could wait.
@@ -212,21 +212,20 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    fn tell_paused(&self, reason: PauseReason) {
-        let (line, text) = (self.line, reason.text());
+    fn tell_paused(&self, text: &str) {
+        let line = self.line;
         if !self.has_host() {
             return self
                 .replies
                 .say(format_args!("echo:line {line}: {text} (without a pause: a file has no one to ask)"));
         }
         self.tell_host("//action:paused");
-        self.show_prompt(reason);
+        self.show_prompt(text);
         self.replies.say(format_args!("echo:{text}. M108 goes on"));
     }
 
     /// Asks the person, by a host that shows prompts.
-    fn show_prompt(&self, reason: PauseReason) {
-        let text = reason.text();
+    fn show_prompt(&self, text: &str) {
         self.replies
             .say(format_args!("//action:prompt_end\n//action:prompt_begin {text}\n//action:prompt_button Continue"));
         if self.paused.as_ref().is_some_and(|paused| paused.pushes_more) {
@@ -248,7 +247,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// How much filament is drawn out, and pushed in, units of 0.1 nm.
-    fn filament_to_change_100pm(&self, words: &PauseWords) -> Result<[i64; 2], CommandError> {
+    fn filament_to_change_100pm(&self, words: &PauseWords<'_>) -> Result<[i64; 2], CommandError> {
         let [unload_10nm, load_10nm] = self.filament_lengths_10nm(words.unload, words.load)?;
         let length_100pm = |length_10nm| {
             let length_100pm = filament_100pm(length_10nm, 100);

@@ -31,7 +31,7 @@ impl PauseReason {
 
 /// What a line says of its pause. What it leaves open is as the profile has it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct PauseWords {
+pub(crate) struct PauseWords<'a> {
     /// X and Y: where the nozzle waits; Z: by how much it rises.
     pub(crate) park: AxisWords,
     /// Filament that is drawn out, its sign says nothing.
@@ -40,6 +40,8 @@ pub(crate) struct PauseWords {
     pub(crate) load: Option<Decimal>,
     /// The longest wait, ms.
     pub(crate) longest_ms: Option<u64>,
+    /// What the person reads; if it is empty, the reason's text.
+    pub(crate) text: &'a str,
 }
 
 /// What a person answers to a pause.

@@ -342,6 +342,11 @@ pub trait Replies {
         }
     }
 
+    /// Takes a remark with numbers on a line.
+    fn note(&self, line: u32, text: fmt::Arguments<'_>) {
+        self.say(format_args!("echo:line {line}: {text}"));
+    }
+
     /// Takes an unknown command.
     fn unknown(&self, _line: u32, text: &str) {
         self.send(Reply::UnknownCommand(text));

@@ -309,10 +309,8 @@ impl<'a, P: Ports> Printer<'a, P> {
             self.stop_motion();
             match while_halted(command) {
                 WhileHalted::Works => {}
-                WhileHalted::IsOff if self.has_supply() || !matches!(command, Command::Supply(_)) => {
-                    return Ok(Answer::Ok);
-                }
-                WhileHalted::IsOff | WhileHalted::Refused => return Err(CommandError::Halted),
+                WhileHalted::IsOff => return Ok(Answer::Ok),
+                WhileHalted::Refused => return Err(CommandError::Halted),
             }
         }
         let result = match self.motion.take_fault() {

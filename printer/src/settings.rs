@@ -1,6 +1,6 @@
 //! M201 to M221: the settings of the machine that a job may change.
 
-use ferrostep_gcode::{AxisWords, Decimal, FeedWords, Reply, RetractionWords};
+use ferrostep_gcode::{AxisWords, Decimal, FeedWords, Real, Reply, RetractionWords};
 
 use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
@@ -11,6 +11,9 @@ use crate::profile::ExtrusionSettings;
 /// Smallest and largest speed and acceleration that may be set, mm/s and mm/s^2.
 pub(crate) const SMALLEST_LIMIT: f64 = 0.01;
 pub(crate) const LARGEST_LIMIT: f64 = 1_000_000.0;
+
+/// A feed that is so many times the profile's is far above it.
+const FAR_FEED: f64 = 10.0;
 
 /// Smallest and largest percentage of feed and flow.
 pub(crate) const PERCENTS: [f64; 2] = [1.0, 999.0];
@@ -60,7 +63,27 @@ impl<P: Ports> Printer<'_, P> {
         let mut limits = self.motion.limits();
         set_axes(&mut limits.max_feed_mm_per_s, words, self.interpreter.modal.unit_mm())?;
         self.motion.set_limits(limits);
+        self.tell_far_feeds(words, &limits.max_feed_mm_per_s);
         Ok(())
+    }
+
+    /// Says of the feeds that a line has set which are so far above the profile's that they may be in another firmware's unit.
+    #[inline(never)]
+    fn tell_far_feeds(&self, words: &AxisWords, feeds_mm_per_s: &[f64; 4]) {
+        let words = [words.x, words.y, words.z, words.e];
+        let of_profile = self.profile.limits.max_feed_mm_per_s;
+        for (((name, word), feed), of_profile) in "XYZE".chars().zip(words).zip(feeds_mm_per_s).zip(of_profile) {
+            if word.is_some() && *feed > FAR_FEED * of_profile {
+                let [feed, of_profile] = [*feed, of_profile].map(|feed| Real::short(feed, 2));
+                self.replies.note(
+                    self.line,
+                    format_args!(
+                        "M203: {name} is {feed} mm/s now, and the profile's limit is {of_profile} mm/s (M203 takes mm/s, as in Marlin; \
+                         RepRapFirmware's mm/min are 60 times as much)"
+                    ),
+                );
+            }
+        }
     }
 
     /// M204; S sets print and travel, and P and T win over it.

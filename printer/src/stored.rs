@@ -287,6 +287,19 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.report_stored_mesh();
     }
 
+    /// M201 to M208 without words: their line of M503.
+    #[inline(never)]
+    pub(crate) fn report_setting(&self, code: &str) {
+        let mut values = self.live_values();
+        for group in Group::all().filter(|group| group.code == code) {
+            let mut text = Text::new();
+            let _ = text.push_str("echo:  ");
+            if group.write_command(&mut values, 0, &mut text) == Ok(true) {
+                self.replies.send(Reply::Text(&text));
+            }
+        }
+    }
+
     /// M500.
     // Not inlined, as those below: each needs much of the stack, and they never nest.
     #[inline(never)]

@@ -46,7 +46,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Arc { .. }
             | Command::Retract
             | Command::Recover
-            | Command::Home(_)
+            | Command::Home { .. }
             | Command::EnableMotors(_)
             | Command::Autotune { .. }
             | Command::HeaterModel { .. }
@@ -92,6 +92,13 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M81: motion ends, then heaters, motors and fans go off, and then the supply.
     async fn supply_off(&mut self, when_cool: bool) -> Result<(), CommandError> {
+        self.everything_off(when_cool).await?;
+        self.heating.set_supply(false);
+        Ok(())
+    }
+
+    /// M81 but for the supply, which stays on where it cannot be switched.
+    pub(crate) async fn everything_off(&mut self, when_cool: bool) -> Result<(), CommandError> {
         if self.is_paused() || self.is_of_other_print() {
             return Err(CommandError::SupplyInUse);
         }
@@ -106,7 +113,6 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.commanded_fans_off().await;
         self.keep_statistics();
-        self.heating.set_supply(false);
         Ok(())
     }
 }

@@ -282,11 +282,14 @@ impl<'a, P: Ports> Printer<'a, P> {
         let Some(tools) = ToolsPart::<P>::get(&self.tools) else { return Ok(None) };
         let (old_10nm, new_10nm) = (tools.offset_10nm(tools.selected), tools.offset_10nm(tool));
         let from_10nm = modal.machine_10nm;
-        let mut to_10nm = core::array::from_fn(|axis| from_10nm[axis] + old_10nm[axis] - new_10nm[axis]);
+        let asked_10nm: [i64; 3] = core::array::from_fn(|axis| from_10nm[axis] + old_10nm[axis] - new_10nm[axis]);
+        let mut to_10nm = asked_10nm;
         let mut clamped = [false; 3];
         self.interpreter.clamp_into(&mut to_10nm, 0, &mut clamped);
-        let [.., z_is_clamped] = clamped;
-        if z_is_clamped { Err(CommandError::Tool(TOO_HIGH)) } else { Ok(Some(Change { from_10nm, to_10nm, clamped })) }
+        // At its lower end Z stays higher than the old nozzle was, which no part minds; at its upper end it would stay lower.
+        let [.., asked_z] = asked_10nm;
+        let [.., z] = to_10nm;
+        if z < asked_z { Err(CommandError::Tool(TOO_HIGH)) } else { Ok(Some(Change { from_10nm, to_10nm, clamped })) }
     }
 
     /// By how much Z rises above where the carriage stands, so that neither nozzle is lower than the old one was.

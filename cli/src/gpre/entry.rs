@@ -102,7 +102,7 @@ impl Passed {
                     | Command::Dwell { .. }
                     | Command::Retract
                     | Command::Recover
-                    | Command::Home(_)
+                    | Command::Home { .. }
                     | Command::ProbeOffset(_)
                     // No job follows a mesh.
                     | Command::Bed(_)

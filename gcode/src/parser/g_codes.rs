@@ -3,7 +3,7 @@
 use super::code::Code;
 use super::words::{Strays, Words, skip_blanks};
 use crate::remarks::{Remark, Remarks};
-use crate::{ArcForm, AxisWords, Command, Decimal, ParseError, Units};
+use crate::{ArcForm, AxisFlags, AxisWords, Command, Decimal, ParseError, Units};
 
 pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     if code.has_subcode {
@@ -90,11 +90,18 @@ fn dwell<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     Ok(Command::Dwell { milliseconds })
 }
 
-/// G28. W asks for no levelling afterwards, which there is none of; O to home only what is not homed, and that is homed as well.
+/// Letters of axes that other machines have: `G28 U` homes that axis, and must not home X, Y and Z.
+const OTHER_AXES: &[u8] = b"ABCDEIJKUV";
+
+/// G28. W asks for no levelling afterwards, which there is none of.
 fn home<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     words.needless(b'W');
-    Ok(Command::Home(words.axis_flags()))
+    let axes = AxisFlags { x: words.has(b'X'), y: words.has(b'Y'), z: words.has(b'Z'), e: false };
+    if axes.is_empty() && OTHER_AXES.iter().any(|&axis| words.is_present(axis)) {
+        return Ok(Command::Accepted);
+    }
+    Ok(Command::Home { axes, unless_homed: words.flag(b'O') })
 }
 
 /// G92. Without words all become zero; so does an axis without a number, for which the line was written.

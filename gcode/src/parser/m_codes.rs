@@ -1,6 +1,7 @@
 //! Heaters, fans, limits, reports and the rest of the machine.
 
 use super::code::Code;
+use super::words::{Strays, Words, skip_blanks};
 use super::{drivers, pressure_advance};
 use crate::remarks::{Remark, Remarks};
 use crate::{
@@ -58,6 +59,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         42 => {
             let mut words = code.words(remarks)?;
             let number = words.whole(b'P').and_then(|number| u8::try_from(number).ok());
+            words.remark_small_power(b'S');
             Ok(match words.nearest_byte(b'S')? {
                 Some(power) => Command::SetOutput { number, power },
                 None => {
@@ -121,7 +123,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         110 => Ok(Command::SetLineNumber(code.words(remarks)?.whole(b'N'))),
         112 => Ok(Command::EmergencyStop),
         113 => Ok(Command::KeepAlive(code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)?)),
-        114 => Ok(Command::ReportPosition),
+        114 => {
+            // A remark about D and R; whatever follows, the answer is the same.
+            let _ = code.words(remarks);
+            Ok(Command::ReportPosition)
+        }
         115 => {
             if code.free_text().starts_with(['U', 'u']) {
                 remarks.add(Remark::FirmwareVersion);
@@ -175,6 +181,10 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         208 => {
             let mut words = code.words(remarks)?;
+            // RepRapFirmware's limits of the axes, whose S says which end.
+            if b"XYZ".iter().any(|&axis| words.is_present(axis)) {
+                return Ok(Command::Accepted);
+            }
             // Extra length may be negative: less comes back than went.
             let (length, feed) = (words.value(b'S'), words.above_zero(b'F'));
             Ok(Command::RecoverSettings(RetractionWords { length, feed, lift: None }))
@@ -190,7 +200,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         221 => {
             let mut words = code.words(remarks)?;
-            let tool = words.tool(b'T');
+            // D is RepRapFirmware's.
+            let tool = words.tool(b'T').or(words.tool(b'D'));
             // An error, unlike a feed of 0: without filament nothing would be printed.
             let percent = words.required_above_zero(b'S')?;
             Ok(Command::FlowPercent(tool, words.at_most(b'S', percent, MAX_PERCENT)?))
@@ -316,10 +327,14 @@ fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     })
 }
 
-/// M303: E is Marlin's word, -1 is the bed and -2 the chamber, H RepRapFirmware's, 0 is the bed.
+/// M303: E is Marlin's word, -1 is the bed and -2 the chamber, H RepRapFirmware's, 0 is the bed, and T its tool. D switches messages of
+/// the control in Marlin, and heats nothing.
 fn autotune<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
-    let of = match (words.whole(b'E'), words.whole(b'H')) {
+    if words.is_present(b'D') {
+        return Ok(Command::Accepted);
+    }
+    let of = match (words.whole(b'E').or(words.whole(b'T')), words.whole(b'H')) {
         (Some(tool @ 0..), None) => TunedHeater::Nozzle(Some(u8::try_from(tool).unwrap_or(u8::MAX))),
         (None, Some(1) | None) => TunedHeater::Nozzle(None),
         (Some(-1), None) | (None, Some(0)) => TunedHeater::Bed,
@@ -342,8 +357,12 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
         tool = words.tool(b'T');
     } else {
         words.needless(b'T');
+        // RepRapFirmware's further beds and chambers.
+        if words.is_other_than(b'P', 0) {
+            return Ok(Command::Accepted);
+        }
     }
-    let target = words.not_negative(b'S')?;
+    let target = words.target(b'S');
     if target.is_none() && matches!(code.number, 104 | 140 | 141) {
         words.remark(Remark::WithoutS);
     }
@@ -352,7 +371,7 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
         140 => Command::SetBed(target),
         141 => Command::SetChamber(target),
         _ => {
-            let wait = match (target, words.not_negative(b'R')?) {
+            let wait = match (target, words.target(b'R')) {
                 (Some(target), _) => WaitTarget::Heating(target),
                 (None, Some(target)) => WaitTarget::HeatingOrCooling(target),
                 (None, None) => WaitTarget::Current,
@@ -394,19 +413,36 @@ fn progress<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Pa
     Ok(Command::Progress { percent: percent.map(|percent| percent as u8), minutes_left })
 }
 
-/// M0, M1: a time, or a text for a display.
+/// M0, M1: a time, and a text for the person.
 fn stop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let text = code.free_text().as_bytes();
-    let is_time = matches!(text, [b'P' | b'p' | b'S' | b's', b'0'..=b'9' | b'.' | b'+' | b'-' | b' ', ..]);
-    if !is_time {
-        return Ok(Command::Stop { longest_ms: None });
+    let mut text = code.free_text();
+    let mut times = 0;
+    while let Some(length) = time_length(text) {
+        times += length;
+        text = text.get(length..).unwrap_or_default();
     }
-    let mut words = code.words(remarks)?;
-    let milliseconds = match words.nearest(b'S', 1000)? {
+    // A comment in brackets is none of it.
+    text = text.get(skip_blanks(text.as_bytes(), 0)..).unwrap_or_default();
+    let times = code.free_text().get(..times).unwrap_or_default();
+    let mut words = Words::parse(times, remarks, Strays::Remarked)?;
+    let longest_ms = match words.nearest(b'S', 1000)? {
         Some(milliseconds) => Some(milliseconds),
         None => words.nearest(b'P', 1)?,
     };
-    Ok(Command::Stop { longest_ms: milliseconds })
+    Ok(Command::Stop { longest_ms, text })
+}
+
+/// How long the word P or S is with which a text begins, with the blanks after it; `None` if it begins with another.
+fn time_length(text: &str) -> Option<usize> {
+    let bytes = text.as_bytes();
+    let at = match bytes {
+        [b'P' | b'p' | b'S' | b's', ..] => skip_blanks(bytes, 1),
+        _ => return None,
+    };
+    let (length, number) = Decimal::parse_prefix(bytes.get(at..)?);
+    let end = at + length;
+    let ends = matches!(bytes.get(end), None | Some(b' ' | b'\t' | b'P' | b'p' | b'S' | b's'));
+    (number.is_ok() && ends).then(|| skip_blanks(bytes, end))
 }
 
 /// M125, M226, M600 and M601.
@@ -438,12 +474,26 @@ fn filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Pa
     Ok(Command::LoadFilament { loads, tool: words.tool(b'T'), length, rise: words.value(b'Z') })
 }
 
-/// M106 and M107. Slicers write powers such as 252.45, which are rounded.
+/// Words of M106 with which no firmware sets a power.
+const FAN_WORDS: &[u8] = b"ABCFHKLRX";
+
+/// M106 and M107. Slicers write powers such as 252.45, which are rounded. Other words without an S set up the fan elsewhere, and not
+/// its power.
 #[inline(never)]
 fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let number = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
-    let power = if code.number == 106 { words.nearest_byte(b'S')?.unwrap_or(u8::MAX) } else { 0 };
+    if code.number == 107 {
+        return Ok(Command::Fan { number, power: 0 });
+    }
+    words.remark_small_power(b'S');
+    // T chooses a power for later, whatever S says.
+    let is_set_up = !words.is_present(b'S') && FAN_WORDS.iter().any(|&letter| words.is_present(letter));
+    if is_set_up || words.is_present(b'I') || words.is_present(b'T') {
+        words.remark(Remark::NoFanPower);
+        return Ok(Command::Accepted);
+    }
+    let power = words.nearest_byte(b'S')?.unwrap_or(u8::MAX);
     Ok(Command::Fan { number, power })
 }
 

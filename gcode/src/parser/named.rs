@@ -363,6 +363,7 @@ fn mesh_area(words: &NamedWords<'_>) -> Result<Option<BedArea>, ParseError> {
         }
     };
     let ([left, front], [right, back]) = (pair(from)?, pair(to)?);
+    let [left, right, front, back] = [left, right, front, back].map(Some);
     Ok(Some(BedArea { left, right, front, back, is_size: false }))
 }
 

@@ -140,7 +140,7 @@ fn the_beds_mesh() {
     use crate::{BedArea, BedCommand};
     let measure = |area| Command::Bed(BedCommand::Measure { area, unless_on: false });
     reads("BED_MESH_CALIBRATE", measure(None));
-    let [left, front, right, back] = ["10", "20.5", "100", "110"].map(super::tests::number);
+    let [left, front, right, back] = ["10", "20.5", "100", "110"].map(super::tests::some);
     let area = BedArea { left, right, front, back, is_size: false };
     reads("bed_mesh_calibrate MESH_MIN=10,20.5 mesh_max=100,110", measure(Some(area)));
     reads_with("BED_MESH_CALIBRATE ADAPTIVE=1", measure(None), "ADAPTIVE has no effect");

@@ -109,7 +109,7 @@ fn odd_lines_are_read_as_in_marlin() {
     let arc = Command::Arc { clockwise: true, axes: none, form, feed: None };
     reads_with("G2 I1 J F0", arc, "J without a number is ignored; F is not above 0 and is ignored");
     reads_with("G90 G0 X5", Command::AbsolutePositioning, second);
-    reads_with("G28 G1 Z5", Command::Home(AxisFlags::default()), second);
+    reads_with("G28 G1 Z5", Command::Home { axes: AxisFlags::default(), unless_homed: false }, second);
     reads_with("G1 X5 M106 S99", line(x, None), second);
     for text in ["%", "% O1", " %"] {
         reads(text, Command::Unknown(text.trim()));

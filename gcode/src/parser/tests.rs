@@ -124,10 +124,17 @@ fn other_g_codes() {
     reads("G10 P0 R150", Command::Unknown("G10 P0 R150"));
     reads("G20", Command::SetUnits(Units::Inches));
     reads("G21 ", Command::SetUnits(Units::Millimetres));
-    reads("G28", Command::Home(AxisFlags::default()));
-    reads("G28 W", Command::Home(AxisFlags::default()));
-    reads_with("G28 O", Command::Home(AxisFlags::default()), "O has no effect");
-    reads("G28 X0 Y", Command::Home(AxisFlags { x: true, y: true, ..AxisFlags::default() }));
+    let home = |axes, unless_homed| Command::Home { axes, unless_homed };
+    reads("G28", home(AxisFlags::default(), false));
+    reads("G28 W", home(AxisFlags::default(), false));
+    reads("G28 O", home(AxisFlags::default(), true));
+    reads("G28 O0", home(AxisFlags::default(), false));
+    reads("G28 X0 Y", home(AxisFlags { x: true, y: true, ..AxisFlags::default() }, false));
+    reads("G28 O X", home(AxisFlags { x: true, ..AxisFlags::default() }, true));
+    reads_with("G28 Z U", home(AxisFlags { z: true, ..AxisFlags::default() }, false), "U has no effect");
+    reads_with("G28 U", Command::Accepted, "U has no effect");
+    reads_with("G28 E", Command::Accepted, "E has no effect");
+    reads_with("G28 R5 L", home(AxisFlags::default(), false), "L has no effect; R has no effect");
     reads("G90", Command::AbsolutePositioning);
     reads("G91", Command::RelativePositioning);
     let e = AxisWords { e: Some(Decimal::ZERO), ..AxisWords::default() };
@@ -176,7 +183,9 @@ fn motors_and_limits() {
     let words = RetractionWords { length: some("2"), feed: some("1800"), lift: some("0.4") };
     reads("M207 S2 F1800 Z.4", Command::RetractSettings(words));
     let words = RetractionWords { length: some("-0.1"), feed: None, lift: None };
-    reads_with("M208 S-.1 Z5", Command::RecoverSettings(words), "Z has no effect");
+    reads_with("M208 S-.1 R5", Command::RecoverSettings(words), "R has no effect");
+    // RepRapFirmware's limits of an axis.
+    reads_with("M208 X0 S1", Command::Accepted, "S has no effect; X has no effect");
     assert_eq!(refused("M207 S-1"), "S: -1 is out of range, expected 0 or more");
     let none = RetractionWords::default();
     reads_with("M208 F0", Command::RecoverSettings(none), "F is not above 0 and is ignored");
@@ -223,7 +232,7 @@ fn host_commands() {
         ("M86", Command::HeaterTimeout(None)),
         ("M87", Command::HeaterTimeout(Some(0))),
         ("M42 P2 S255", Command::SetOutput { number: Some(2), power: 255 }),
-        ("M42 S0.6 P0", Command::SetOutput { number: Some(0), power: 1 }),
+        ("M42 S2.6 P0", Command::SetOutput { number: Some(0), power: 3 }),
         ("M150 R255 U128 B0", Command::SetLight { colors: [255, 128, 0, 0] }),
         ("M150 R255 U127.6 W9 P128", Command::SetLight { colors: [128, 64, 0, 4] }),
         ("M150", Command::SetLight { colors: [0; 4] }),
@@ -339,16 +348,20 @@ fn accepted_and_unknown() {
 
 #[test]
 fn pauses() {
-    for (text, longest_ms) in [
-        ("M0", None),
-        ("M1 Press when ready", None),
-        ("M0 Stop here", None),
-        ("M0 S2", Some(2000)),
-        ("M1 P500", Some(500)),
+    for (text, longest_ms, says) in [
+        ("M0", None, ""),
+        ("M1 Press when ready", None, "Press when ready"),
+        ("M0 Stop here", None, "Stop here"),
+        ("M0 S2", Some(2000), ""),
+        ("M1 P500", Some(500), ""),
+        ("M1 S1 Insert the magnets", Some(1000), "Insert the magnets"),
+        ("M1 P3 M4 screws, 5 G", Some(3), "M4 screws, 5 G"),
+        ("M0 S3D prints", None, "S3D prints"),
+        ("M0 P 10 Push", Some(10), "Push"),
     ] {
-        reads(text, Command::Stop { longest_ms });
+        reads(text, Command::Stop { longest_ms, text: says });
     }
-    reads_with("M0 P500 S3", Command::Stop { longest_ms: Some(3000) }, "P has no effect");
+    reads_with("M0 P500 S3", Command::Stop { longest_ms: Some(3000), text: "" }, "P has no effect");
     let change = |park, unload, load| Command::ChangeFilament { tool: None, park, unload, load };
     reads_with("M600 E2", change(AxisWords::default(), None, None), "E has no effect");
     reads("M600 U-400 L420.5", change(AxisWords::default(), some("-400"), some("420.5")));

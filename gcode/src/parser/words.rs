@@ -142,6 +142,11 @@ impl<'a> Words<'a> {
         is_other
     }
 
+    /// Whether the letter has a number of this size or above, without asking for it.
+    pub(super) fn is_above(&self, letter: u8, least: i64) -> bool {
+        self.valued & bit(letter) != 0 && self.number(letter) >= Decimal::from_nanos(least * 1_000_000_000)
+    }
+
     /// A word that asks for what is so, and needs no remark.
     pub(super) const fn needless(&mut self, letter: u8) {
         self.asked |= bit(letter);
@@ -211,6 +216,16 @@ impl<'a> Words<'a> {
         }
     }
 
+    /// A target, degrees Celsius. Below 0 it is off, as other firmwares write it.
+    pub(super) fn target(&mut self, letter: u8) -> Option<Decimal> {
+        let value = self.value(letter)?;
+        if value.is_negative() {
+            self.remarks.add(Remark::BelowZeroIsOff);
+            return Some(Decimal::ZERO);
+        }
+        Some(value)
+    }
+
     /// A whole number; a fraction is dropped, as in Marlin.
     pub(super) fn whole(&mut self, letter: u8) -> Option<i64> {
         let value = self.value(letter)?;
@@ -249,6 +264,14 @@ impl<'a> Words<'a> {
             self.remarks.add(Remark::TooLarge(letter));
             u8::MAX
         })))
+    }
+
+    /// A remark where a power is above 0 and at most 1: RepRapFirmware's full power is 1.
+    pub(super) fn remark_small_power(&mut self, letter: u8) {
+        let is_valued = self.valued & bit(letter) != 0;
+        if is_valued && (1..=1_000_000_000).contains(&self.number(letter).nanos()) {
+            self.remarks.add(Remark::SmallPower);
+        }
     }
 
     /// 0 or 1.

@@ -31,13 +31,16 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// G30.
+    /// G30, in the G-code's coordinates, and the position afterwards.
     #[inline(never)]
     pub(super) fn report_place(&self, place_10nm: [i64; 2], height_10nm: i64) {
         let [x_10nm, y_10nm] = place_10nm;
-        let [x, y, _] = self.interpreter.skew.asked([x_10nm, y_10nm, 0]).map(mm);
+        let [x_10nm, y_10nm, _] = self.interpreter.skew.asked([x_10nm, y_10nm, 0]);
+        let [of_x, of_y] = self.bed_offset_10nm();
+        let [x, y] = [x_10nm + of_x, y_10nm + of_y].map(mm);
         let z = Real::fixed(height_10nm as f64 / MM, 4);
         self.replies.say(format_args!("Bed X: {x} Y: {y} Z: {z}"));
+        self.replies.send(Reply::Position(self.position()));
     }
 
     /// M48.

@@ -64,6 +64,7 @@ impl<P: Ports> Printer<'_, P> {
     /// [`Self::receive_job`].
     pub async fn print_from_card(&mut self, hosts: &mut impl HostLines, room: &mut [u8]) {
         let stops = self.motion.stops();
+        self.card.own_stops = 0;
         let end = loop {
             if self.is_returning() && !self.return_to_print().await {
                 break End::Stopped;
@@ -133,7 +134,7 @@ impl<P: Ports> Printer<'_, P> {
             if self.card.aborted {
                 return Err(End::Aborted);
             }
-            if self.signals.is_halted() || self.motion.stops() != stops {
+            if self.signals.is_halted() || self.motion.stops() != stops.wrapping_add(self.card.own_stops) {
                 return Err(End::Stopped);
             }
             if self.card.job == Job::Printing {
@@ -212,7 +213,7 @@ impl<P: Ports> Printer<'_, P> {
                         | Command::Retract
                         | Command::Recover
                         | Command::SetUnits(_)
-                        | Command::Home(_)
+                        | Command::Home { .. }
                         | Command::AbsolutePositioning
                         | Command::RelativePositioning
                         | Command::SetPosition(_)

@@ -59,6 +59,8 @@ pub(crate) struct Card<'a> {
     /// Byte at which the next line, or the next frame, begins.
     pub(super) position: u32,
     pub(super) writing: Writing,
+    /// How often M410 in the file has stopped motion: the print goes on then.
+    pub(super) own_stops: u32,
     /// A host has just begun to write.
     pub(super) begun_writing: bool,
 }
@@ -74,8 +76,14 @@ impl<'a> Card<'a> {
             seek: None,
             position: 0,
             writing: Writing::Not,
+            own_stops: 0,
             begun_writing: false,
         }
+    }
+
+    /// M410 in the file has stopped motion so often, 0 or 1.
+    pub(crate) fn note_own_stops(&mut self, stops: u32) {
+        self.own_stops = self.own_stops.wrapping_add(stops.min(1));
     }
 
     /// Whether the board has a slot.

@@ -1,6 +1,6 @@
 //! A print of G-code from the card.
 
-use ferrostep_gcode::{CardCommand, Checksum, Command, Line, LineError, LineReader, Reply};
+use ferrostep_gcode::{Checksum, Command, Line, LineError, LineReader, Reply};
 
 use super::print::{Bytes, End, HostLines};
 use crate::error::{CommandError, Failure};
@@ -47,12 +47,14 @@ impl<P: Ports> Printer<'_, P> {
                 }
             }
             if has_ended {
-                return End::Complete;
+                // The last line may have paused the print.
+                return self.answer_hosts(hosts, stops).await.err().unwrap_or(End::Complete);
             }
         }
     }
 
-    /// Executes a line. A refused line pauses the print, and is tried again when the print goes on.
+    /// Executes a line. A refused line pauses the print. It is tried again when the print goes on if a person can mend the reason; else the
+    /// print goes on after it, so that no pause lasts for ever.
     async fn card_line(
         &mut self,
         line: Result<Line<'_>, LineError>,
@@ -66,31 +68,31 @@ impl<P: Ports> Printer<'_, P> {
         };
         let number = number.saturating_add(lines_before);
         self.line = number;
-        let refused = match line {
+        let (mut is_refused, mut is_mendable) = (true, false);
+        match line {
             Ok(line) if matches!(line.checksum, Checksum::Wrong { .. } | Checksum::Malformed) => {
                 self.replies
                     .say(format_args!("echo:line {number}: the checksum is wrong: copy the file to the card again"));
-                true
             }
             Ok(line) => match self.execute_from_card(number, line_start, line.text).await {
-                Ok(()) => false,
+                Ok(()) => is_refused = false,
                 Err(failure) if Self::has_stopped(&failure) => return Some(End::Stopped),
                 Err(failure) => {
                     self.replies.refuse(number, &failure);
-                    true
+                    is_mendable = matches!(failure, Failure::Command(error) if error.is_mendable());
                 }
             },
-            Err(error) => {
-                self.replies.say(format_args!("echo:line {number}: {error}"));
-                true
-            }
-        };
-        if refused {
+            Err(error) => self.replies.say(format_args!("echo:line {number}: {error}")),
+        }
+        if is_refused {
+            let goes_on = if is_mendable { "tries the line again" } else { "goes on after the line" };
             self.replies.say(format_args!(
-                "echo:card: the print is paused at line {number}; M24 tries the line again, M524 ends the print"
+                "echo:card: the print is paused at line {number}; M24 {goes_on}, M524 ends the print"
             ));
-            self.card.seek = Some((line_start, number.saturating_sub(1)));
-            self.card.position = line_start;
+            if is_mendable {
+                self.card.seek = Some((line_start, number.saturating_sub(1)));
+                self.card.position = line_start;
+            }
             self.pause_print().await;
         }
         None
@@ -115,7 +117,7 @@ impl<P: Ports> Printer<'_, P> {
     /// What comes before a command of the card's file, whose line begins at `line_start`.
     ///
     /// # Errors
-    /// It is about the card.
+    /// A print cannot have it.
     pub(crate) fn begin_card_command(
         &mut self,
         number: u32,
@@ -128,17 +130,8 @@ impl<P: Ports> Printer<'_, P> {
                 self.replies.send(Reply::Temperatures(temperatures(&self.heating)));
                 return Ok(Answer::Given);
             }
-            Command::Card(
-                CardCommand::Pause
-                | CardCommand::ReportProgress
-                | CardCommand::ReportFile
-                | CardCommand::ReportTime
-                | CardCommand::Abort
-                | CardCommand::KeepPlace(_),
-            ) => {}
-            Command::Card(_) | Command::ReceiveJob { .. } | Command::BlackBox { .. } => {
-                return Err(CommandError::CardInUse);
-            }
+            Command::ReceiveJob { .. } => return Err(CommandError::NoJobs),
+            Command::BlackBox { .. } => return Err(CommandError::BlackBoxInPrint),
             _ => {}
         }
         // A print that goes on begins with a whole line of the file, and so with the first line of a macro.

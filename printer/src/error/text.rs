@@ -100,7 +100,6 @@ impl fmt::Display for CommandError {
                 "M303 is for an idle printer: the nozzle has a target or a print is paused; end it (M524, M104 S0), then tune",
             ),
             Self::HeaterControl(text) => out.write_str(text),
-            Self::NotPaused => write!(out, "no print is paused: M601, M600 or M25 pauses one"),
             Self::Shifted { shift_10nm } => write!(
                 out,
                 "M290 or SET_GCODE_OFFSET has shifted Z by {} mm, and a prepared job brings its own heights: SET_GCODE_OFFSET Z=0 and G28 Z end the \
@@ -171,6 +170,9 @@ impl fmt::Display for CommandError {
             Self::CardInUse => {
                 out.write_str("the memory card is in use: M524 ends a print from it, M29 ends what is written to it")
             }
+            Self::WritesWithinPrint => out.write_str(
+                "M28: the lines up to M29 would be executed and not written: leave M28 and M29 out of the file",
+            ),
             Self::CardPrints => out
                 .write_str("the memory card is printing, and this line would move its print: pause it first with M25"),
             Self::NotEquipped(what) => write!(out, "this board has no {what}"),

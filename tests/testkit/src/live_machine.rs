@@ -91,7 +91,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
             bytes = &bytes[used..];
             let Some(line) = line else { continue };
             self.lines += 1;
-            let homes = line.is_ok_and(|line| matches!(parse(line.text), Ok(Command::Home(_))));
+            let homes = line.is_ok_and(|line| matches!(parse(line.text), Ok(Command::Home { .. })));
             self.has_homed |= homes;
             let patience_ms = if homes { self.bounds.homing_patience_ms } else { self.bounds.patience_ms };
             let answers = self.board.answers();

@@ -139,7 +139,10 @@ pub(super) fn motion() -> impl Strategy<Value = Command<'static>> {
         (any::<bool>(), any_axes(), any_form(), of(above_zero()))
             .prop_map(|(clockwise, axes, form, feed)| Command::Arc { clockwise, axes, form, feed }),
         (0u64..9_000_000_000).prop_map(|milliseconds| Command::Dwell { milliseconds }),
-        any_flags().prop_map(Command::Home),
+        (any_flags(), any::<bool>()).prop_map(|(axes, unless_homed)| Command::Home {
+            axes: AxisFlags { e: false, ..axes },
+            unless_homed
+        }),
         any_axes()
             .prop_filter("without words all axes are set", |words| *words != AxisWords::default())
             .prop_map(Command::SetPosition),
@@ -224,7 +227,7 @@ pub(super) fn machine() -> impl Strategy<Value = Command<'static>> {
         ),
         (of(0u8..=100), of(any::<u16>()))
             .prop_map(|(percent, minutes_left)| Command::Progress { percent, minutes_left }),
-        of(0u64..1_000_000_000).prop_map(|longest_ms| Command::Stop { longest_ms }),
+        of(0u64..1_000_000_000).prop_map(|longest_ms| Command::Stop { longest_ms, text: "" }),
         any_park().prop_map(Command::Pause),
         (any_park(), of(any_number()), of(any_number())).prop_map(|(park, unload, load)| Command::ChangeFilament {
             tool: None,

@@ -102,7 +102,9 @@ fn take_apart(command: Command<'_>) -> (char, u32, Words) {
         Command::Recover => (11, vec![]),
         Command::SetUnits(Units::Inches) => (20, vec![]),
         Command::SetUnits(Units::Millimetres) => (21, vec![]),
-        Command::Home(which) => (28, flags(which)),
+        Command::Home { axes: which, unless_homed } => {
+            (28, [flags(which), given([('O', unless_homed.then_some(whole(1)))])].concat())
+        }
         Command::AbsolutePositioning => (90, vec![]),
         Command::RelativePositioning => (91, vec![]),
         Command::SetPosition(to) => (92, axes(to)),
@@ -186,7 +188,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
                 ('R', minutes_left.map(|minutes| whole(minutes.into()))),
             ]),
         ),
-        Command::Stop { longest_ms } => (0, given([('P', longest_ms.map(|milliseconds| whole(milliseconds as i64)))])),
+        Command::Stop { longest_ms, .. } => (0, given([('P', longest_ms.map(|milliseconds| whole(milliseconds as i64)))])),
         Command::Pause(park) => (601, axes(park)),
         Command::ReportFans => (123, vec![]),
         Command::FilamentLengths { unload, load } => (603, given([('U', unload), ('L', load)])),

@@ -21,12 +21,31 @@ fn heaters_and_fans() {
     reads_with("M141", Command::SetChamber(None), "without S: no effect");
     reads("M191 S50", Command::WaitChamber(WaitTarget::Heating(number("50"))));
     reads("M191 R30", Command::WaitChamber(WaitTarget::HeatingOrCooling(number("30"))));
-    assert_eq!(refused("M104 S-5"), "S: -5 is out of range, expected 0 or more");
-    assert_eq!(refused("M190 R-0.5"), "R: -0.5 is out of range, expected 0 or more");
+    // Off, in the end codes of other firmwares.
+    let is_off = "a target below 0 is off";
+    reads_with("M104 S-5", Command::SetNozzle(None, some("0")), is_off);
+    reads_with("M140 S-273.15", Command::SetBed(some("0")), is_off);
+    reads_with("M141 S-273", Command::SetChamber(some("0")), is_off);
+    reads_with("M109 T1 S-1", Command::WaitNozzle(Some(1), WaitTarget::Heating(number("0"))), is_off);
+    reads_with("M190 R-0.5", Command::WaitBed(WaitTarget::HeatingOrCooling(number("0"))), is_off);
+    // A second bed, or chamber.
+    for text in ["M140 P1 S60", "M190 P1 S60", "M141 P1 S60"] {
+        reads_with(text, Command::Accepted, "P has no effect; S has no effect");
+    }
+    reads("M140 P0 S60", Command::SetBed(some("60")));
     reads("M106", Command::Fan { number: 0, power: 255 });
     reads("M106 S252.45", Command::Fan { number: 0, power: 252 });
     reads("M106 P2 S249.9", Command::Fan { number: 2, power: 250 });
     reads("M107 P1", Command::Fan { number: 1, power: 0 });
+    let small = "S: full power is 255, as in Marlin (in RepRapFirmware 1)";
+    reads_with("M106 S1", Command::Fan { number: 0, power: 1 }, small);
+    reads_with("M106 S0.5", Command::Fan { number: 0, power: 1 }, small);
+    reads("M106 S0", Command::Fan { number: 0, power: 0 });
+    for text in ["M106 I0", "M106 P0 T128", "M106 P1 H1", "M106 R2", "M106 S255 I1"] {
+        let mut remarks = Remarks::default();
+        assert_eq!(parse_with_remarks(text, &mut remarks), Ok(Command::Accepted), "{text}");
+        assert!(remarks.to_string().ends_with("has no effect; the fan's power stays; S sets it"), "{text}: {remarks}");
+    }
     reads("M123", Command::ReportFans);
     reads_with("M123 S5", Command::ReportFans, "S has no effect");
     let full = Command::Fan { number: 0, power: 255 };
@@ -75,6 +94,8 @@ fn gains_of_heaters_and_their_search() {
     reads("M303 E-1 S60 U0", tune(TunedHeater::Bed, Some("60"), None, false));
     reads("M303 H0 S60 U1", tune(TunedHeater::Bed, Some("60"), None, true));
     reads("M303 H1 S60", tune(TunedHeater::Nozzle(None), Some("60"), None, false));
+    reads("M303 T1", tune(TunedHeater::Nozzle(Some(1)), None, None, false));
+    reads_with("M303 D", Command::Accepted, "D has no effect");
     reads("M303 E1", tune(TunedHeater::Nozzle(Some(1)), None, None, false));
     reads("M303 E-2 S50", tune(TunedHeater::Chamber, Some("50"), None, false));
     for text in ["M303 E-3", "M303 H2", "M303 E0 H0"] {

@@ -1,0 +1,79 @@
+//! Commands for the card that stand in the file of a print: one list for files on a card and on the desk.
+
+use ferrostep_gcode::{CardCommand, Command, Remark, Remarks};
+
+use crate::error::CommandError;
+use crate::ports::Ports;
+use crate::printer::{Answer, Printer, Source};
+
+/// The treatment of a command in the file of a print.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum InFile {
+    /// It is executed: it asks, pauses or ends the print.
+    Works,
+    /// It chooses, writes or deletes files, and the print goes on without it.
+    HasNoEffect,
+    /// The lines after it were not to be executed.
+    IsRefused,
+}
+
+/// The treatment of a command in the file of a print.
+const fn in_file(command: &CardCommand<'_>) -> InFile {
+    match command {
+        CardCommand::List { .. }
+        | CardCommand::Pause
+        | CardCommand::ReportProgress
+        | CardCommand::ReportFile
+        | CardCommand::AutoReport { .. }
+        | CardCommand::ReportTime
+        | CardCommand::ReportLongPath(_)
+        | CardCommand::Sort
+        | CardCommand::Abort
+        | CardCommand::KeepPlace(_) => InFile::Works,
+        CardCommand::Mount
+        | CardCommand::Release
+        | CardCommand::Select(_)
+        | CardCommand::Start { .. }
+        | CardCommand::SetPosition(_)
+        | CardCommand::EndWrite
+        | CardCommand::Delete(_)
+        | CardCommand::SelectAndStart { .. }
+        | CardCommand::Interrupted(_)
+        | CardCommand::Log(_) => InFile::HasNoEffect,
+        CardCommand::Write(_) => InFile::IsRefused,
+    }
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// Adds the remarks on a command for the card: what it cannot do in a file.
+    pub(crate) fn add_card_remarks(&self, command: &CardCommand<'_>, remarks: &mut Remarks) {
+        if self.source_is_host() {
+            return;
+        }
+        match command {
+            CardCommand::Start { .. } => remarks.add(Remark::NotPaused),
+            CardCommand::Abort if self.source == Source::File => remarks.add(Remark::EndsCardPrint),
+            command if in_file(command) == InFile::HasNoEffect => remarks.add(Remark::NoFiles),
+            _ => {}
+        }
+    }
+
+    /// Whether a command of a file is executed; it has been [answered](Answer::Given) if it has no effect there.
+    ///
+    /// # Errors
+    /// The file of a print cannot have it.
+    pub(crate) fn may_stand_in_file(&self, command: &Command<'_>) -> Result<Answer, CommandError> {
+        match command {
+            Command::Card(card) if !self.source_is_host() => match in_file(card) {
+                InFile::Works => Ok(Answer::Ok),
+                InFile::HasNoEffect => Ok(Answer::Given),
+                InFile::IsRefused => Err(CommandError::WritesWithinPrint),
+            },
+            _ => Ok(Answer::Ok),
+        }
+    }
+
+    fn source_is_host(&self) -> bool {
+        matches!(self.source, Source::Host { .. })
+    }
+}
