@@ -2,8 +2,8 @@
 
 use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, BedCommand, CardCommand, Command, Decimal, PinCommand,
-    PrintClockCommand, Remarks, Reply, RetractionWords, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords,
-    WaitTarget,
+    PrintClockCommand, Remarks, Reply, RetractionWords, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand,
+    TowerWords, WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::surface::Bed;
@@ -467,7 +467,10 @@ impl<P: Ports> Printer<'_, P> {
             Command::Pause(park) => return pause(PauseReason::Pause, PauseWords { park, ..PauseWords::default() }),
             Command::ChangeFilament { tool, park, unload, load } => {
                 self.needs_selected(tool)?;
-                return pause(PauseReason::FilamentChange, PauseWords { park, unload, load, longest_ms: None, text: "" });
+                return pause(
+                    PauseReason::FilamentChange,
+                    PauseWords { park, unload, load, longest_ms: None, text: "" },
+                );
             }
             Command::FilamentLengths { unload, load } => self.filament_lengths(unload, load)?,
             Command::LoadFilament { loads, tool, length, rise } => {

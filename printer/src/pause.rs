@@ -159,7 +159,11 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person goes on. A file on the desk has no one to ask and
     /// goes on at once. A card is read on when [`Self::is_paused`] returns `false`.
-    pub(crate) async fn pause_command(&mut self, reason: PauseReason, words: PauseWords<'_>) -> Result<(), CommandError> {
+    pub(crate) async fn pause_command(
+        &mut self,
+        reason: PauseReason,
+        words: PauseWords<'_>,
+    ) -> Result<(), CommandError> {
         self.pause_at(reason, words).await?;
         match self.source {
             // Within a macro there is no reader that could wait.

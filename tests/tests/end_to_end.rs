@@ -11,6 +11,7 @@ mod bltouch;
 mod calibration;
 mod chamber;
 mod command;
+mod command_meaning;
 mod core_xz;
 mod desk;
 mod drivers;

@@ -223,7 +223,11 @@ mod tests {
     fn words_of_other_probing_probe_nothing() {
         reads_with("G34 L", Command::Accepted, "L has no effect");
         reads_with("G34 Z1 U", Command::Accepted, "U has no effect; Z has no effect");
-        reads_with("G30 P0 X10 Y20 Z0.1", Command::Accepted, "P has no effect; X has no effect; Y has no effect; Z has no effect");
+        reads_with(
+            "G30 P0 X10 Y20 Z0.1",
+            Command::Accepted,
+            "P has no effect; X has no effect; Y has no effect; Z has no effect",
+        );
         let probe = bed(BedCommand::Probe { x: some("10"), y: some("20") });
         reads_with("G30 P0 X10 Y20 Z-99999", probe, "P has no effect; Z has no effect");
         reads("G29 A", bed(BedCommand::Follow { on: Some(true), fade: None, reports: false }));

@@ -261,7 +261,6 @@ fn host_commands() {
         ("M78 S78", Command::PrintClock(PrintClockCommand::Clear)),
         ("M78 S7", Command::PrintClock(PrintClockCommand::Report)),
         ("M206 X1.5 Z-0.1", Command::HomeOffset(AxisWords { x: some("1.5"), z: some("-0.1"), ..AxisWords::default() })),
-        ("M114 D", Command::ReportPosition),
         ("M115", Command::ReportFirmware),
         ("M119", Command::ReportEndStops),
         ("M790 S10241", Command::ReceiveJob { size: 10_241, silence_s: 30 }),
@@ -305,6 +304,7 @@ fn host_commands() {
         reads(text, command);
     }
     reads_with("M115 U3.1.0", Command::ReportFirmware, "U: the firmware's version is not checked");
+    reads_with("M114 D", Command::ReportPosition, "D has no effect");
     reads_with("M155", Command::Accepted, "without S: no effect");
     assert_eq!(refused("M790"), "M790: expected S");
     assert_eq!(refused("M790 S1 T3601"), "T: 3601 is out of range, expected 0 to 3600");

@@ -71,8 +71,8 @@ impl<P: Ports> Printer<'_, P> {
             let reach_10nm = self.reach_10nm(axis);
             let [least, most] = reach_10nm.map(|end| end + offset_10nm);
             // The ends that are not named.
-            let [first, last] = settings.area_10nm[axis]
-                .map(|end_10nm| end_10nm.clamp(reach_10nm[0], reach_10nm[1]) + offset_10nm);
+            let [first, last] =
+                settings.area_10nm[axis].map(|end_10nm| end_10nm.clamp(reach_10nm[0], reach_10nm[1]) + offset_10nm);
             let from = match from {
                 Some(word) => within(low, length(word)?, least, to.map_or(last, |_| most) - MIN_SIZE_10NM)?,
                 None => first,

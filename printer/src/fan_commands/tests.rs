@@ -89,7 +89,7 @@ fn outputs_have_numbers_of_their_own() {
         assert_eq!(say(line), ["ok"], "{line}");
     }
     // The fan P2 and the pin 0 are no outputs.
-    for line in ["M42 P2 S255", "M42 P0 S255", "M42 S255", "M42 P300 S1"] {
+    for line in ["M42 P2 S255", "M42 P0 S255", "M42 S255", "M42 P300 S2"] {
         let said = say(line);
         assert!(
             said[0].ends_with("P: no output of the profile has this number") && said.len() == 2,

@@ -252,10 +252,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.interpreter.modal.failed_home[2] = false;
                 Command::Pause(AxisWords::default())
             }
-            4 => Command::Home {
-                axes: AxisFlags { x: true, y: true, z: false, e: false },
-                unless_homed: false,
-            },
+            4 => Command::Home { axes: AxisFlags { x: true, y: true, z: false, e: false }, unless_homed: false },
             _ => match (self.profile.fans.get(step - 5), place.fans.get(step - 5)) {
                 (Some(&Some(FanSettings { name, rule, .. })), Some(&power)) if rule.is_named() => {
                     Command::NamedFan { name, power }

@@ -247,3 +247,10 @@ fn a_skew_machine_follows_its_bed() {
     let height: f64 = done.line("Bed X: 150.00 Y: 40.00 Z: ").parse().unwrap();
     assert!(near(height, sheet_mm(&machine, [150.0 - 0.05 * 40.0, 40.0]) - home), "{height}");
 }
+
+/// G30 answers in the coordinates in which it was asked.
+#[test]
+fn g30_answers_in_the_jobs_coordinates() {
+    let done = run(&profile(TILTED), ["G28", "G92 X0 Y0", "G30 X-50 Y20"]).well();
+    assert!(done.line("Bed X: ").starts_with("-50.00 Y: 20.00"), "{:#?}", done.said);
+}

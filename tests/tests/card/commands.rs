@@ -463,3 +463,65 @@ fn a_paused_print_can_be_ended() {
     assert!(setup.converse(&mut printer, &["M114"], &mut nothing)[0].starts_with("X:10.00 Y:190.00 Z:25.00"));
     assert!(setup.converse(&mut printer, &["M602"], &mut nothing)[0].contains("no print is paused"));
 }
+
+/// Commands for files in the file of a print, and M24 where nothing is paused.
+#[test]
+fn commands_for_files_in_a_print_do_not_pause_it() {
+    let lines = [
+        "M20",
+        "M21",
+        "M22",
+        "M26 S0",
+        "M27 S2",
+        "M29",
+        "M30 A.GCO",
+        "M32 P.GCO",
+        "M33 P.GCO",
+        "M34",
+        "M928 A.GCO",
+        "M24",
+        "M602",
+        "RESUME",
+    ];
+    for line in lines {
+        let setup = setup();
+        setup.put("P.GCO", format!("G28\nG1 X20 F3000\n{line}\nG1 X30\nM400\n").as_bytes());
+        let said = setup.say(&["M21", "M32 !P.GCO#"], &mut nothing);
+        assert_eq!(said.last().unwrap(), "Done printing file", "{line}: {said:?}");
+        assert_eq!(setup.motor_steps()[0], 30 * 80, "{line}");
+    }
+}
+
+/// The next M24 goes on after a line that nothing mends.
+#[test]
+fn a_line_that_nothing_mends_is_left_out() {
+    for line in ["M28 A.GCO", "M790 S5", "G5", "M104 S900"] {
+        let setup = setup();
+        setup.put("P.GCO", format!("G28\nG1 X20 F3000\n{line}\nG1 X30").as_bytes());
+        let mut is_over = false;
+        let said = setup.say(&["M21", "M32 !P.GCO#"], &mut |_, _| {
+            let goes_on = setup.has_said("//action:paused") && !std::mem::replace(&mut is_over, true);
+            if goes_on { vec!["M24".to_owned()] } else { Vec::new() }
+        });
+        assert!(said.iter().any(|said| said.contains("at line 3; M24 goes on after the line")), "{line}: {said:?}");
+        assert_eq!(said.last().unwrap(), "Done printing file", "{line}: {said:?}");
+        assert_eq!(setup.motor_steps()[0], 30 * 80, "{line}");
+    }
+}
+
+#[test]
+fn m410_in_a_file_drops_moves_and_the_file_goes_on() {
+    let setup = setup();
+    setup.put("P.GCO", b"G28\nG1 X20 F3000\nG1 X90\nM410\nG1 X30\n");
+    let said = setup.say(&["M21", "M32 !P.GCO#"], &mut nothing);
+    assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
+    assert_eq!(setup.motor_steps()[0], 30 * 80);
+}
+
+#[test]
+fn a_log_does_not_contain_its_end() {
+    let setup = setup();
+    let said = setup.say(&["M21", "M928 A.GCO", "G28", "G1 X15 F3000", "M29", "M20", "M32 A.GCO"], &mut nothing);
+    assert!(said.contains(&"A.GCO 17".to_owned()), "{said:?}");
+    assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
+}

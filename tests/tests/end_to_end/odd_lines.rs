@@ -66,7 +66,7 @@ fn odd_lines_are_read_as_marlin_reads_them() {
         ("M104 S0 T1", "", "this machine has one extruder"),
         ("M106 P1 S255", "", "this machine has no such fan"),
         ("M221 S", "", "S without a number is ignored"),
-        ("G28 X0 O", "G28 X0", "O has no effect"),
+        ("G28 X0 R5", "G28 X0", "R has no effect"),
         ("G28 M420 S1", "G28", "the second and everything after it is ignored"),
         ("G29", "", "this machine has no probe"),
         ("M900 K0.05 L0.1", "M900 K0.05", "L has no effect"),

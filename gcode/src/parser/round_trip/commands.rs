@@ -139,10 +139,8 @@ pub(super) fn motion() -> impl Strategy<Value = Command<'static>> {
         (any::<bool>(), any_axes(), any_form(), of(above_zero()))
             .prop_map(|(clockwise, axes, form, feed)| Command::Arc { clockwise, axes, form, feed }),
         (0u64..9_000_000_000).prop_map(|milliseconds| Command::Dwell { milliseconds }),
-        (any_flags(), any::<bool>()).prop_map(|(axes, unless_homed)| Command::Home {
-            axes: AxisFlags { e: false, ..axes },
-            unless_homed
-        }),
+        (any_flags(), any::<bool>())
+            .prop_map(|(axes, unless_homed)| Command::Home { axes: AxisFlags { e: false, ..axes }, unless_homed }),
         any_axes()
             .prop_filter("without words all axes are set", |words| *words != AxisWords::default())
             .prop_map(Command::SetPosition),

@@ -188,7 +188,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
                 ('R', minutes_left.map(|minutes| whole(minutes.into()))),
             ]),
         ),
-        Command::Stop { longest_ms, .. } => (0, given([('P', longest_ms.map(|milliseconds| whole(milliseconds as i64)))])),
+        Command::Stop { longest_ms, .. } => {
+            (0, given([('P', longest_ms.map(|milliseconds| whole(milliseconds as i64)))]))
+        }
         Command::Pause(park) => (601, axes(park)),
         Command::ReportFans => (123, vec![]),
         Command::FilamentLengths { unload, load } => (603, given([('U', unload), ('L', load)])),
