@@ -222,14 +222,14 @@ impl Remarks {
             Remark::NoServo => self.about_line |= 1 << 19,
             Remark::OneZMotor => self.about_line |= ONE_Z_MOTOR,
             Remark::NoBacklash => self.about_line |= NO_BACKLASH,
-            Remark::NothingMeasured => self.about_line |= 1 << 23,
-            Remark::BelowZeroIsOff => self.about_line |= 1 << 24,
-            Remark::SmallPower => self.about_line |= 1 << 25,
-            Remark::NoFanPower => self.about_line |= 1 << 26,
-            Remark::AbsoluteExtrusion => self.about_line |= 1 << 27,
-            Remark::NotPaused => self.about_line |= 1 << 28,
-            Remark::NoFiles => self.about_line |= 1 << 29,
-            Remark::EndsCardPrint => self.about_line |= 1 << 30,
+            Remark::NothingMeasured => self.about_line |= 1 << 24,
+            Remark::BelowZeroIsOff => self.about_line |= 1 << 25,
+            Remark::SmallPower => self.about_line |= 1 << 26,
+            Remark::NoFanPower => self.about_line |= 1 << 27,
+            Remark::AbsoluteExtrusion => self.about_line |= 1 << 28,
+            Remark::NotPaused => self.about_line |= 1 << 29,
+            Remark::NoFiles => self.about_line |= 1 << 30,
+            Remark::EndsCardPrint => self.about_line |= 1 << 31,
         }
     }
 
