@@ -202,6 +202,8 @@ pub enum Command<'a> {
     },
     /// M119.
     ReportEndStops,
+    /// M201, M203, M204, M205, M207 or M208 without words: the values in force; its code.
+    ReportSetting(&'static str),
     /// M201 X Y Z E: largest accelerations.
     MaxAcceleration(AxisWords),
     /// M92 T and X Y Z E: steps for each mm; without words a query.

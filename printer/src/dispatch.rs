@@ -2,8 +2,8 @@
 
 use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, BedCommand, CardCommand, Command, Decimal, PinCommand,
-    PrintClockCommand, Remarks, Reply, RetractionWords, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand,
-    TowerWords, WaitTarget,
+    PrintClockCommand, Remarks, Reply, SettingsCommand, ShaperWords, SkewCommand, SupplyCommand, TowerWords,
+    WaitTarget,
 };
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::surface::Bed;
@@ -323,24 +323,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::BlackBox { clear } => self.send_black_box(clear)?,
             Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
-            Command::MaxAcceleration(ref words) if *words == AxisWords::default() => {
-                return waiting(Waiting::ReportSetting("M201"));
-            }
-            Command::MaxFeed(ref words) if *words == AxisWords::default() => {
-                return waiting(Waiting::ReportSetting("M203"));
-            }
-            Command::Acceleration { print: None, retract: None, travel: None, both: None } => {
-                return waiting(Waiting::ReportSetting("M204"));
-            }
-            Command::Junction { deviation: None, ref corner_velocity } if *corner_velocity == AxisWords::default() => {
-                return waiting(Waiting::ReportSetting("M205"));
-            }
-            Command::RetractSettings(ref words) if *words == RetractionWords::default() => {
-                return waiting(Waiting::ReportSetting("M207"));
-            }
-            Command::RecoverSettings(ref words) if *words == RetractionWords::default() => {
-                return waiting(Waiting::ReportSetting("M208"));
-            }
+            Command::ReportSetting(code) => return waiting(Waiting::ReportSetting(code)),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
             Command::StepsPerMm(_, ref words) if *words == AxisWords::default() => {
                 return waiting(Waiting::ReportSteps);

@@ -148,6 +148,7 @@ impl Passed {
                     | Command::ReportTemperatures
                     | Command::ReportDrivers
                     | Command::ReportPosition
+                    | Command::ReportSetting(_)
                     | Command::ReportFirmware
                     | Command::ReportEndStops
                     | Command::ReportMotion

@@ -149,6 +149,16 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 }
             })
         }
+        201 | 203..=205 | 207 | 208 if code.words(&mut Remarks::default())?.is_empty() => {
+            Ok(Command::ReportSetting(match code.number {
+                201 => "M201",
+                203 => "M203",
+                204 => "M204",
+                205 => "M205",
+                207 => "M207",
+                _ => "M208",
+            }))
+        }
         201 => Ok(Command::MaxAcceleration(code.words(remarks)?.axis_limits())),
         203 => Ok(Command::MaxFeed(code.words(remarks)?.axis_limits())),
         204 => {

@@ -56,8 +56,8 @@ fn names_of_commands_and_malformed_ones_are_refused() {
 fn lines_are_read_for_a_trial() {
     let one = |line: &str| format!("[macro.AA]\ngcode = \"\"\"\nG28\n{line}\n\"\"\"\n");
     for (line, expected) in [
-        ("M104 S-5", "\"M104 S-5\": expected what can be executed: S: -5 is out of range, expected 0 or more"),
-        ("M104 S{T=-5}", "\"M104 S-5\": expected what can be executed: S: -5 is out of range, expected 0 or more"),
+        ("M106 S-5", "\"M106 S-5\": expected what can be executed: S: -5 is out of range, expected 0 to 255"),
+        ("M106 S{T=-5}", "\"M106 S-5\": expected what can be executed: S: -5 is out of range, expected 0 to 255"),
         ("HOME_ALL", "\"HOME_ALL\": expected a command, or the name of a macro"),
         ("M105", "\"M105\": expected no M105: a host asks for temperatures by itself"),
         ("M24", "\"M24\": expected no command for the card: its print would go on within the macro"),
@@ -77,13 +77,13 @@ fn lines_are_read_for_a_trial() {
 
 #[test]
 fn words_of_calls_are_known_and_complete() {
-    let two = |call: &str| format!("[macro.AA]\ngcode = \"{call}\"\n[macro.BB]\ngcode = \"M104 S{{T}}\"\n");
+    let two = |call: &str| format!("[macro.AA]\ngcode = \"{call}\"\n[macro.BB]\ngcode = \"M106 S{{T}}\"\n");
     refused(&two("BB U=5"), "2: macro.AA.gcode = \"BB U=5\": expected words that BB knows: T");
     refused(&two("BB"), "2: macro.AA.gcode = \"BB\": expected T=, which BB needs");
     // What a word makes of another macro's line is read, too.
     refused(
         &two("BB T=-1"),
-        "2: macro.AA.gcode = \"BB:1: M104 S-1\": expected what can be executed: S: -1 is out of range, expected 0 or more",
+        "2: macro.AA.gcode = \"BB:1: M106 S-1\": expected what can be executed: S: -1 is out of range, expected 0 to 255",
     );
 }
 

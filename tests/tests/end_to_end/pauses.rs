@@ -206,7 +206,7 @@ fn the_place_to_wait_is_in_the_line_and_bad_words_change_nothing() {
         ("M125 Z-2", "Z: -2 is out of range, expected 0 or more"),
         ("M600 U2001", "U: 2001 is out of range, expected 0 to 2000"),
         ("M600 L-2001", "L: 2001 is out of range, expected 0 to 2000"),
-        ("M602", "no print is paused: M601, M600 or M25 pauses one"),
+        ("M602", "no print is paused; no effect (said once a job)"),
         ("M876", "M876: expected S"),
     ] {
         let replies = print.say(line);

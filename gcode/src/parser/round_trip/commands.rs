@@ -192,6 +192,21 @@ pub(super) fn settings() -> impl Strategy<Value = Command<'static>> {
         (of(any_tool()), of(percent())).prop_map(|(tool, percent)| Command::FlowPercent(tool, percent)),
         (of(not_negative()), of(any::<bool>())).prop_map(|(minimum, allow)| Command::ColdExtrusion { minimum, allow }),
     ]
+    .prop_map(reported)
+}
+
+/// A setting without words is a report.
+fn reported(command: Command<'static>) -> Command<'static> {
+    let (none, no_words) = (AxisWords::default(), RetractionWords::default());
+    Command::ReportSetting(match command {
+        Command::MaxAcceleration(words) if words == none => "M201",
+        Command::MaxFeed(words) if words == none => "M203",
+        Command::Acceleration { print: None, retract: None, travel: None, both: None } => "M204",
+        Command::Junction { deviation: None, corner_velocity } if corner_velocity == none => "M205",
+        Command::RetractSettings(words) if words == no_words => "M207",
+        Command::RecoverSettings(words) if words == no_words => "M208",
+        command => return command,
+    })
 }
 
 fn any_park() -> impl Strategy<Value = AxisWords> {
