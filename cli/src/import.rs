@@ -3,20 +3,26 @@
 //! Every setting of the file ends up in a [`Row`]: what the profile keeps of it, or why it has no place there. Keys that a profile needs
 //! and the file does not say come from the built-in profile `cartesian` and are named ([`Imported::assumed`]).
 
+mod c_macros;
+mod c_tokens;
 mod condition;
 mod draft;
 mod expression;
+mod glob;
 mod klipper;
 mod klipper_map;
+mod mark;
 mod marlin;
 mod marlin_map;
+mod nearest;
+mod paths;
 mod sensor;
+mod text;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Longest file that is read, bytes; files of printers have less than a tenth.
-const MAX_BYTES: u64 = 1 << 20;
+pub use mark::is_untouched;
 
 /// Most included files.
 const MAX_INCLUDES: usize = 100;
@@ -36,6 +42,28 @@ pub struct Row {
     pub kept: Option<String>,
     /// Why it is not kept, or is kept in another form.
     pub why: String,
+    /// A profile may not have this value: another one stands there.
+    pub refused: bool,
+}
+
+/// A part of the machine's identity that the file does not say in a way that can be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// The profile's key.
+    pub path: String,
+    /// File and line of the setting that should say it.
+    pub place: Option<(String, usize)>,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.place {
+            Some((file, line)) => write!(out, "{file}:{line}: {}", self.what),
+            None => write!(out, "{}: {}", self.path, self.what),
+        }
+    }
 }
 
 /// A profile that was made of a configuration.
@@ -47,6 +75,23 @@ pub struct Imported {
     pub rows: Vec<Row>,
     /// Keys of the profile that the configuration does not say, with the values that stand in for them.
     pub assumed: Vec<String>,
+    /// Files that are included and could not be read.
+    pub unread: Vec<String>,
+    /// What the machine is and the file does not say: assumed because the caller has allowed it.
+    pub by_permission: Vec<String>,
+    /// Keys whose value in the file a profile may not have, with what stands there.
+    pub substituted: Vec<String>,
+    /// Of the assumed ones those of homing and of sensors.
+    pub homing: Vec<String>,
+    /// Of the assumed ones those that are the built-in profile's, which may be another machine's.
+    pub built_in: Vec<String>,
+}
+
+impl Imported {
+    /// The settings whose value a profile may not have.
+    pub fn refused(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| row.refused)
+    }
 }
 
 /// Why a file cannot be imported.
@@ -60,6 +105,8 @@ pub enum ImportError {
     Line(String, usize, String),
     /// The machine is of a kind that no profile describes.
     Machine(String, usize, String),
+    /// The configuration does not say what machine it is: each part, and the files that could not be read.
+    Identity(Vec<Gap>, Vec<String>),
     /// What came of it is no profile: the reason.
     Profile(String),
 }
@@ -74,6 +121,19 @@ impl fmt::Display for ImportError {
                  DEFAULT_AXIS_STEPS_PER_UNIT)"
             ),
             Self::Line(file, line, what) | Self::Machine(file, line, what) => write!(out, "{file}:{line}: {what}"),
+            Self::Identity(gaps, unread) => {
+                write!(out, "no profile can be made of it, for another machine's values would stand in:")?;
+                for gap in gaps {
+                    write!(out, "\n  {gap}")?;
+                }
+                for file in unread {
+                    write!(out, "\n  {file}")?;
+                }
+                write!(
+                    out,
+                    "\nmend these lines; or --assume takes the values of the built-in profile cartesian, to be replaced by hand before the machine moves"
+                )
+            }
             Self::Profile(reason) => write!(out, "no profile can be made of it: {reason}"),
         }
     }
@@ -81,61 +141,71 @@ impl fmt::Display for ImportError {
 
 impl std::error::Error for ImportError {}
 
-/// Makes a profile of a file, and of those that it includes.
+/// Makes a profile of a file, and of those that it includes; `assume` lets the built-in profile stand in for what the machine is.
 ///
 /// # Errors
 /// See [`ImportError`]; nothing is made then.
-pub fn read(path: &Path) -> Result<Imported, ImportError> {
+pub fn read(path: &Path, assume: bool) -> Result<Imported, ImportError> {
     let name = path.file_name().map_or_else(|| crate::input::name(path), |name| crate::terminal::name(Path::new(name)));
-    let text = text_of(path).map_err(|error| ImportError::Read(crate::input::name(path), error))?;
+    let text = text::of_file(path).map_err(|error| ImportError::Read(crate::input::name(path), error))?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
-    of_text(&name, &text, &mut |include| files(&folder, include))
+    let imported = of_text_with(&name, &text, &mut |include| files(&folder, include), assume)?;
+    Ok(imported)
 }
 
 /// A file's name and its text, or why it cannot be read.
 pub type Included = Result<Vec<(String, String)>, String>;
 
-/// As [`read`], of a text; `include` returns the files of a name that may have a `*`.
+/// As [`read`], of a text, with nothing assumed; `include` returns the files of a name, relative to the text's, that may stand for
+/// several.
 ///
 /// # Errors
 /// As [`read`].
 pub fn of_text(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) -> Result<Imported, ImportError> {
-    if marlin::is_one(text) {
-        let beside = include("Configuration_adv.h").unwrap_or_default();
-        return marlin_map::map(&marlin::parse(name, text, &beside)?);
+    of_text_with(name, text, include, false)
+}
+
+/// As [`of_text`], with leave to assume.
+///
+/// # Errors
+/// As [`read`].
+pub fn of_text_with(
+    name: &str,
+    text: &str,
+    include: &mut dyn FnMut(&str) -> Included,
+    assume: bool,
+) -> Result<Imported, ImportError> {
+    let text = text::with_line_ends(text);
+    if marlin::is_one(name, &text) {
+        let text = text.trim_start_matches('\u{feff}');
+        return marlin_map::map(&marlin::parse(name, text, include)?, assume);
     }
-    let config = klipper::parse(name, text, include)?;
+    if text.starts_with('\u{feff}') {
+        let what = "the file begins with a byte order mark, which Klipper refuses as well: save it as UTF-8 without one";
+        return Err(ImportError::Line(name.to_owned(), 1, what.to_owned()));
+    }
+    let config = klipper::parse(name, &text, include)?;
     if config.section("printer").is_none() {
         return Err(ImportError::Unknown);
     }
-    klipper_map::map(&config)
+    klipper_map::map(&config, assume)
 }
 
-fn text_of(path: &Path) -> Result<String, String> {
-    use std::io::Read;
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-    if bytes.len() as u64 > MAX_BYTES {
-        return Err("larger than 1 MiB".to_owned());
-    }
-    String::from_utf8(bytes).map_err(|_| "not UTF-8 text".to_owned())
-}
-
-/// The files of a name beside the configuration; the last part of the name may have a `*`.
+/// The files of a name, relative to the folder of the configuration; it may stand for several.
 fn files(folder: &Path, include: &str) -> Included {
-    let path = folder.join(include);
-    let (Some(parent), Some(pattern)) = (path.parent(), path.file_name().and_then(|name| name.to_str())) else {
-        return Err("this is not the name of a file".to_owned());
-    };
-    let Some((start, end)) = pattern.split_once('*') else {
-        return Ok(vec![(include.to_owned(), text_of(&path)?)]);
-    };
-    let entries = std::fs::read_dir(parent).map_err(|error| error.to_string())?;
-    let mut names: Vec<String> = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok()).collect();
-    names.retain(|name| name.len() >= start.len() + end.len() && name.starts_with(start) && name.ends_with(end));
-    names.sort();
-    names.into_iter().map(|name| Ok((name.clone(), text_of(&parent.join(name))?))).collect()
+    if !glob::is_pattern(include) {
+        return Ok(vec![(include.to_owned(), text::of_file(&folder.join(include))?)]);
+    }
+    let names = glob::matching(folder, include);
+    names.into_iter().map(|name| Ok((name.clone(), text::of_file(&folder.join(&name))?))).collect()
+}
+
+/// The name of a file that another one includes, relative to where the first one is.
+fn beside(file: &str, include: &str) -> String {
+    match file.rsplit_once('/') {
+        Some((folder, _)) if !include.starts_with('/') => format!("{folder}/{include}"),
+        _ => include.to_owned(),
+    }
 }
 
 /// A text of one line, cut where it is long.

@@ -16,8 +16,8 @@ use crate::outcome::result;
 /// # Errors
 /// The file is no configuration or of a machine that profiles do not know, or the profile cannot be written.
 pub fn run(file: &Path, out: Option<&Path>, json: bool) -> Result<ExitCode, String> {
-    let imported = import::read(file).map_err(|error| match error {
-        ImportError::Unknown | ImportError::Profile(_) => format!("{}: {error}", input::name(file)),
+    let imported = import::read(file, false).map_err(|error| match error {
+        ImportError::Unknown | ImportError::Profile(_) | ImportError::Identity(..) => format!("{}: {error}", input::name(file)),
         // These name the file that they mean, which may be an included one.
         ImportError::Read(..) | ImportError::Line(..) | ImportError::Machine(..) => error.to_string(),
     })?;

@@ -2,6 +2,7 @@
 //!
 //! Marlin works many of its names out in headers of its own, which are not read. What cannot be known holds, so that nothing is lost.
 
+use super::c_macros::is_enabled;
 use super::expression::number;
 use super::marlin::Definitions;
 
@@ -46,14 +47,13 @@ fn one(text: &str, definitions: &Definitions, depth: usize) -> bool {
     match text {
         "HAS_TRINAMIC_CONFIG" => any_driver(definitions, is_trinamic),
         "HAS_L64XX" => any_driver(definitions, is_l64xx),
-        _ => number(text, &definitions.values).is_none_or(|number| number != 0.0),
+        _ => number(text, definitions).is_none_or(|number| number != 0.0),
     }
 }
 
 /// What a function-like name says; `None` if it is not known.
 fn called(function: &str, names: &[&str], definitions: &Definitions) -> Option<bool> {
-    let is_on =
-        |name: &&str| definitions.values.get(*name).is_some_and(|value| !["0", "false"].contains(&value.as_str()));
+    let is_on = |name: &&str| is_enabled(name, definitions).unwrap_or(false);
     let first = names.first().copied().unwrap_or_default();
     Some(match function {
         "defined" => definitions.values.contains_key(first),
@@ -98,7 +98,7 @@ fn compared(text: &str, definitions: &Definitions) -> Option<bool> {
         [left, right] => Some((sign, [left.trim(), right.trim()])),
         _ => None,
     })?;
-    if let (Some(left), Some(right)) = (number(left, &definitions.values), number(right, &definitions.values)) {
+    if let (Some(left), Some(right)) = (number(left, definitions), number(right, definitions)) {
         return Some(match sign {
             "==" => left == right,
             "!=" => left != right,
@@ -145,7 +145,7 @@ mod tests {
     fn definitions() -> Definitions {
         let text = "#define A\n#define OFF 0\n#define TWO 2\n#define BOARD BOARD_X\n#define MOTHERBOARD BOARD_X\n\
                     #define X_DRIVER_TYPE TMC2209\n#define Y_DRIVER_TYPE TMC2208_STANDALONE\n";
-        super::super::marlin::parse("Configuration.h", text, &[]).unwrap_or_default()
+        super::super::marlin::parse("Configuration.h", text, &mut |_| Err("none".to_owned())).unwrap_or_default()
     }
 
     #[test]

@@ -1,32 +1,58 @@
 //! A profile that is being made: values over those of a built-in one.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use ferrostep_checked_toml::keys::paths;
 use toml::{Table, Value};
 
-use super::{ImportError, Imported, Row};
+use super::nearest::nearest;
+use super::paths::{get, is_identity, number, rounded, set, values};
+use super::{Gap, ImportError, Imported, Row};
 
 /// The built-in profile whose values stand in.
 const BASE: &str = "cartesian";
 
-/// Most values that are given up because the checks of profiles refuse them.
-const MAX_REFUSED: usize = 50;
+/// Most values that are changed because the checks of profiles refuse them.
+const MAX_REFUSED: usize = 120;
+
+/// How often a value is moved into its range; one that two rules pull to and fro has none.
+const MAX_MOVES: usize = 3;
+
+/// Tables that go where a value of the machine's identity and they exclude each other, the least first.
+const LESSER: [&str; 6] = ["mesh", "input_shaper", "pressure_advance", "bed_screws", "z_motors", "backlash"];
 
 /// A profile that is being made.
 pub struct Draft {
     base: Table,
     table: Table,
-    /// The rows that set each key, by its path.
+    /// The rows that set each key, by its path; the last one holds.
     set_by: BTreeMap<String, usize>,
+    /// The keys that each row says, with their values.
+    sets: BTreeMap<usize, Vec<(String, Value)>>,
+    /// Keys whose value the other firmware would have taken by itself.
+    own_defaults: BTreeSet<String>,
     rows: Vec<Row>,
+    gaps: Vec<Gap>,
+    unread: Vec<String>,
+    substituted: Vec<String>,
+    moves: BTreeMap<String, usize>,
 }
 
 impl Draft {
     /// One that says nothing yet.
     pub fn new() -> Self {
         let base: Table = ferrostep_profiles::builtin_text(BASE).and_then(|text| text.parse().ok()).unwrap_or_default();
-        let mut draft = Self { table: base.clone(), base, set_by: BTreeMap::new(), rows: Vec::new() };
+        let mut draft = Self {
+            table: base.clone(),
+            base,
+            set_by: BTreeMap::new(),
+            sets: BTreeMap::new(),
+            own_defaults: BTreeSet::new(),
+            rows: Vec::new(),
+            gaps: Vec::new(),
+            unread: Vec::new(),
+            substituted: Vec::new(),
+            moves: BTreeMap::new(),
+        };
         // A profile says all three or none.
         for axis in ["x", "y", "z"] {
             draft.put(&format!("lower_end_mm.{axis}"), 0.0);
@@ -47,6 +73,27 @@ impl Draft {
         }
     }
 
+    /// Notes a part of the machine's identity that the file does not say in a way that can be used: `what`, of a setting or of none.
+    pub fn gap(&mut self, path: &str, row: Option<Row>, what: &str) {
+        if self.gaps.iter().any(|gap| gap.path == path) {
+            return;
+        }
+        let place = row.as_ref().map(|row| (row.file.clone(), row.line));
+        let what = match &row {
+            Some(row) => format!("{} = {}: {what}", row.key, row.value),
+            None => what.to_owned(),
+        };
+        self.gaps.push(Gap { path: path.to_owned(), place, what });
+        if let Some(row) = row {
+            self.note(row);
+        }
+    }
+
+    /// Notes a file that could not be read.
+    pub fn unread(&mut self, what: String) {
+        self.unread.push(what);
+    }
+
     /// The row of the same setting.
     fn row_of(&self, row: &Row) -> Option<usize> {
         self.rows.iter().position(|other| (&other.file, other.line, &other.key) == (&row.file, row.line, &row.key))
@@ -55,28 +102,26 @@ impl Draft {
     /// Sets a key, said by a setting: adds its row.
     pub fn keep(&mut self, path: &str, value: impl Into<Value>, row: Row) {
         let value = rounded(value.into());
-        let kept = format!("{path} = {value}");
-        self.put(path, value);
-        let index = self.row_of(&row);
-        let kept = match row.kept {
-            Some(before) => format!("{before}, {kept}"),
-            None => kept,
-        };
-        match index {
-            Some(index) => {
-                let other = &mut self.rows[index];
-                other.kept = Some(other.kept.take().map_or(kept.clone(), |before| format!("{before}, {kept}")));
-                self.set_by.insert(path.to_owned(), index);
-            }
-            None => {
-                self.set_by.insert(path.to_owned(), self.rows.len());
-                self.rows.push(Row { kept: Some(kept), ..row });
-            }
+        self.put(path, value.clone());
+        self.own_defaults.remove(path);
+        let index = self.row_of(&row).unwrap_or(self.rows.len());
+        match self.rows.get_mut(index) {
+            Some(other) if other.why.is_empty() => other.why = row.why,
+            Some(_) => {}
+            None => self.rows.push(row),
         }
+        if let Some(row) = self.rows.get_mut(index) {
+            row.kept.get_or_insert_with(String::new);
+        }
+        self.set_by.insert(path.to_owned(), index);
+        let said = self.sets.entry(index).or_default();
+        said.retain(|(other, _)| other != path);
+        said.push((path.to_owned(), value));
     }
 
-    /// Sets a key that follows from others.
+    /// Sets a key that follows from others, or that the other firmware has by itself.
     pub fn put(&mut self, path: &str, value: impl Into<Value>) {
+        self.own_defaults.insert(path.to_owned());
         set(&mut self.table, path, Some(rounded(value.into())));
     }
 
@@ -95,11 +140,14 @@ impl Draft {
         self.set_by.contains_key(path)
     }
 
-    /// Checks the profile. A value that profiles may not have is given up, and its row says why.
+    /// Checks the profile. A value that profiles may not have becomes the nearest one that they may, or is given up, and its row says why.
     ///
     /// # Errors
-    /// The checks refuse what cannot be given up.
-    pub fn finish(mut self) -> Result<Imported, ImportError> {
+    /// The machine's identity is not said, or the checks refuse what cannot be given up.
+    pub fn finish(mut self, assume: bool) -> Result<Imported, ImportError> {
+        if !self.gaps.is_empty() && !assume {
+            return Err(ImportError::Identity(self.gaps, self.unread));
+        }
         for _ in 0..MAX_REFUSED {
             let text = toml::to_string(&self.table).map_err(|error| ImportError::Profile(error.to_string()))?;
             let error = match ferrostep_profiles::parse(&text, "profile") {
@@ -108,6 +156,16 @@ impl Draft {
             };
             let reason = error.problem().to_string();
             let key = error.key().unwrap_or_default().to_owned();
+            if self.move_into_range(&key, &reason) || self.let_lesser_go(&key, &reason) {
+                continue;
+            }
+            if let Some(path) = self.identity_of(&key, &reason) {
+                let row = self.set_by.get(&path).and_then(|index| self.rows.get(*index)).cloned();
+                self.gap(&path, row, &reason);
+                if !assume {
+                    return Err(ImportError::Identity(self.gaps, self.unread));
+                }
+            }
             if !self.give_up(&key, &reason) {
                 return Err(ImportError::Profile(reason));
             }
@@ -115,28 +173,73 @@ impl Draft {
         Err(ImportError::Profile("too many of its values are out of range".to_owned()))
     }
 
+    /// The key of the machine's identity that an error is about, if giving up its key would change one.
+    fn identity_of(&self, key: &str, reason: &str) -> Option<String> {
+        // Numbers that are right for an end stop are not for a stall or a probe.
+        let axis = key.strip_prefix("homing.").and_then(|rest| rest.split('.').next());
+        let of_driver = key.strip_prefix("drivers.").and_then(|rest| rest.split('.').next());
+        if let Some(axis) = axis.or(of_driver).filter(|axis| ["x", "y", "z"].contains(axis) && reason.contains("stall")) {
+            return Some(format!("homing.{axis}.sensor"));
+        }
+        if ["homing.raise_mm", "homing.home_at_mm", "bltouch"].iter().any(|start| key.starts_with(start))
+            && self.word("homing.z.sensor") == Some("probe")
+        {
+            return Some("homing.z.sensor".to_owned());
+        }
+        is_identity(key).then(|| key.to_owned())
+    }
+
+    /// Puts the nearest value of its range in the place of a refused number; `false` if that has no end.
+    fn move_into_range(&mut self, key: &str, reason: &str) -> bool {
+        if is_identity(key) {
+            return false;
+        }
+        let moves = self.moves.entry(key.to_owned()).or_default();
+        *moves += 1;
+        if *moves > MAX_MOVES {
+            return false;
+        }
+        let changes = nearest(&self.table, key, reason);
+        for (path, value) in &changes {
+            self.change(path, Some(value.clone()), reason);
+        }
+        !changes.is_empty()
+    }
+
+    /// Removes the lesser of two keys that exclude each other where the other one is the machine's identity.
+    fn let_lesser_go(&mut self, key: &str, reason: &str) -> bool {
+        if !is_identity(key) {
+            return false;
+        }
+        let is_there = |name: &&str| get(&self.table, name).is_some();
+        let there: Vec<&str> = LESSER.into_iter().filter(is_there).collect();
+        let alone = there.iter().map(|name| vec![*name]);
+        for goes in alone.chain([there.clone()]) {
+            let mut without = self.table.clone();
+            for name in &goes {
+                set(&mut without, name, None);
+            }
+            let error = toml::to_string(&without).ok().map(|text| ferrostep_profiles::parse(&text, "profile").err());
+            let is_cured = error.is_some_and(|error| error.is_none_or(|error| error.key() != Some(key)));
+            if is_cured {
+                for name in goes {
+                    let why = format!("{name} goes, for the machine's {key} stays: {reason}");
+                    self.change(name, None, &why);
+                }
+                return true;
+            }
+        }
+        false
+    }
+
     /// Puts the base's value in the place of a refused one, or removes an optional table; `false` if nothing changes.
     fn give_up(&mut self, key: &str, reason: &str) -> bool {
-        // Numbers that are right for an end stop are not for a stall: the sensor is given up, not all of its axis.
-        let axis = key.strip_prefix("homing.").filter(|_| reason.contains("stall")).and_then(|rest| rest.get(..1));
-        let sensor = axis.map(|axis| format!("homing.{axis}.sensor")).filter(|sensor| self.says(sensor));
-        let mut path = sensor.as_deref().unwrap_or(key);
+        let identity = self.identity_of(key, reason);
+        let mut path = identity.as_deref().unwrap_or(key);
         loop {
             let base = get(&self.base, path).cloned();
             if get(&self.table, path) != base.as_ref() && (base.is_some() || get(&self.table, path).is_some()) {
-                set(&mut self.table, path, base);
-                let under = format!("{path}.");
-                let refused: Vec<usize> = self
-                    .set_by
-                    .iter()
-                    .filter(|(set, _)| *set == path || set.starts_with(&under))
-                    .map(|(_, row)| *row)
-                    .collect();
-                self.set_by.retain(|set, _| set != path && !set.starts_with(&under));
-                for (_, row) in self.rows.iter_mut().enumerate().filter(|(index, _)| refused.contains(index)) {
-                    row.kept = None;
-                    row.why = format!("refused: {reason}");
-                }
+                self.change(path, base, reason);
                 return true;
             }
             match path.rsplit_once('.') {
@@ -146,56 +249,78 @@ impl Draft {
         }
     }
 
-    fn imported(self, text: &str) -> Imported {
-        let is_value = |path: &String| get(&self.table, path).is_some_and(|value| !value.is_table());
+    /// Sets or removes what a check has refused, and says so in the rows that had said it. The first reason of a row stays.
+    fn change(&mut self, path: &str, value: Option<Value>, reason: &str) {
+        let before = get(&self.table, path).cloned();
+        set(&mut self.table, path, value.clone());
+        let under = format!("{path}.");
+        let is_meant = |said: &String| said == path || said.starts_with(&under);
+        let rows: BTreeSet<usize> =
+            self.set_by.iter().filter(|(said, _)| is_meant(said)).map(|(_, index)| *index).collect();
+        let stands = match &value {
+            Some(value) if !value.is_table() => format!("{path} = {value} stands there"),
+            Some(_) => format!("another {path} stands there"),
+            None => format!("{path} is left out"),
+        };
+        for index in &rows {
+            if let Some(row) = self.rows.get_mut(*index)
+                && !row.refused
+            {
+                row.refused = true;
+                row.why = format!("refused: {reason}: {stands}");
+            }
+        }
+        if !rows.is_empty() || before.as_ref().is_some_and(|before| !before.is_table()) {
+            self.substituted.push(stands);
+        }
+    }
+
+    fn imported(mut self, text: &str) -> Imported {
+        self.check_rows();
         // A setting may say a table as a whole.
         let is_said = |path: &String| {
             self.set_by.keys().any(|said| {
                 path.strip_prefix(said.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
             })
         };
-        let assumed = paths(&self.table).into_iter().filter(is_value).filter(|path| !is_said(path));
-        let assumed = assumed.filter_map(|path| Some(format!("{path} = {}", get(&self.table, &path)?))).collect();
+        let shown = |path: &String| Some(format!("{path} = {}", get(&self.table, path)?));
+        let not_said: Vec<String> = values(&self.table).into_iter().filter(|path| !is_said(path)).collect();
+        let assumed: Vec<String> = not_said.iter().filter_map(shown).collect();
+        let is_built_in = |path: &&String| !self.own_defaults.contains(*path) && get(&self.base, path).is_some();
+        let built_in: Vec<String> = not_said.iter().filter(is_built_in).filter_map(shown).collect();
+        let homing = |path: &&String| path.starts_with("homing.") || path.contains("sensor") || is_identity(path);
+        let homing: Vec<String> = not_said.iter().filter(homing).filter_map(shown).collect();
         let mut rows = self.rows;
         rows.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
-        let head =
-            "# Made by `ferrostep import`. Every key, with its range and meaning: the book's page on profiles.\n\n";
-        Imported { profile: format!("{head}{text}"), rows, assumed }
+        let by_permission = self.gaps.iter().map(ToString::to_string).collect();
+        let mut substituted = self.substituted;
+        substituted.dedup();
+        let profile = super::mark::marked(text);
+        Imported { profile, rows, assumed, unread: self.unread, by_permission, substituted, homing, built_in }
     }
-}
 
-/// Numbers as people write them: six decimals are more than a profile keeps.
-fn rounded(value: Value) -> Value {
-    match value {
-        Value::Float(number) if number.is_finite() => Value::Float((number * 1e6).round() / 1e6),
-        other => other,
-    }
-}
-
-fn number(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
-}
-
-fn get<'a>(table: &'a Table, path: &str) -> Option<&'a Value> {
-    match path.split_once('.') {
-        None => table.get(path),
-        Some((first, rest)) => get(table.get(first)?.as_table()?, rest),
-    }
-}
-
-fn set(table: &mut Table, path: &str, value: Option<Value>) {
-    match (path.split_once('.'), value) {
-        (None, Some(value)) => {
-            table.insert(path.to_owned(), value);
-        }
-        (None, None) => {
-            table.remove(path);
-        }
-        (Some((first, rest)), value) => {
-            let inner = table.entry(first).or_insert_with(|| Value::Table(Table::new()));
-            if let Some(inner) = inner.as_table_mut() {
-                set(inner, rest, value);
+    /// Makes the rows say what the profile has: each kept key with the value that stands there.
+    fn check_rows(&mut self) {
+        for (index, said) in &self.sets {
+            let Some(row) = self.rows.get_mut(*index) else { continue };
+            let mut kept: Vec<String> = Vec::new();
+            for (path, value) in said {
+                let Some(now) = get(&self.table, path) else { continue };
+                if now == value {
+                    kept.push(format!("{path} = {now}"));
+                } else if self.set_by.get(path) == Some(index) && row.refused {
+                    // Moved into its range: the reason says so.
+                    if number(now).is_some() || now.is_array() {
+                        kept.push(format!("{path} = {now}"));
+                    }
+                } else if row.why.is_empty() {
+                    row.why = format!("another line sets {path}");
+                }
             }
+            if kept.is_empty() && row.why.is_empty() {
+                row.why = "not in the profile: another line holds".to_owned();
+            }
+            row.kept = (!kept.is_empty()).then(|| kept.join(", "));
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Reads the form of Klipper's files: sections, keys with `:` or `=`, values that go on in indented lines, comments, includes.
 
-use super::{ImportError, Included, MAX_INCLUDES};
+use std::collections::HashMap;
+
+use super::{ImportError, Included, MAX_INCLUDES, beside};
 
 /// A setting.
 #[derive(Clone, Debug)]
@@ -13,6 +15,8 @@ pub struct Entry {
     pub key: String,
     /// Its value; lines after the first with a line end before each.
     pub value: String,
+    /// It stands in the part that SAVE_CONFIG has written, and holds only where no other line says its key.
+    pub is_saved: bool,
 }
 
 /// A section. One that occurs again goes on, and a later value holds.
@@ -26,6 +30,23 @@ pub struct Section {
     pub line: usize,
     /// Its settings.
     pub entries: Vec<Entry>,
+    /// The setting of each key that holds, by its place.
+    holding: HashMap<String, usize>,
+}
+
+impl Section {
+    /// The setting of a key that holds: the last one, of what SAVE_CONFIG has written only if there is no other.
+    pub fn entry(&self, key: &str) -> Option<&Entry> {
+        self.entries.get(*self.holding.get(key)?)
+    }
+
+    fn push(&mut self, entry: Entry) {
+        let has_other = self.entry(&entry.key).is_some_and(|before| !before.is_saved);
+        if !(entry.is_saved && has_other) {
+            self.holding.insert(entry.key.clone(), self.entries.len());
+        }
+        self.entries.push(entry);
+    }
 }
 
 /// A configuration.
@@ -36,12 +57,13 @@ pub struct Config {
     /// Includes that were not found: file, line, name, why.
     pub missing: Vec<(String, usize, String, String)>,
     includes: usize,
+    places: HashMap<String, usize>,
 }
 
 impl Config {
     /// The section of a name.
     pub fn section(&self, name: &str) -> Option<&Section> {
-        self.sections.iter().find(|section| section.name == name)
+        self.sections.get(*self.places.get(name)?)
     }
 }
 
@@ -51,13 +73,27 @@ impl Config {
 /// A line that is none of a configuration.
 pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) -> Result<Config, ImportError> {
     let mut config = Config::default();
-    read(name, text, include, &mut config)?;
+    read(name, text, saved_from(text), include, &mut config)?;
     Ok(config)
+}
+
+/// The line from which on SAVE_CONFIG's part stands, in comments of a form of its own. Klipper reads it in the main file only, and not
+/// where another line stands in it.
+fn saved_from(text: &str) -> usize {
+    const NONE: usize = usize::MAX;
+    let Some(header) = text.lines().position(|line| line.starts_with("#*# <---") && line.contains(" SAVE_CONFIG ")) else {
+        return NONE;
+    };
+    let part: Vec<&str> = text.lines().skip(header + 1).collect();
+    let end = part.iter().rposition(|line| !line.trim().is_empty()).map_or(0, |last| last + 1);
+    let is_saved = |line: &&str| line.starts_with("#*# ") || line.trim_end() == "#*#";
+    if part.iter().take(end).all(is_saved) { header } else { NONE }
 }
 
 fn read(
     name: &str,
     text: &str,
+    saved_from: usize,
     include: &mut dyn FnMut(&str) -> Included,
     config: &mut Config,
 ) -> Result<(), ImportError> {
@@ -65,8 +101,8 @@ fn read(
     let mut last: Option<(usize, usize)> = None;
     for (index, raw) in text.lines().enumerate() {
         let line = index + 1;
-        // SAVE_CONFIG's part stands in comments of this form, and holds.
-        let raw = match raw.strip_prefix("#*# ") {
+        let is_saved = index > saved_from;
+        let raw = match raw.strip_prefix("#*# ").filter(|_| is_saved) {
             Some(saved) if saved.contains('=') || saved.starts_with(['[', ' ', '\t']) => saved,
             _ => raw,
         };
@@ -95,16 +131,17 @@ fn read(
                 section = None;
                 continue;
             }
-            let known = config.sections.iter().position(|section| section.name == header);
+            let known = config.places.get(header).copied();
             section = Some(known.unwrap_or_else(|| {
-                let file = name.to_owned();
-                config.sections.push(Section { name: header.to_owned(), file, line, entries: Vec::new() });
+                let (name, file) = (header.to_owned(), name.to_owned());
+                config.places.insert(name.clone(), config.sections.len());
+                config.sections.push(Section { name, file, line, entries: Vec::new(), holding: HashMap::new() });
                 config.sections.len() - 1
             }));
             continue;
         }
         let Some((key, value)) = content.find([':', '=']).map(|at| (&content[..at], &content[at + 1..])) else {
-            let what = format!("{:?} is neither a section nor a setting, expected KEY: VALUE", super::shown(content));
+            let what = format!("{:?} is neither a section nor a setting of Klipper's, expected KEY: VALUE; lines that go on are indented", super::shown(content));
             return Err(ImportError::Line(name.to_owned(), line, what));
         };
         let Some(index) = section else {
@@ -113,7 +150,7 @@ fn read(
         };
         if let Some(section) = config.sections.get_mut(index) {
             let key = key.trim().to_ascii_lowercase();
-            section.entries.push(Entry { file: name.to_owned(), line, key, value: value.trim().to_owned() });
+            section.push(Entry { file: name.to_owned(), line, key, value: value.trim().to_owned(), is_saved });
             last = Some((index, section.entries.len() - 1));
         }
     }
@@ -127,12 +164,17 @@ fn follow(
     include: &mut dyn FnMut(&str) -> Included,
     config: &mut Config,
 ) -> Result<(), ImportError> {
-    let found = if config.includes < MAX_INCLUDES { include(file) } else { Err("too many includes".to_owned()) };
+    let file = &beside(name, file);
+    let found = if config.includes < MAX_INCLUDES {
+        include(file)
+    } else {
+        Err(format!("more than {MAX_INCLUDES} files are included: does one include itself?"))
+    };
     match found {
         Ok(files) => {
             for (file, text) in files {
                 config.includes += 1;
-                read(&file, &text, include, config)?;
+                read(&file, &super::text::with_line_ends(&text), usize::MAX, include, config)?;
             }
         }
         Err(why) => config.missing.push((name.to_owned(), line, file.to_owned(), why)),

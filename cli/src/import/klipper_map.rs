@@ -4,8 +4,11 @@ mod axes;
 mod bed_mesh;
 mod fans;
 mod heaters;
+mod identity;
+mod macros;
 mod reasons;
 mod skew;
+mod retraction;
 mod tools;
 mod z_motors;
 
@@ -37,7 +40,7 @@ struct Reading<'a> {
 ///
 /// # Errors
 /// The machine is of another kind than profiles know, or lacks what they need.
-pub fn map(config: &Config) -> Result<Imported, ImportError> {
+pub fn map(config: &Config, assume: bool) -> Result<Imported, ImportError> {
     let mut reading = Reading { config, draft: Draft::new(), seen: HashSet::new() };
     reading.draft.put("name", "imported");
     reading.printer()?;
@@ -65,8 +68,10 @@ pub fn map(config: &Config) -> Result<Imported, ImportError> {
     reading.retraction();
     reading.filament_sensor();
     reading.power_supply();
+    reading.macros();
+    reading.identity();
     reading.rest();
-    reading.draft.finish()
+    reading.draft.finish(assume)
 }
 
 impl<'a> Reading<'a> {
@@ -74,9 +79,9 @@ impl<'a> Reading<'a> {
         self.config.section(name)
     }
 
-    /// The last setting of a key, which holds.
+    /// The setting of a key that holds.
     fn entry(&self, section: &str, key: &str) -> Option<&'a Entry> {
-        self.section(section)?.entries.iter().rev().find(|entry| entry.key == key)
+        self.section(section)?.entry(key)
     }
 
     fn row(&mut self, section: &str, entry: &Entry, why: impl Into<String>) -> Row {
@@ -88,16 +93,17 @@ impl<'a> Reading<'a> {
             value: shown(&entry.value),
             kept: None,
             why: why.into(),
+            refused: false,
         }
     }
 
     /// A number, without keeping it. A setting that is none gets its row.
     fn number(&mut self, section: &str, key: &str) -> Option<f64> {
         let entry = self.entry(section, key)?;
-        let number = entry.value.parse().ok().filter(|number: &f64| number.is_finite());
+        let number = plain_number(&entry.value);
         if number.is_none() {
             let row = self.row(section, entry, "not a number");
-            self.draft.add(row);
+            self.draft.note(row);
         }
         number
     }
@@ -122,7 +128,16 @@ impl<'a> Reading<'a> {
     fn lose(&mut self, section: &str, key: &str, why: &str) {
         if let Some(entry) = self.entry(section, key) {
             let row = self.row(section, entry, why);
-            self.draft.add(row);
+            self.draft.note(row);
+        }
+    }
+
+    /// Notes that the machine's identity cannot be told by a setting, or that it is missing.
+    fn gap(&mut self, path: &str, section: &str, key: &str, what: &str) {
+        let row = self.entry(section, key).map(|entry| self.row(section, entry, what));
+        match row {
+            Some(row) => self.draft.gap(path, Some(row), what),
+            None => self.draft.gap(path, None, &format!("[{section}] has no {key}: {what}")),
         }
     }
 
@@ -132,7 +147,12 @@ impl<'a> Reading<'a> {
             let what = "[printer] has no kinematics: expected cartesian, corexy or corexz".to_owned();
             return Err(ImportError::Line(printer.file.clone(), printer.line, what));
         };
-        let kind = entry.value.clone();
+        // Kalico's kinds with a limit for each axis.
+        let kind = entry.value.strip_prefix("limited_").unwrap_or(&entry.value).to_owned();
+        if let Some(section) = self.config.sections.iter().find(|section| section.name.split(' ').next() == Some("dual_carriage")) {
+            let what = format!("[{}]: two carriages: profiles know machines with one only", section.name);
+            return Err(ImportError::Machine(section.file.clone(), section.line, what));
+        }
         if !["cartesian", "corexy", "corexz"].contains(&kind.as_str()) {
             let kind = shown(&kind);
             let what = format!("kinematics: {kind}: profiles know cartesian, corexy and corexz machines only");
@@ -141,6 +161,9 @@ impl<'a> Reading<'a> {
         self.keep("printer", "kinematics", &["kinematics"], kind, "");
         let feeds = ["max_feed_mm_per_s.x", "max_feed_mm_per_s.y"];
         let feed = self.keep_number("printer", "max_velocity", &feeds, |feed| feed);
+        for axis in ["x", "y"] {
+            self.keep_number("printer", &format!("max_{axis}_velocity"), &[&format!("max_feed_mm_per_s.{axis}")], |feed| feed);
+        }
         let z = self.keep_number("printer", "max_z_velocity", &["max_feed_mm_per_s.z"], |feed| feed);
         if let (Some(feed), None) = (feed, z) {
             self.draft.put("max_feed_mm_per_s.z", feed);
@@ -152,6 +175,10 @@ impl<'a> Reading<'a> {
             "max_acceleration_mm_per_s2.y",
         ];
         let acceleration = self.keep_number("printer", "max_accel", &limits, |limit| limit);
+        for axis in ["x", "y"] {
+            let path = format!("max_acceleration_mm_per_s2.{axis}");
+            self.keep_number("printer", &format!("max_{axis}_accel"), &[&path], |limit| limit);
+        }
         let z = self.keep_number("printer", "max_z_accel", &["max_acceleration_mm_per_s2.z"], |limit| limit);
         if let Some(acceleration) = acceleration {
             if z.is_none() {
@@ -181,17 +208,6 @@ impl<'a> Reading<'a> {
             self.keep("input_shaper", key, &[&path("kind")], kind, "");
             self.keep_number("input_shaper", &frequency, &[&path("frequency_hz")], |frequency| frequency);
             self.keep_number("input_shaper", &format!("damping_ratio_{axis}"), &[&path("damping")], |ratio| ratio);
-        }
-    }
-
-    fn retraction(&mut self) {
-        for (key, path) in [
-            ("retract_length", "firmware_retraction.length_mm"),
-            ("retract_speed", "firmware_retraction.retract_mm_per_s"),
-            ("unretract_extra_length", "firmware_retraction.extra_recover_mm"),
-            ("unretract_speed", "firmware_retraction.recover_mm_per_s"),
-        ] {
-            self.keep_number("firmware_retraction", key, &[path], |number| number);
         }
     }
 
@@ -250,13 +266,18 @@ impl<'a> Reading<'a> {
         for (file, line, name, why) in &self.config.missing {
             let why = format!("not read: {why}");
             let (file, value) = (file.clone(), shown(name));
-            self.draft.add(Row { file, line: *line, key: "include".to_owned(), value, kept: None, why });
+            let refused = false;
+            self.draft.add(Row { file, line: *line, key: "include".to_owned(), value, kept: None, why, refused });
         }
         for section in &self.config.sections {
             for entry in &section.entries {
                 if !self.seen.contains(&(entry.file.clone(), entry.line)) {
                     let holds = self.entry(&section.name, &entry.key).is_some_and(|last| std::ptr::eq(last, entry));
-                    let why = if holds { reason(&section.name, &entry.key) } else { "a later line sets it" };
+                    let why = match (holds, entry.is_saved) {
+                        (true, _) => reason(&section.name, &entry.key),
+                        (false, false) => "a later line sets it",
+                        (false, true) => "the file itself says it, and that holds over what SAVE_CONFIG has written",
+                    };
                     let row = self.row(&section.name, entry, why);
                     self.draft.add(row);
                 }
@@ -264,10 +285,21 @@ impl<'a> Reading<'a> {
             if section.entries.is_empty() {
                 let (file, key) = (section.file.clone(), format!("[{}]", section.name));
                 let why = nothing_in_it(&section.name).to_owned();
-                self.draft.add(Row { file, line: section.line, key, value: String::new(), kept: None, why });
+                let (line, value, refused) = (section.line, String::new(), false);
+                self.draft.add(Row { file, line, key, value, kept: None, why, refused });
             }
         }
     }
+}
+
+/// A number as Python reads it.
+fn plain_number(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let digits = text.trim_start_matches(['+', '-']);
+    if digits.starts_with('_') || digits.ends_with('_') || digits.contains("__") {
+        return None;
+    }
+    text.replace('_', "").parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 /// A name that a profile may have: letters, digits and _.

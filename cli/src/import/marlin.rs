@@ -1,9 +1,17 @@
 //! Reads the form of Marlin's configuration: definitions in C headers, with conditions around some.
 
 use std::collections::HashMap;
+use std::path::Path;
 
-use super::ImportError;
+use super::c_tokens::is_of_name;
 use super::condition::holds;
+use super::{ImportError, Included, MAX_INCLUDES, beside};
+
+/// The name of the second file of a configuration.
+const SECOND_FILE: &str = "Configuration_adv.h";
+
+/// Stands for a line end that a backslash takes away.
+const CONTINUED: char = '\u{1a}';
 
 /// A definition that is in force.
 #[derive(Clone, Debug)]
@@ -25,6 +33,12 @@ pub struct Definitions {
     pub all: Vec<Definition>,
     /// Values by name.
     pub values: HashMap<String, String>,
+    /// Macros with arguments by name: the arguments' names, and what they make.
+    pub functions: HashMap<String, (Vec<String>, String)>,
+    /// Includes that were not found: file, line, name, why.
+    pub missing: Vec<(String, usize, String, String)>,
+    /// Files that were read.
+    files: Vec<String>,
 }
 
 impl Definitions {
@@ -40,20 +54,30 @@ impl Definitions {
     }
 }
 
-/// Whether a text is Marlin's configuration.
-pub fn is_one(text: &str) -> bool {
-    text.contains("DEFAULT_AXIS_STEPS_PER_UNIT") && text.contains("#define")
+/// Whether a file is one of Marlin's configuration: a header, or a text with one of its definitions.
+pub fn is_one(name: &str, text: &str) -> bool {
+    let is_header = Path::new(name).extension().is_some_and(|end| end.eq_ignore_ascii_case("h"));
+    is_header || text.lines().any(|line| {
+        let mut words = line.split_whitespace();
+        words.next() == Some("#define") && words.next() == Some("DEFAULT_AXIS_STEPS_PER_UNIT")
+    })
 }
 
-/// Reads a configuration, and then the files beside it.
+/// Reads a configuration, the files that it includes, and the second file beside it.
 ///
 /// # Errors
-/// A condition that is not closed.
-pub fn parse(name: &str, text: &str, beside: &[(String, String)]) -> Result<Definitions, ImportError> {
+/// A condition that is not closed, or a file that is no configuration of a machine.
+pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) -> Result<Definitions, ImportError> {
     let mut definitions = Definitions::default();
-    read(name, text, &mut definitions)?;
-    for (name, text) in beside {
-        read(name, text, &mut definitions)?;
+    if name.rsplit('/').next() == Some(SECOND_FILE) {
+        let what = "this is the second file of a configuration: import Configuration.h, which reads it as well".to_owned();
+        return Err(ImportError::Line(name.to_owned(), 1, what));
+    }
+    read(name, text, include, &mut definitions)?;
+    if !definitions.files.iter().any(|file| file == SECOND_FILE) {
+        for (name, text) in include(SECOND_FILE).unwrap_or_default() {
+            read(&name, &super::text::with_line_ends(&text), include, &mut definitions)?;
+        }
     }
     Ok(definitions)
 }
@@ -67,10 +91,19 @@ struct Condition {
     has_held: bool,
 }
 
-fn read(file: &str, text: &str, definitions: &mut Definitions) -> Result<(), ImportError> {
+fn read(
+    file: &str,
+    text: &str,
+    include: &mut dyn FnMut(&str) -> Included,
+    definitions: &mut Definitions,
+) -> Result<(), ImportError> {
     let mut conditions: Vec<Condition> = Vec::new();
-    for (index, content) in without_comments(text).lines().enumerate() {
-        let line = index + 1;
+    definitions.files.push(file.to_owned());
+    let mut next_line = 1;
+    for content in without_comments(&with_continued_lines(text)).lines() {
+        let line = next_line;
+        next_line += 1 + content.matches(CONTINUED).count();
+        let content = &*content.replace(CONTINUED, " ");
         let is_in_force = conditions.iter().all(|condition| condition.holds);
         let Some(directive) = content.trim().strip_prefix('#') else {
             if let Some((name, value)) = constant(content).filter(|_| is_in_force) {
@@ -90,18 +123,34 @@ fn read(file: &str, text: &str, definitions: &mut Definitions) -> Result<(), Imp
                 };
                 conditions.push(Condition { line, holds, has_held: holds });
             }
-            "elif" | "else" => {
-                if let Some(last) = conditions.last_mut() {
+            "elif" | "else" => match conditions.last_mut() {
+                Some(last) => {
                     last.holds = !last.has_held && (word == "else" || holds(rest, definitions));
                     last.has_held |= last.holds;
                 }
-            }
+                None => return Err(ImportError::Line(file.to_owned(), line, format!("this #{word} has no #if"))),
+            },
             "endif" => {
-                conditions.pop();
+                if conditions.pop().is_none() {
+                    return Err(ImportError::Line(file.to_owned(), line, "this #endif has no #if".to_owned()));
+                }
             }
             "define" if is_in_force => {
-                let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-                definitions.add(file, line, name, value.trim());
+                let end = rest.find(|char| !is_of_name(char)).unwrap_or(rest.len());
+                let (name, value) = rest.split_at(end);
+                match value.strip_prefix('(').and_then(|value| value.split_once(')')) {
+                    Some((parameters, body)) => {
+                        let parameters = parameters.split(',').map(|name| name.trim().to_owned()).collect();
+                        definitions.functions.insert(name.to_owned(), (parameters, body.trim().to_owned()));
+                    }
+                    None => definitions.add(file, line, name, value.trim()),
+                }
+            }
+            "include" if is_in_force => {
+                let name = rest.strip_prefix('"').and_then(|rest| rest.split('"').next());
+                if let Some(name) = name {
+                    follow(file, line, name, include, definitions)?;
+                }
             }
             "undef" if is_in_force => {
                 definitions.values.remove(rest);
@@ -114,6 +163,52 @@ fn read(file: &str, text: &str, definitions: &mut Definitions) -> Result<(), Imp
         Some(open) => Err(ImportError::Line(file.to_owned(), open.line, "this #if has no #endif".to_owned())),
         None => Ok(()),
     }
+}
+
+/// Reads an included file; one that says `#pragma once` is read once.
+fn follow(
+    file: &str,
+    line: usize,
+    name: &str,
+    include: &mut dyn FnMut(&str) -> Included,
+    definitions: &mut Definitions,
+) -> Result<(), ImportError> {
+    let name = &beside(file, name);
+    let found = if definitions.files.len() < MAX_INCLUDES {
+        include(name)
+    } else {
+        Err(format!("more than {MAX_INCLUDES} files are included: does one include itself?"))
+    };
+    match found {
+        Ok(files) => {
+            for (name, text) in files {
+                let is_again = definitions.files.contains(&name) && text.contains("#pragma once");
+                if !is_again {
+                    read(&name, &super::text::with_line_ends(&text), include, definitions)?;
+                }
+            }
+        }
+        Err(why) => definitions.missing.push((file.to_owned(), line, name.clone(), why)),
+    }
+    Ok(())
+}
+
+/// The text with a sign in place of each line end that has a backslash before it.
+fn with_continued_lines(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for line in text.lines() {
+        match line.trim_end().strip_suffix('\\') {
+            Some(start) => {
+                out.push_str(start);
+                out.push(CONTINUED);
+            }
+            None => {
+                out.push_str(line);
+                out.push('\n');
+            }
+        }
+    }
+    out
 }
 
 /// Where a string ends that a text begins with.
@@ -159,7 +254,7 @@ fn without_comments(text: &str) -> String {
             1
         };
         let (passed, after) = comment.split_at(length);
-        out.extend(passed.chars().filter(|char| *char == '\n'));
+        out.extend(passed.chars().filter(|char| ['\n', CONTINUED].contains(char)));
         rest = after;
     }
     out + rest

@@ -11,16 +11,16 @@ mod supply;
 mod tools;
 mod z_motors;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 use toml::Value;
 
 use super::draft::Draft;
+use super::c_macros::is_enabled;
 use super::expression::{list, number};
 use super::marlin::{Definition, Definitions};
 use super::{ImportError, Imported, Row, shown};
 use reasons::reason;
-use sensor::sensor;
 
 /// Marlin's `BLTOUCH_DELAY` without the definition, ms.
 const MARLIN_BLTOUCH_DELAY_MS: f64 = 500.0;
@@ -32,7 +32,7 @@ const JERK_SHARE: f64 = 0.4;
 const NO_NUMBER: &str = "not a number that can be worked out here";
 
 /// Kinds of machines that no profile describes.
-const OTHER_MACHINES: [&str; 10] = [
+const OTHER_MACHINES: [&str; 16] = [
     "DELTA",
     "MORGAN_SCARA",
     "MP_SCARA",
@@ -40,6 +40,12 @@ const OTHER_MACHINES: [&str; 10] = [
     "POLAR",
     "POLARGRAPH",
     "COREYZ",
+    "COREZY",
+    "COREZX",
+    "ARTICULATED_ROBOT_ARM",
+    "TPARA",
+    "DUAL_X_CARRIAGE",
+    "MAGNETIC_PARKING_EXTRUDER",
     "MARKFORGED_XY",
     "MARKFORGED_YX",
     "FOAMCUTTER_XYUV",
@@ -47,8 +53,8 @@ const OTHER_MACHINES: [&str; 10] = [
 
 struct Reading<'a> {
     definitions: &'a Definitions,
-    /// Values by name, those that Marlin works out with them.
-    values: HashMap<String, String>,
+    /// The same with the values that Marlin works out of them.
+    values: Definitions,
     draft: Draft,
     seen: HashSet<String>,
 }
@@ -57,13 +63,18 @@ struct Reading<'a> {
 ///
 /// # Errors
 /// The machine is of another kind than profiles know.
-pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
-    if let Some(other) = OTHER_MACHINES.iter().find_map(|name| definitions.get(name)) {
-        let what = format!("{}: profiles know Cartesian, CoreXY and CoreXZ machines only", other.name);
+pub fn map(definitions: &Definitions, assume: bool) -> Result<Imported, ImportError> {
+    let is_on = |name: &&str| is_enabled(name, definitions).unwrap_or(true);
+    if let Some(other) = OTHER_MACHINES.iter().filter(|name| is_on(name)).find_map(|name| definitions.get(name)) {
+        let kinds = "profiles know Cartesian, CoreXY and CoreXZ machines with one carriage only";
+        let what = format!("{}: {kinds}", other.name);
         return Err(ImportError::Machine(other.file.clone(), other.line, what));
     }
-    let mut values = definitions.values.clone();
-    add_derived(&mut values);
+    if definitions.get("DEFAULT_AXIS_STEPS_PER_UNIT").is_none() && definitions.missing.is_empty() {
+        return Err(ImportError::Unknown);
+    }
+    let mut values = definitions.clone();
+    add_derived(&mut values.values);
     let mut reading = Reading { definitions, values, draft: Draft::new(), seen: HashSet::new() };
     reading.draft.put("name", "imported");
     reading.machine();
@@ -85,12 +96,13 @@ pub fn map(definitions: &Definitions) -> Result<Imported, ImportError> {
         reading.driver(axis);
     }
     reading.filters();
+    reading.identity();
     reading.rest();
-    reading.draft.finish()
+    reading.draft.finish(assume)
 }
 
 /// Names that Marlin works out of a configuration and that configurations use.
-fn add_derived(values: &mut HashMap<String, String>) {
+fn add_derived(values: &mut std::collections::HashMap<String, String>) {
     for axis in ["X", "Y", "Z"] {
         let length = format!("({axis}_MAX_POS - ({axis}_MIN_POS))");
         // Before the bed had a size of its own, it was the travel.
@@ -113,11 +125,32 @@ impl<'a> Reading<'a> {
             value: shown(&definition.value),
             kept: None,
             why: why.to_owned(),
+            refused: false,
         }
     }
 
     fn get(&self, name: &str) -> Option<&'a Definition> {
         self.definitions.get(name)
+    }
+
+    /// Whether a switch is on: without a value it is. `None` where it is not there or cannot be worked out.
+    fn flag(&self, name: &str) -> Option<bool> {
+        let definition = self.get(name)?;
+        if definition.value.is_empty() {
+            return Some(true);
+        }
+        number(name, &self.values).map(|number| number != 0.0)
+    }
+
+    /// Whether a signal's state is low. A state that cannot be worked out is a gap in what the machine is.
+    fn is_low(&mut self, name: &str, path: &str) -> Option<bool> {
+        let definition = self.get(name)?;
+        let state = number(name, &self.values).map(|number| number == 0.0);
+        if state.is_none() {
+            let row = self.row(definition, NO_NUMBER);
+            self.draft.gap(path, Some(row), "expected HIGH or LOW, or what can be worked out to one of them");
+        }
+        state
     }
 
     fn number(&self, name: &str) -> Option<f64> {
@@ -158,6 +191,8 @@ impl<'a> Reading<'a> {
     }
 
     fn machine(&mut self) {
+        // Marlin's machine is a Cartesian one where it defines no other.
+        self.draft.put("kinematics", "cartesian");
         for (name, kind) in [("COREXY", "corexy"), ("COREYX", "corexy"), ("COREXZ", "corexz")] {
             let why = if name == "COREYX" { "motors A and B the other way round: check the directions" } else { "" };
             self.keep(name, "kinematics", kind, why);
@@ -203,33 +238,61 @@ impl<'a> Reading<'a> {
         ] {
             self.keep_number(name, path, same);
         }
-        let turned: Vec<(String, &str)> = ALL
-            .into_iter()
-            .map(|axis| {
-                (format!("INVERT_{}_DIR", if axis == "e" { "E0".to_owned() } else { axis.to_ascii_uppercase() }), axis)
-            })
-            .filter(|(name, _)| self.get(name).is_some_and(|definition| definition.value == "true"))
-            .collect();
+        self.directions();
+        self.e_of_several();
+    }
+
+    /// Motors that run the other way round.
+    fn directions(&mut self) {
+        let mut turned = Vec::new();
+        for axis in ["x", "y", "z", "e"] {
+            let upper = if axis == "e" { "E0".to_owned() } else { axis.to_ascii_uppercase() };
+            let name = format!("INVERT_{upper}_DIR");
+            let Some(definition) = self.get(&name) else { continue };
+            match self.flag(&name) {
+                Some(true) => turned.push((name, axis)),
+                Some(false) => self.lose(&name, "as the board turns it: the profile's driver.inverted does not name it"),
+                None => {
+                    let row = self.row(definition, NO_NUMBER);
+                    self.draft.gap("driver.inverted", Some(row), "expected true or false, or what can be worked out to one");
+                }
+            }
+        }
         let axes: Vec<Value> = turned.iter().map(|(_, axis)| Value::from(*axis)).collect();
         for (name, _) in turned {
             self.keep(&name, "driver.inverted", axes.clone(), "check the direction before homing");
         }
     }
 
+    /// Lists may go on after E, with an element for each further extruder.
+    fn e_of_several(&mut self) {
+        if self.flag("DISTINCT_E_FACTORS") == Some(true) {
+            let why = "the first extruder's values are kept: write the second one's as tools.t1.steps_per_mm";
+            self.lose("DISTINCT_E_FACTORS", why);
+        }
+    }
+
     fn axis(&mut self, index: usize, axis: &str) {
         let upper = axis.to_ascii_uppercase();
-        self.keep_number(&format!("{upper}_MIN_POS"), &format!("lower_end_mm.{axis}"), |low| low.min(0.0));
+        let low_name = format!("{upper}_MIN_POS");
+        if self.keep_number(&low_name, &format!("lower_end_mm.{axis}"), |low| low.min(0.0)).is_some_and(|low| low > 0.0) {
+            self.lose(&low_name, "a profile's travel begins at 0 or below");
+        }
         let end = self.keep_number(&format!("{upper}_MAX_POS"), &format!("size_mm.{axis}"), |high| high);
         let homing = |key: &str| format!("homing.{axis}.{key}");
         let direction = format!("{upper}_HOME_DIR");
         let is_high = self.number(&direction).is_some_and(|direction| direction > 0.0);
-        self.keep(&direction, &homing("end"), if is_high { "max" } else { "min" }, "");
+        if self.number(&direction).is_some() {
+            self.keep(&direction, &homing("end"), if is_high { "max" } else { "min" }, "");
+        }
+        self.draft.put(&homing("sensor"), "end-stop");
         let own = format!("MANUAL_{upper}_HOME_POS");
         if self.keep_number(&own, &homing("position_mm"), |place| place).is_none() {
             let low = self.number(&format!("{upper}_MIN_POS")).unwrap_or(0.0);
             let place = if is_high { end.unwrap_or(low) } else { low };
             self.draft.put(&homing("position_mm"), place);
         }
+        self.reach_end_stop(axis, &own);
         let nth = |list: Option<Vec<Option<f64>>>| list.and_then(|list| list.get(index).copied().flatten());
         // Newer and the oldest files have one list in mm/min, those between two numbers.
         let older = if axis == "z" { "HOMING_FEEDRATE_Z" } else { "HOMING_FEEDRATE_XY" };
@@ -266,31 +329,88 @@ impl<'a> Reading<'a> {
             None => {}
         }
         let side = if is_high { "MAX" } else { "MIN" };
+        let path = homing("triggers_low");
         let state = format!("{upper}_{side}_ENDSTOP_HIT_STATE");
-        let is_low = self.get(&state).map(|definition| definition.value == "LOW");
-        if let Some(is_low) = is_low {
-            self.keep(&state, &homing("triggers_low"), is_low, "");
+        if let Some(is_low) = self.is_low(&state, &path) {
+            self.keep(&state, &path, is_low, "");
         }
         let inverting = format!("{upper}_{side}_ENDSTOP_INVERTING");
-        if let Some(is_low) = self.get(&inverting).map(|definition| definition.value == "true") {
-            self.keep(&inverting, &homing("triggers_low"), is_low, "");
+        if let Some(is_low) = self.is_low(&inverting, &path).map(|is_false| !is_false) {
+            self.keep(&inverting, &path, is_low, "");
         }
         if by_stall {
             self.keep("SENSORLESS_HOMING", &homing("sensor"), "stall", "");
+            // The signal of a driver is high, whatever the file says of a switch.
+            self.draft.put(&path, false);
+        } else if self.get("SENSORLESS_HOMING").is_some() && self.get(&stall).is_some() {
+            let row = self.get("SENSORLESS_HOMING").map(|definition| self.row(definition, ""));
+            self.draft.gap(&homing("sensor"), row, "Z would push the nozzle into the bed: give it a switch or a probe");
+        }
+    }
+
+    /// The travel goes as far as the end stop is: an end stop beyond it would be at another machine's place.
+    fn reach_end_stop(&mut self, axis: &str, name: &str) {
+        let number = |draft: &Draft, path: String| draft.number(&path);
+        let Some(place) = number(&self.draft, format!("homing.{axis}.position_mm")).filter(|_| self.get(name).is_some())
+        else {
+            return;
+        };
+        let why = "the travel goes as far as the end stop is";
+        let (low, high) = (format!("lower_end_mm.{axis}"), format!("size_mm.{axis}"));
+        if number(&self.draft, low.clone()).is_some_and(|low| place < low) {
+            self.keep(name, &low, place, why);
+        } else if number(&self.draft, high.clone()).is_some_and(|high| place > high) {
+            self.keep(name, &high, place, why);
         }
     }
 
     fn probe(&mut self) {
-        let probes = ["BLTOUCH", "FIX_MOUNTED_PROBE", "NOZZLE_AS_PROBE", "TOUCH_MI_PROBE", "PROBE_MANUALLY"];
-        let Some(name) = probes.into_iter().find(|name| self.get(name).is_some()) else { return };
+        const SWITCHES: [&str; 6] =
+            ["BLTOUCH", "FIX_MOUNTED_PROBE", "NOZZLE_AS_PROBE", "BIQU_MICROPROBE_V1", "BIQU_MICROPROBE_V2", "TOUCH_MI_PROBE"];
+        // Those that a servo, a coil or a sledge brings out, or that are no switch.
+        const OTHERS: [&str; 11] = [
+            "Z_PROBE_SERVO_NR",
+            "SOLENOID_PROBE",
+            "Z_PROBE_SLED",
+            "RACK_AND_PINION_PROBE",
+            "Z_PROBE_ALLEN_KEY",
+            "MAGLEV4",
+            "MAG_MOUNTED_PROBE",
+            "SENSORLESS_PROBING",
+            "BD_SENSOR",
+            "DUET_SMART_EFFECTOR",
+            "TOUCH_MI_PROBE",
+        ];
         let homes = ["USE_PROBE_FOR_Z_HOMING", "Z_MIN_PROBE_USES_Z_MIN_ENDSTOP_PIN"];
-        if name == "PROBE_MANUALLY" || !homes.iter().any(|home| self.get(home).is_some()) {
+        if self.get("PROBE_MANUALLY").is_some() || !homes.iter().any(|home| self.flag(home) == Some(true)) {
             return;
         }
+        if self.draft.word("homing.z.end") == Some("max") {
+            for name in SWITCHES.into_iter().chain(OTHERS).chain(homes).chain(["NOZZLE_TO_PROBE_OFFSET"]) {
+                self.lose(name, "Z homes to its upper end, by its switch: a profile's probe is what Z homes by");
+            }
+            return;
+        }
+        let other = OTHERS.iter().find_map(|name| self.get(name));
+        let switch = SWITCHES.into_iter().find(|name| self.flag(name) == Some(true));
+        if let Some(definition) = other.filter(|_| switch.is_none_or(|name| name == "TOUCH_MI_PROBE")) {
+            let row = self.row(definition, "");
+            let what = "Z homes by a probe of another kind: a profile's is a switch that is there, or a BLTouch";
+            self.draft.gap("homing.z.sensor", Some(row), what);
+        }
+        let Some(name) = switch.or_else(|| other.map(|definition| definition.name.as_str())) else {
+            let home = self.get("USE_PROBE_FOR_Z_HOMING").filter(|_| self.flag("USE_PROBE_FOR_Z_HOMING") == Some(true));
+            if let Some(definition) = home {
+                let row = self.row(definition, "");
+                self.draft.gap("homing.z.sensor", Some(row), "Z homes by a probe, and none of a known kind is defined");
+            }
+            return;
+        };
         self.keep(name, "homing.z.sensor", "probe", "");
         for home in homes {
             self.keep(home, "homing.z.sensor", "probe", "");
         }
+        self.probe_level(name);
         for axis in ["x", "y", "z"] {
             self.draft.put(&format!("homing.probe_offset_mm.{axis}"), 0.0);
         }
@@ -303,7 +423,7 @@ impl<'a> Reading<'a> {
             self.draft.put("bltouch.move_ms", MARLIN_BLTOUCH_DELAY_MS);
             self.keep_number("BLTOUCH_DELAY", "bltouch.move_ms", |ms| ms);
             // Without a value it is on.
-            if let Some(is_on) = self.get("BLTOUCH_HS_MODE").map(|definition| definition.value != "false") {
+            if let Some(is_on) = self.flag("BLTOUCH_HS_MODE") {
                 self.keep("BLTOUCH_HS_MODE", "bltouch.stow_each_touch", !is_on, "");
             }
         }
@@ -321,6 +441,73 @@ impl<'a> Reading<'a> {
             if let Some(place) = self.number(&name) {
                 self.keep(&name, &path, place - offset, "where the nozzle is, not the probe");
             }
+        }
+    }
+
+    /// The level at which a probe triggers. Marlin takes that of a BLTouch as it is, whatever the file says.
+    fn probe_level(&mut self, name: &str) {
+        const PATH: &str = "homing.z.triggers_low";
+        let names = ["Z_MIN_PROBE_ENDSTOP_HIT_STATE", "Z_MIN_PROBE_ENDSTOP_INVERTING"];
+        if name == "BLTOUCH" {
+            for name in names.into_iter().chain(["Z_MIN_ENDSTOP_HIT_STATE", "Z_MIN_ENDSTOP_INVERTING"]) {
+                self.lose(name, "a BLTouch's signal is high when it triggers");
+            }
+            return self.keep("BLTOUCH", PATH, false, "");
+        }
+        let has_own_pin = self.flag("Z_MIN_PROBE_USES_Z_MIN_ENDSTOP_PIN") != Some(true);
+        if has_own_pin {
+            self.draft.put(PATH, false);
+            for name in ["Z_MIN_ENDSTOP_HIT_STATE", "Z_MIN_ENDSTOP_INVERTING"] {
+                self.lose(name, "Z homes by the probe, which has a level of its own");
+            }
+        }
+        for (name, is_low_where) in names.into_iter().zip([true, false]) {
+            let Some(state) = self.is_low(name, PATH) else { continue };
+            if has_own_pin {
+                self.keep(name, PATH, state == is_low_where, "");
+            } else {
+                self.lose(name, "the probe is at the pin of Z's end stop, whose level counts");
+            }
+        }
+    }
+
+    /// Notes what the configuration does not say of what the machine is.
+    fn identity(&mut self) {
+        for (file, line, name, why) in &self.definitions.missing {
+            self.draft.unread(format!("{file}:{line}: #include \"{name}\" was not read: {why}"));
+        }
+        for axis in ["x", "y", "z", "e"] {
+            self.required(&format!("steps_per_mm.{axis}"), "DEFAULT_AXIS_STEPS_PER_UNIT");
+        }
+        for axis in ["x", "y", "z"] {
+            let upper = axis.to_ascii_uppercase();
+            self.required(&format!("size_mm.{axis}"), &format!("{upper}_MAX_POS"));
+            self.required(&format!("homing.{axis}.end"), &format!("{upper}_HOME_DIR"));
+            for (name, path) in [("MIN_POS", "lower_end_mm"), ("HOME_POS", "position_mm")] {
+                let own = if name == "HOME_POS" { format!("MANUAL_{upper}_{name}") } else { format!("{upper}_{name}") };
+                if self.get(&own).is_some() && self.number(&own).is_none() {
+                    let row = self.get(&own).map(|definition| self.row(definition, NO_NUMBER));
+                    self.draft.gap(&format!("{path}.{axis}"), row, NO_NUMBER);
+                }
+            }
+        }
+        self.required("nozzle.sensor", "TEMP_SENSOR_0");
+        if self.number("TEMP_SENSOR_BED") != Some(0.0) && self.get("TEMP_SENSOR_BED").is_some() {
+            self.required("bed.sensor", "TEMP_SENSOR_BED");
+        }
+    }
+
+    /// Notes a key that no definition says, with the one that should.
+    fn required(&mut self, path: &str, name: &str) {
+        if self.draft.says(path) {
+            return;
+        }
+        match self.get(name) {
+            Some(definition) => {
+                let row = self.row(definition, NO_NUMBER);
+                self.draft.gap(path, Some(row), &format!("{path} cannot be worked out of it"));
+            }
+            None => self.draft.gap(path, None, &format!("{name} is not defined")),
         }
     }
 
@@ -350,7 +537,7 @@ impl<'a> Reading<'a> {
         if let Some(hold) = self.number("HOLD_MULTIPLIER") {
             self.keep("HOLD_MULTIPLIER", &path("hold_current_percent"), (hold * 100.0).round() as i64, "");
         }
-        let interpolates = self.get("INTERPOLATE").is_none_or(|definition| definition.value != "false");
+        let interpolates = self.flag("INTERPOLATE").unwrap_or(true);
         self.draft.put(&path("interpolate"), interpolates);
         self.keep("INTERPOLATE", &path("interpolate"), interpolates, "");
         let quiet = match axis {
@@ -399,7 +586,7 @@ impl<'a> Reading<'a> {
 
     /// The sensor that sees filament move, or the switch that tells whether there is some; its state is the one without.
     fn filament_sensor(&mut self) {
-        let is_on = self.get("FIL_RUNOUT_ENABLED_DEFAULT").is_none_or(|definition| definition.value != "false");
+        let is_on = self.flag("FIL_RUNOUT_ENABLED_DEFAULT").unwrap_or(true);
         if self.get("FILAMENT_RUNOUT_SENSOR").is_none() || !is_on {
             return;
         }
@@ -421,7 +608,7 @@ impl<'a> Reading<'a> {
             }
         }
         let path = if both { "filament_switch.missing_is_low" } else { "filament_sensor.missing_is_low" };
-        let missing_is_low = self.get("FIL_RUNOUT_STATE").is_none_or(|definition| definition.value != "HIGH");
+        let missing_is_low = self.is_low("FIL_RUNOUT_STATE", path).unwrap_or(true);
         for name in ["FILAMENT_RUNOUT_SENSOR", "FIL_RUNOUT_STATE"] {
             self.keep(name, path, missing_is_low, "its pin is the board's");
         }

@@ -16,7 +16,24 @@ const QUIET_UNTIL: f64 = 1.25;
 /// Klipper's thresholds above any speed mean stealthChop at all speeds; a profile says that with 0.
 const ANY_SPEED: f64 = 2000.0;
 
-impl Reading<'_> {
+/// Sections of probes that are switches, and of others.
+const SWITCHES: [&str; 3] = ["bltouch", "probe", "smart_effector"];
+const OTHER_PROBES: [&str; 12] = [
+    "probe_eddy_current",
+    "beacon",
+    "scanner",
+    "cartographer",
+    "idm",
+    "bdsensor",
+    "load_cell_probe",
+    "dockable_probe",
+    "eddy",
+    "btt_eddy",
+    "prtouch_v2",
+    "z_tilt_probe",
+];
+
+impl<'a> Reading<'a> {
     /// Steps per mm of a motor.
     pub(super) fn steps(&mut self, section: &str, axis: &str) {
         self.steps_as(section, &format!("steps_per_mm.{axis}"));
@@ -24,11 +41,11 @@ impl Reading<'_> {
 
     /// Steps of a motor, as this key.
     pub(super) fn steps_as(&mut self, section: &str, path: &str) {
-        if let Some(distance) = self.number(section, "step_distance") {
+        if let Some(distance) = self.number(section, "step_distance").filter(|distance| *distance != 0.0) {
             self.keep(section, "step_distance", &[path], 1.0 / distance, "");
             return;
         }
-        let Some(distance) = self.number(section, "rotation_distance") else { return };
+        let Some(distance) = self.number(section, "rotation_distance").filter(|distance| *distance != 0.0) else { return };
         let full_steps = self.number(section, "full_steps_per_rotation").unwrap_or(FULL_STEPS);
         let driver = format!("tmc2209 {section}");
         let microsteps = self.number(section, "microsteps").or_else(|| self.number(&driver, "microsteps"));
@@ -65,7 +82,9 @@ impl Reading<'_> {
         let text = pin.map_or("", |pin| pin.value.as_str());
         let is_stall = text.contains("virtual_endstop") && !text.contains("z_virtual_endstop");
         let is_probe = text.contains("z_virtual_endstop");
-        let end = self.number(section, "position_endstop");
+        // Where the probe triggers is its own z_offset.
+        let end = self.number(section, "position_endstop").filter(|_| !is_probe);
+        self.draft.put(&homing("triggers_low"), false);
         let is_high = match self.entry(section, "homing_positive_dir").map(|entry| entry.value.to_ascii_lowercase()) {
             Some(word) => matches!(word.as_str(), "true" | "1" | "yes"),
             None => {
@@ -112,7 +131,15 @@ impl Reading<'_> {
                 "end-stop"
             };
             self.keep(section, "endstop_pin", &[&homing("sensor")], sensor, "its pin is the board's");
-            if text.contains('!') && !is_stall {
+            if is_probe && axis != "z" {
+                self.gap(&homing("sensor"), section, "endstop_pin", "only Z homes by a probe");
+            }
+            let driver = format!("tmc2209 {section}");
+            if is_stall && self.section(&driver).is_none() {
+                let what = format!("a profile homes by the stall signal of a TMC2209, and there is no [{driver}]");
+                self.gap(&homing("sensor"), section, "endstop_pin", &what);
+            }
+            if text.contains('!') && !is_stall && !is_probe {
                 self.keep(section, "endstop_pin", &[&homing("triggers_low")], true, "its pin is the board's");
             }
         }
@@ -127,13 +154,35 @@ impl Reading<'_> {
         self.keep_number("safe_z_home", "z_hop", &["homing.raise_mm"], |height| height);
         let is_probe =
             self.entry("stepper_z", "endstop_pin").is_some_and(|pin| pin.value.contains("z_virtual_endstop"));
-        let Some(section) = ["probe", "bltouch", "smart_effector", "probe_eddy_current"]
-            .into_iter()
-            .find(|name| self.section(name).is_some())
-            .filter(|_| is_probe)
-        else {
+        let Some(section) = self.probe_section() else {
+            if is_probe {
+                let what = "Z homes by a probe, and no section describes one ([probe] or [bltouch])";
+                self.gap("homing.z.sensor", "stepper_z", "endstop_pin", what);
+            }
             return;
         };
+        if !is_probe {
+            for axis in ["x", "y", "z"] {
+                let why = "Z homes by a switch: a profile's probe is what Z homes by";
+                self.lose(section, &format!("{axis}_offset"), why);
+            }
+            return;
+        }
+        if section == "bltouch" {
+            let is_low = self.entry(section, "sensor_pin").is_some_and(|pin| pin.value.contains('!'));
+            self.keep(section, "sensor_pin", &["homing.z.triggers_low"], is_low, "its pin is the board's");
+        } else if SWITCHES.contains(&section) {
+            let is_low = self.entry(section, "pin").is_some_and(|pin| pin.value.contains('!'));
+            self.keep(section, "pin", &["homing.z.triggers_low"], is_low, "its pin is the board's");
+            for key in ["activate_gcode", "deactivate_gcode"] {
+                if self.entry(section, key).is_some_and(|entry| !entry.value.trim().is_empty()) {
+                    self.lose(section, key, "a profile's probe is there all the time, or goes out by itself: it runs no lines");
+                }
+            }
+        } else {
+            let what = format!("[{section}] is a probe of another kind: a profile's is a switch ([probe]) or a BLTouch ([bltouch])");
+            self.gap("homing.z.sensor", "stepper_z", "endstop_pin", &what);
+        }
         for (axis, sign) in [("x", 1.0), ("y", 1.0), ("z", -1.0)] {
             let path = format!("homing.probe_offset_mm.{axis}");
             if self.keep_number(section, &format!("{axis}_offset"), &[&path], |offset| sign * offset).is_none() {
@@ -153,6 +202,14 @@ impl Reading<'_> {
                 self.draft.put(&path, middle);
             }
         }
+    }
+
+    /// The section of the probe that Z may home by.
+    fn probe_section(&self) -> Option<&'a str> {
+        let names = || self.config.sections.iter().map(|section| section.name.as_str());
+        let kind = |name: &str| name.split(' ').next().unwrap_or_default().to_ascii_lowercase();
+        let known = SWITCHES.into_iter().find(|name| self.section(name).is_some());
+        known.or_else(|| names().find(|name| OTHER_PROBES.contains(&kind(name).as_str())))
     }
 
     /// A probe with a pin: the profile gets its table even if Klipper's section has only pins.

@@ -92,7 +92,7 @@ impl Reading<'_> {
             }
             if let Some(entry) = self.entry(SCREWS, &name_key) {
                 let row = self.row(SCREWS, entry, "");
-                self.draft.add(Row { kept: Some(format!("bed_screws.places.{name}")), ..row });
+                self.draft.add(Row { kept: Some(format!("bed_screws.places.{name}")), why: String::new(), ..row });
             }
         }
     }

@@ -5,6 +5,9 @@ use toml::Value;
 use super::{Entry, FULL_POWER, Reading};
 use crate::import::sensor::{beta_table, points};
 
+/// Kelvins at 0 degrees Celsius.
+const KELVIN: f64 = 273.15;
+
 /// A chamber's thermistor, and its heater, until somebody names the board's connectors.
 const CHAMBER_CONNECTOR: &str = "nozzle1";
 const CHECK_CONNECTOR: &str = "name the board's connector that it hangs at";
@@ -20,8 +23,9 @@ impl Reading<'_> {
             self.draft.put("extrusion.mode", "gcode");
         }
         self.keep_number("extruder", "min_extrude_temp", &["min_extrusion_celsius"], same);
-        self.keep_number("extruder", "max_extrude_only_velocity", &["max_feed_mm_per_s.e"], same);
         let limits = ["acceleration_mm_per_s2.retract", "max_acceleration_mm_per_s2.e"];
+        self.own_limits(limits);
+        self.keep_number("extruder", "max_extrude_only_velocity", &["max_feed_mm_per_s.e"], same);
         self.keep_number("extruder", "max_extrude_only_accel", &limits, same);
         self.keep_number(
             "extruder",
@@ -35,19 +39,44 @@ impl Reading<'_> {
         self.keep_number("idle_timeout", "timeout", &["heater_timeout_s"], same);
     }
 
+    /// The limits that Klipper gives an extruder by itself: those of the head, as filament that a line of the nozzle's width would take.
+    fn own_limits(&mut self, accelerations: [&str; 2]) {
+        self.draft.put("instantaneous_corner_velocity_mm_per_s.e", 1.0);
+        let (nozzle, filament) = (self.number("extruder", "nozzle_diameter"), self.number("extruder", "filament_diameter"));
+        let (Some(nozzle), Some(filament)) = (nozzle, filament.filter(|width| *width > 0.0)) else { return };
+        let cross_section = std::f64::consts::PI * filament * filament / 4.0;
+        let share = 4.0 * nozzle * nozzle / cross_section;
+        if let Some(velocity) = self.number("printer", "max_velocity") {
+            self.draft.put("max_feed_mm_per_s.e", velocity * share);
+        }
+        if let Some(acceleration) = self.number("printer", "max_accel") {
+            for path in accelerations {
+                self.draft.put(path, acceleration * share);
+            }
+        }
+    }
+
     pub(super) fn heater(&mut self, section: &str, heater: &str) {
         let path = |key: &str| format!("{heater}.{key}");
         let same = |number: f64| number;
         if let Some(entry) = self.entry(section, "sensor_type") {
             match self.own_sensor(&entry.value, &path("sensor")).or_else(|| sensor(&entry.value)) {
                 Some(value) => self.keep(section, "sensor_type", &[&path("sensor")], value, ""),
-                None => {
-                    let stand_in = "no sensor that a profile knows: set it by hand, or temperatures are wrong";
-                    self.lose(section, "sensor_type", stand_in);
+                None if heater == "nozzle" || heater == "bed" || heater.starts_with("tools") => {
+                    let what = "no sensor that a profile knows: profiles have thermistors by three points or by beta, and PT1000s";
+                    self.gap(&path("sensor"), section, "sensor_type", what);
                 }
+                None => self.lose(section, "sensor_type", "no sensor that a profile knows"),
             }
         }
         self.keep_number(section, "pullup_resistor", &[&path("pull_up_ohm")], same);
+        if self.number(section, "max_power").is_some_and(|power| power < 1.0) {
+            let why = "profiles drive a heater at full power: the gains are for this part of it, so a heater that must not have all of its \
+                       power needs another supply or fuse, and new gains (M303)";
+            self.lose(section, "max_power", why);
+        } else {
+            self.lose(section, "max_power", "full power, as in a profile");
+        }
         self.keep_number(section, "min_temp", &[&path("min_celsius")], same);
         self.keep_number(section, "max_temp", &[&path("max_celsius")], same);
         for (key, name) in [("pid_kp", "proportional"), ("pid_ki", "integral"), ("pid_kd", "derivative")] {
@@ -147,9 +176,13 @@ impl Reading<'_> {
             (Some(t2), Some(r2), Some(t3), Some(r3), None) => {
                 let keys =
                     &["temperature1", "resistance1", "temperature2", "resistance2", "temperature3", "resistance3"];
-                (keys, points([(t1?, r1?), (t2, r2), (t3, r3)]))
+                (keys, three_points([(t1?, r1?), (t2, r2), (t3, r3)]))
             }
-            (.., Some(beta)) if t1 == Some(25.0) => (&["temperature1", "resistance1", "beta"], beta_table(r1?, beta)),
+            (.., Some(beta)) => {
+                // The profile's is at 25 degrees.
+                let r25 = r1? * (beta * (1.0 / (25.0 + KELVIN) - 1.0 / (t1? + KELVIN))).exp();
+                (&["temperature1", "resistance1", "beta"], beta_table((r25 * 1e3).round() / 1e3, beta))
+            }
             _ => return None,
         };
         for key in keys {
@@ -157,6 +190,22 @@ impl Reading<'_> {
         }
         Some(value)
     }
+}
+
+/// A thermistor by three points. Where no curve of Steinhart and Hart's with a third power goes through them, Klipper takes beta through
+/// the first and the third.
+fn three_points(three: [(f64, f64); 3]) -> Value {
+    let [first, second, third] = three.map(|(celsius, ohm)| (1.0 / (celsius + KELVIN), ohm.ln()));
+    let slope = |other: (f64, f64)| (first.0 - other.0) / (first.1 - other.1);
+    let cube = |log: f64| log * log * log;
+    let bend = |other: (f64, f64)| (cube(first.1) - cube(other.1)) / (first.1 - other.1);
+    let of_cube = (slope(second) - slope(third)) / (bend(second) - bend(third));
+    if of_cube > 0.0 || !of_cube.is_finite() {
+        return points(three);
+    }
+    let beta = 1.0 / slope(third);
+    let r25 = (first.1 + beta * (1.0 / (25.0 + KELVIN) - first.0)).exp();
+    beta_table((r25 * 1e3).round() / 1e3, (beta * 10.0).round() / 10.0)
 }
 
 /// A sensor by Klipper's name.

@@ -1,6 +1,11 @@
 //! Marlin's settings of nozzle, bed and chamber.
 
-use super::{NO_NUMBER, Reading, sensor};
+use super::sensor::{NO_SENSOR, is_dummy};
+use super::{NO_NUMBER, Reading};
+
+/// By how much Marlin's highest targets are below the highest temperatures without a definition, degrees.
+const HOTEND_OVERSHOOT: f64 = 15.0;
+const BED_OVERSHOOT: f64 = 10.0;
 
 /// Marlin's PID gains are for a power of 255.
 const FULL_POWER: f64 = 255.0;
@@ -14,18 +19,27 @@ impl Reading<'_> {
         for (heater, sensor_name, limits, gains) in heaters {
             let path = |key: &str| format!("{heater}.{key}");
             if let Some(number) = self.number(sensor_name) {
-                match sensor(number) {
-                    Some(value) => self.keep(sensor_name, &path("sensor"), value, ""),
-                    None if number == 0.0 => {
-                        let why = "a profile has this heater: do not heat it in jobs";
-                        self.lose(sensor_name, why);
+                let of_own = if heater == "nozzle" { "HOTEND0" } else { "BED" };
+                if number == 0.0 || is_dummy(number) {
+                    let why = "a profile has this heater: do not heat it in jobs";
+                    self.lose(sensor_name, why);
+                    if heater == "nozzle" {
+                        let row = self.get(sensor_name).map(|definition| self.row(definition, why));
+                        self.draft.gap("nozzle.sensor", row, "expected a sensor: a profile's nozzle has one");
                     }
-                    None => self
-                        .lose(sensor_name, "no sensor that a profile knows: set it by hand, or temperatures are wrong"),
+                } else {
+                    match self.sensor_of(number, of_own, heater) {
+                        Some(value) => self.keep(sensor_name, &path("sensor"), value, ""),
+                        None => {
+                            let row = self.get(sensor_name).map(|definition| self.row(definition, NO_SENSOR));
+                            self.draft.gap(&path("sensor"), row, NO_SENSOR);
+                        }
+                    }
                 }
             }
             self.keep_number(&format!("{limits}_MINTEMP"), &path("min_celsius"), |limit| limit);
-            self.keep_number(&format!("{limits}_MAXTEMP"), &path("max_celsius"), |limit| limit);
+            let max = self.keep_number(&format!("{limits}_MAXTEMP"), &path("max_celsius"), |limit| limit);
+            self.highest_target(heater, max);
             for (name, key) in gains.into_iter().zip(["proportional", "integral", "derivative"]) {
                 // Older files write Kp where newer ones write KP.
                 let older = name.replace("BED_K", "bedK");
@@ -63,6 +77,21 @@ impl Reading<'_> {
         }
     }
 
+    /// The highest target, which Marlin keeps below the temperature at which it halts.
+    fn highest_target(&mut self, heater: &str, max: Option<f64>) {
+        let (name, usual) = if heater == "nozzle" {
+            ("HOTEND_OVERSHOOT", HOTEND_OVERSHOOT)
+        } else {
+            ("BED_OVERSHOOT", BED_OVERSHOOT)
+        };
+        let Some(max) = max else { return };
+        let path = format!("{heater}.max_target_celsius");
+        self.draft.put(&path, max - usual);
+        if let Some(overshoot) = self.number(name) {
+            self.keep(name, &path, max - overshoot, "the highest temperature less this");
+        }
+    }
+
     /// The nozzle's model (MPC), of which there is one for each nozzle: the first is the profile's.
     fn heater_model(&mut self) {
         if self.get("MPCTEMP").is_none() {
@@ -93,7 +122,7 @@ impl Reading<'_> {
     /// A chamber's thermometer; its heater is in the board's pins, where no settings are read.
     fn chamber(&mut self) {
         let Some(number) = self.number("TEMP_SENSOR_CHAMBER").filter(|number| *number != 0.0) else { return };
-        let Some(value) = sensor(number) else {
+        let Some(value) = self.sensor_of(number, "CHAMBER", "chamber") else {
             return self.lose("TEMP_SENSOR_CHAMBER", "no sensor that a profile knows: set it by hand");
         };
         self.keep(

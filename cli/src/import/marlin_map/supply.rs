@@ -8,7 +8,7 @@ impl Reading<'_> {
         if self.get("PSU_CONTROL").is_none() {
             return;
         }
-        let on_is_low = self.get("PSU_ACTIVE_STATE").is_none_or(|definition| definition.value != "HIGH");
+        let on_is_low = self.is_low("PSU_ACTIVE_STATE", "power_supply.on_is_low").unwrap_or(true);
         for name in ["PSU_CONTROL", "PSU_ACTIVE_STATE"] {
             self.keep(name, "power_supply.on_is_low", on_is_low, "its pin is the board's");
         }
@@ -22,7 +22,7 @@ impl Reading<'_> {
         if self.get("POWER_LOSS_RECOVERY").is_none() || !has_pin && self.get("POWER_LOSS_STATE").is_none() {
             return;
         }
-        let failing_is_low = self.get("POWER_LOSS_STATE").is_some_and(|definition| definition.value == "LOW");
+        let failing_is_low = self.is_low("POWER_LOSS_STATE", "power_loss.failing_is_low").unwrap_or(false);
         for name in ["POWER_LOSS_PIN", "POWER_LOSS_STATE"] {
             self.keep(name, "power_loss.failing_is_low", failing_is_low, "its pin is the board's");
         }

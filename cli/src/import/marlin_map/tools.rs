@@ -1,10 +1,10 @@
 //! Marlin's settings of a second extruder.
 
-use super::{Reading, sensor};
+use super::Reading;
+use super::sensor::NO_SENSOR;
 
 /// The board's sockets for extruders, of which Z may have some.
 const SOCKETS: [&str; 3] = ["e1", "e2", "e3"];
-const NO_SENSOR: &str = "no sensor that a profile knows: set it by hand, or temperatures are wrong";
 
 impl Reading<'_> {
     /// The second extruder. To be read after the motors of Z and the heaters.
@@ -26,8 +26,7 @@ impl Reading<'_> {
                 self.keep(&name, &path, offset, "");
             }
         }
-        let is_inverted = |name: &str| self.get(name).is_some_and(|definition| definition.value != "false");
-        let inverted = is_inverted("INVERT_E1_DIR");
+        let inverted = self.flag("INVERT_E1_DIR").unwrap_or(false);
         self.keep("INVERT_E1_DIR", "tools.t1.inverted", inverted, "check the direction of its motor");
         self.keep_number("TOOLCHANGE_ZRAISE", "tools.lift_mm", |lift| lift);
         if self.get("TOOLCHANGE_FILAMENT_SWAP").is_some() {
@@ -42,9 +41,12 @@ impl Reading<'_> {
         }
         let Some(number) = self.number("TEMP_SENSOR_1").filter(|number| *number != 0.0) else { return };
         self.draft.put("tools.t1.heater", "nozzle1");
-        match sensor(number) {
+        match self.sensor_of(number, "HOTEND1", "tools.t1.nozzle") {
             Some(value) => self.keep("TEMP_SENSOR_1", "tools.t1.nozzle.sensor", value, "at the board's nozzle1"),
-            None => self.lose("TEMP_SENSOR_1", NO_SENSOR),
+            None => {
+                let row = self.get("TEMP_SENSOR_1").map(|definition| self.row(definition, NO_SENSOR));
+                self.draft.gap("tools.t1.nozzle.sensor", row, NO_SENSOR);
+            }
         }
         self.keep_number("HEATER_1_MINTEMP", "tools.t1.nozzle.min_celsius", |limit| limit);
         self.keep_number("HEATER_1_MAXTEMP", "tools.t1.nozzle.max_celsius", |limit| limit);

@@ -1,6 +1,7 @@
 //! Marlin's settings of several motors that lift Z, and of their alignment.
 
 use super::Reading;
+use crate::import::expression::number;
 
 /// The board's names for sockets, in the order in which Marlin's further drivers take them.
 const SOCKETS: [(&str, &str); 3] = [("Z2", "z2"), ("Z3", "e1"), ("Z4", "e2")];
@@ -26,7 +27,7 @@ impl Reading<'_> {
         for (name, socket) in further {
             let path = format!("z_motors.motors.{socket}.inverted");
             let inverts = format!("INVERT_{name}_VS_Z_DIR");
-            let inverted = |name: &str| self.get(name).is_some_and(|definition| definition.value != "false");
+            let inverted = |name: &str| self.flag(name).unwrap_or(false);
             // Marlin's is the other way round than Z, the profile's than the board.
             let is_inverted = inverted(&inverts) != inverted("INVERT_Z_DIR");
             self.draft.put(&path, is_inverted);
@@ -74,8 +75,11 @@ impl Reading<'_> {
     /// The places of a list of pairs.
     fn places(&self, name: &str) -> Vec<[f64; 2]> {
         let text = self.get(name).map_or("", |definition| definition.value.as_str());
-        let numbers: Vec<f64> =
-            text.split(['{', '}', ',', ' ']).filter_map(|number| number.trim_end_matches('f').parse().ok()).collect();
+        let numbers: Vec<f64> = text
+            .split(['{', '}', ','])
+            .filter(|part| !part.trim().is_empty())
+            .filter_map(|part| number(part, &self.values))
+            .collect();
         numbers.as_chunks().0.to_vec()
     }
 }
