@@ -168,6 +168,13 @@ pub enum Command {
         /// Prints profile, list and assumed values as one JSON object.
         #[arg(long)]
         json: bool,
+        /// Lists each setting that is not kept and each value that the file does not say, instead of their numbers.
+        #[arg(long)]
+        all: bool,
+        /// Lets the built-in profile cartesian stand in for what the machine is and the file does not say, such as steps, end stops and
+        /// sensors; the exit status is then 3.
+        #[arg(long)]
+        assume: bool,
     },
     /// Prints the script by which a shell completes this command's words.
     Completions {

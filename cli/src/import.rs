@@ -181,7 +181,8 @@ pub fn of_text_with(
         return marlin_map::map(&marlin::parse(name, text, include)?, assume);
     }
     if text.starts_with('\u{feff}') {
-        let what = "the file begins with a byte order mark, which Klipper refuses as well: save it as UTF-8 without one";
+        let what =
+            "the file begins with a byte order mark, which Klipper refuses as well: save it as UTF-8 without one";
         return Err(ImportError::Line(name.to_owned(), 1, what.to_owned()));
     }
     let config = klipper::parse(name, &text, include)?;

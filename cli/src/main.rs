@@ -88,7 +88,9 @@ fn main() -> ExitCode {
         Command::Show(arguments) => showing::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Calibrate { calibration } => calibrating::run(&calibration),
-        Command::Import { file, out, json } => importing::run(&file, out.as_deref(), json),
+        Command::Import { file, out, json, all, assume } => {
+            importing::run(&importing::Arguments { file: &file, out: out.as_deref(), json, all, assume })
+        }
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::pages(out.as_deref()),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),

@@ -227,6 +227,8 @@ pub enum Command<'a> {
         velocity: Option<Decimal>,
         /// ACCEL: of moves that print and of those that travel.
         acceleration: Option<Decimal>,
+        /// SQUARE_CORNER_VELOCITY: the speed in a corner of 90 degrees.
+        corner: Option<Decimal>,
     },
     /// TURN_OFF_HEATERS: targets of 0.
     HeatersOff,

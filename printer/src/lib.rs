@@ -101,7 +101,8 @@ pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S,
     DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FilamentSensor, FilamentSensorKind, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings, PowerSupply, Profile, SafeHoming,
+    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings, PowerSupply, Profile,
+    SQUARE_CORNER_SHARE, SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};

@@ -30,6 +30,9 @@ use crate::z_motors::{Kept, ZAlignment, ZMotors};
 /// third of that is kept in reserve.
 pub const DEFAULT_EVENTS_PER_S: u32 = 400_000;
 
+/// Deviation of a corner of 90 degrees, as a share of its speed's square over the acceleration: the square root of 2, less 1.
+pub const SQUARE_CORNER_SHARE: f64 = core::f64::consts::SQRT_2 - 1.0;
+
 /// Default for the moves a second that the processor can read and plan if it does nothing else for motion: an STM32F407 at
 /// 168 MHz.
 ///
@@ -129,6 +132,8 @@ pub struct Profile {
     pub z_motors: Option<Kept<ZMotors>>,
     /// The tools beside the first, if there are several.
     pub tools: Option<Kept<Tools>>,
+    /// Corners keep their speed when M204 or SET_VELOCITY_LIMIT changes the acceleration, and not their deviation.
+    pub holds_corner_speed: bool,
     // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,

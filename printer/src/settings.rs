@@ -1,12 +1,13 @@
 //! M201 to M221: the settings of the machine that a job may change.
 
 use ferrostep_gcode::{AxisWords, Decimal, FeedWords, Real, Reply, RetractionWords};
+use ferrostep_planner::Limits;
 
 use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::ExtrusionSettings;
+use crate::profile::{ExtrusionSettings, SQUARE_CORNER_SHARE};
 
 /// Smallest and largest speed and acceleration that may be set, mm/s and mm/s^2.
 pub(crate) const SMALLEST_LIMIT: f64 = 0.01;
@@ -96,6 +97,7 @@ impl<P: Ports> Printer<'_, P> {
     ) -> Result<(), CommandError> {
         let unit_mm = self.interpreter.modal.unit_mm();
         let mut limits = self.motion.limits();
+        let before = limits.print_acceleration_mm_per_s2;
         if let Some(value) = both {
             limits.print_acceleration_mm_per_s2 = limit('S', value, unit_mm)?;
             limits.travel_acceleration_mm_per_s2 = limits.print_acceleration_mm_per_s2;
@@ -109,6 +111,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(value) = travel {
             limits.travel_acceleration_mm_per_s2 = limit('T', value, unit_mm)?;
         }
+        self.hold_corner_speed(&mut limits, before);
         self.motion.set_limits(limits);
         Ok(())
     }
@@ -118,16 +121,32 @@ impl<P: Ports> Printer<'_, P> {
         &mut self,
         velocity: Option<Decimal>,
         acceleration: Option<Decimal>,
+        corner: Option<Decimal>,
     ) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
+        let before = limits.print_acceleration_mm_per_s2;
         let feeds = AxisWords { x: velocity, y: velocity, ..AxisWords::default() };
         set_axes(&mut limits.max_feed_mm_per_s, &feeds, 1.0)?;
         if let Some(value) = acceleration {
             limits.print_acceleration_mm_per_s2 = limit('A', value, 1.0)?;
             limits.travel_acceleration_mm_per_s2 = limits.print_acceleration_mm_per_s2;
         }
+        self.hold_corner_speed(&mut limits, before);
+        if let Some(value) = corner {
+            let speed = limit('S', value, 1.0)?;
+            let deviation = speed * speed * SQUARE_CORNER_SHARE / limits.print_acceleration_mm_per_s2;
+            limits.junction_deviation_mm = deviation.clamp(0.000_01, 10.0);
+        }
         self.motion.set_limits(limits);
         Ok(())
+    }
+
+    /// Keeps the speed of corners where the profile says so, and not their deviation: it is the speed's square over the acceleration.
+    fn hold_corner_speed(&self, limits: &mut Limits, before_mm_per_s2: f64) {
+        if self.profile.holds_corner_speed {
+            let deviation = limits.junction_deviation_mm * before_mm_per_s2 / limits.print_acceleration_mm_per_s2;
+            limits.junction_deviation_mm = deviation.clamp(0.000_01, 10.0);
+        }
     }
 
     /// M205 J, and X Y Z E.

@@ -2,7 +2,9 @@
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
-use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, HomeSensor, Profile};
+use ferrostep_printer::{
+    DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, HomeSensor, Profile, SQUARE_CORNER_SHARE,
+};
 
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
@@ -21,6 +23,8 @@ const LOWER_END: Range = range(-1_000.0, 0.0, "mm");
 const STEPS_PER_MM: Range = range(1.0, 10_000.0, "steps/mm");
 const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
 const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
+/// How far the two ways to say the speed of a corner may be apart, as a share of it.
+const CORNER_TOLERANCE: f64 = 0.05;
 const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
 // A step has two levels or, at its closest, a direction change before it: each takes a gap of the step interrupt.
 const EVENT_INTERVAL: Range = range(2.0 * MIN_GAP_US, 100.0, "us");
@@ -59,6 +63,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         .numbers("steps_per_mm", MOTORS, [STEPS_PER_MM; 4])
         .required("motor steps, microsteps included; five decimals are kept; CoreXY: of motors A and B under x and y, CoreXZ: of A and C under x and z");
     let mut limits = limits(keys);
+    let holds_corner_speed = holds_corner_speed(keys, &limits);
     let motion = motion::motion(keys);
     let budget_of_error = error_budget::read(keys);
     budget_of_error.apply(keys, &motion, &steps_per_mm, &mut limits);
@@ -146,6 +151,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
         bed_screws,
         z_motors,
         tools,
+        holds_corner_speed,
         min_extrusion_celsius: min_extrusion as f32,
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,
@@ -224,6 +230,31 @@ fn limits(keys: &Section<'_>) -> Limits {
         // For Z half of what the extruder has, which is what makers of printers with such a limit give it.
         instantaneous_corner_velocity_mm_per_s: [unlimited("x"), unlimited("y"), limited("z", 5.0), limited("e", 10.0)],
     }
+}
+
+/// Whether corners keep their speed at every acceleration. The speed is said beside the deviation, and the two are checked against each
+/// other.
+fn holds_corner_speed(keys: &Section<'_>, limits: &Limits) -> bool {
+    let about = "speed in a corner of 90° at every acceleration, as Klipper's: M204 then changes the deviation, not the speed; it is the \
+                 one that `junction_deviation_mm` makes at `acceleration_mm_per_s2.print`";
+    // Bound only where it is there: jobs prepared before this key was known stay what they are.
+    let speed = keys
+        .apart()
+        .number("square_corner_velocity_mm_per_s", CORNER_VELOCITY)
+        .optional("corners keep their deviation, and M204 changes their speed", about);
+    let Some(speed) = speed else { return false };
+    keys.bind("square_corner_velocity_mm_per_s", &speed);
+    let made = (limits.junction_deviation_mm * limits.print_acceleration_mm_per_s2 / SQUARE_CORNER_SHARE).sqrt();
+    if (speed - made).abs() > CORNER_TOLERANCE * made {
+        let [low, high] =
+            [1.0 - CORNER_TOLERANCE, 1.0 + CORNER_TOLERANCE].map(|share| (made * share * 1e3).round() / 1e3);
+        let expected = format!(
+            "{low} to {high} mm/s, which junction_deviation_mm = {} makes at acceleration_mm_per_s2.print = {}",
+            limits.junction_deviation_mm, limits.print_acceleration_mm_per_s2
+        );
+        keys.refuse("square_corner_velocity_mm_per_s", expected);
+    }
+    true
 }
 
 /// No motor may have to step more often than events may follow each other.

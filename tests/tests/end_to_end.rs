@@ -28,6 +28,7 @@ mod homing_places;
 mod hostile;
 mod hosts;
 mod idle_heaters;
+mod import_cases;
 mod import_parts;
 mod import_refusals;
 mod import_tools;

@@ -71,13 +71,16 @@ impl Expansion<'_> {
                 continue;
             }
             let call = tokens.get(at..).and_then(arguments);
-            if let (Some((parameters, body)), Some((arguments, length))) = (self.definitions.functions.get(name), &call) {
+            if let (Some((parameters, body)), Some((arguments, length))) = (self.definitions.functions.get(name), &call)
+            {
                 at += length;
                 let body = substituted(&super::c_tokens::tokens(body), parameters, arguments);
                 within.push(name.clone());
                 self.expand(&body, within, out)?;
                 within.pop();
-            } else if let Some((arguments, length)) = call.as_ref().filter(|_| name.starts_with("TERN") || name.starts_with("IF_")) {
+            } else if let Some((arguments, length)) =
+                call.as_ref().filter(|_| name.starts_with("TERN") || name.starts_with("IF_"))
+            {
                 let Some(chosen) = self.chosen(name, arguments)? else {
                     out.push(token.clone());
                     continue;
@@ -86,7 +89,9 @@ impl Expansion<'_> {
                 within.push(name.clone());
                 self.expand(&chosen, within, out)?;
                 within.pop();
-            } else if let Some((arguments, length)) = call.as_ref().filter(|_| ["ENABLED", "DISABLED"].contains(&name.as_str())) {
+            } else if let Some((arguments, length)) =
+                call.as_ref().filter(|_| ["ENABLED", "DISABLED"].contains(&name.as_str()))
+            {
                 at += length;
                 let mut all = true;
                 for argument in arguments {
@@ -113,11 +118,41 @@ impl Expansion<'_> {
         let number = |digit: &str| vec![Token::Number(digit.to_owned())];
         let first = || rest.first().cloned().unwrap_or_default();
         Some(Some(match name {
-            "TERN" => if is_on()? { first() } else { rest.get(1).cloned().unwrap_or_default() },
-            "TERN0" => if is_on()? { first() } else { number("0") },
-            "TERN1" => if is_on()? { first() } else { number("1") },
-            "TERN_" | "IF_ENABLED" => if is_on()? { first() } else { Vec::new() },
-            "IF_DISABLED" => if is_on()? { Vec::new() } else { first() },
+            "TERN" => {
+                if is_on()? {
+                    first()
+                } else {
+                    rest.get(1).cloned().unwrap_or_default()
+                }
+            }
+            "TERN0" => {
+                if is_on()? {
+                    first()
+                } else {
+                    number("0")
+                }
+            }
+            "TERN1" => {
+                if is_on()? {
+                    first()
+                } else {
+                    number("1")
+                }
+            }
+            "TERN_" | "IF_ENABLED" => {
+                if is_on()? {
+                    first()
+                } else {
+                    Vec::new()
+                }
+            }
+            "IF_DISABLED" => {
+                if is_on()? {
+                    Vec::new()
+                } else {
+                    first()
+                }
+            }
             _ => return Some(None),
         }))
     }

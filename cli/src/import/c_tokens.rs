@@ -17,8 +17,8 @@ pub(super) enum Token {
 
 /// Signs, the longer ones first.
 const SIGNS: [&str; 27] = [
-    "&&", "||", "==", "!=", "<=", ">=", "<<", ">>", "##", "(", ")", "{", "}", ",", "?", ":", "+", "-", "*", "/", "%", "<",
-    ">", "!", "~", "&", "|",
+    "&&", "||", "==", "!=", "<=", ">=", "<<", ">>", "##", "(", ")", "{", "}", ",", "?", ":", "+", "-", "*", "/", "%",
+    "<", ">", "!", "~", "&", "|",
 ];
 
 /// The tokens of a text.
@@ -33,7 +33,9 @@ pub(super) fn tokens(text: &str) -> Vec<Token> {
             let end = rest.find(|char: char| !is_of_name(char)).unwrap_or(rest.len());
             tokens.push(Token::Name(rest.get(..end).unwrap_or_default().to_owned()));
             end
-        } else if first.is_ascii_digit() || (first == '.' && rest.chars().nth(1).is_some_and(|next| next.is_ascii_digit())) {
+        } else if first.is_ascii_digit()
+            || (first == '.' && rest.chars().nth(1).is_some_and(|next| next.is_ascii_digit()))
+        {
             let end = number_end(rest);
             tokens.push(Token::Number(rest.get(..end).unwrap_or_default().to_owned()));
             end

@@ -178,7 +178,8 @@ impl Draft {
         // Numbers that are right for an end stop are not for a stall or a probe.
         let axis = key.strip_prefix("homing.").and_then(|rest| rest.split('.').next());
         let of_driver = key.strip_prefix("drivers.").and_then(|rest| rest.split('.').next());
-        if let Some(axis) = axis.or(of_driver).filter(|axis| ["x", "y", "z"].contains(axis) && reason.contains("stall")) {
+        if let Some(axis) = axis.or(of_driver).filter(|axis| ["x", "y", "z"].contains(axis) && reason.contains("stall"))
+        {
             return Some(format!("homing.{axis}.sensor"));
         }
         if ["homing.raise_mm", "homing.home_at_mm", "bltouch"].iter().any(|start| key.starts_with(start))
@@ -307,11 +308,11 @@ impl Draft {
             for (path, value) in said {
                 let Some(now) = get(&self.table, path) else { continue };
                 if now == value {
-                    kept.push(format!("{path} = {now}"));
+                    kept.push(shown(path, now));
                 } else if self.set_by.get(path) == Some(index) && row.refused {
                     // Moved into its range: the reason says so.
                     if number(now).is_some() || now.is_array() {
-                        kept.push(format!("{path} = {now}"));
+                        kept.push(shown(path, now));
                     }
                 } else if row.why.is_empty() {
                     row.why = format!("another line sets {path}");
@@ -323,4 +324,14 @@ impl Draft {
             row.kept = (!kept.is_empty()).then(|| kept.join(", "));
         }
     }
+}
+
+/// A key with its value, on one line; a table without spaces, as one value.
+fn shown(path: &str, value: &Value) -> String {
+    let text = match value {
+        Value::Table(_) => value.to_string().replace(" = ", "=").replace(", ", ","),
+        Value::String(lines) if lines.contains('\n') => format!("{:?}", lines.trim()),
+        other => other.to_string(),
+    };
+    format!("{path} = {text}")
 }

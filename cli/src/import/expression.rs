@@ -10,7 +10,8 @@ const MAX_DEPTH: usize = 60;
 /// Types that a value may be made of: `double(20)`, `(float)20`; those of whole numbers last.
 const FLOATS: [&str; 2] = ["double", "float"];
 const INTEGERS: [&str; 12] = [
-    "int", "long", "short", "char", "bool", "uint8_t", "uint16_t", "uint32_t", "int8_t", "int16_t", "int32_t", "unsigned",
+    "int", "long", "short", "char", "bool", "uint8_t", "uint16_t", "uint32_t", "int8_t", "int16_t", "int32_t",
+    "unsigned",
 ];
 
 /// Operators of two values, each with its rank: the higher, the nearer it binds.

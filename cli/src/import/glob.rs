@@ -56,7 +56,9 @@ fn fits(name: &str, pattern: &str) -> bool {
                 continue;
             }
             Some(sign) => {
-                if let Some(length) = name.get(at).and_then(|char| one(*char, *sign, pattern.get(place..).unwrap_or_default())) {
+                if let Some(length) =
+                    name.get(at).and_then(|char| one(*char, *sign, pattern.get(place..).unwrap_or_default()))
+                {
                     at += 1;
                     place += length;
                     continue;

@@ -81,7 +81,8 @@ pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) 
 /// where another line stands in it.
 fn saved_from(text: &str) -> usize {
     const NONE: usize = usize::MAX;
-    let Some(header) = text.lines().position(|line| line.starts_with("#*# <---") && line.contains(" SAVE_CONFIG ")) else {
+    let Some(header) = text.lines().position(|line| line.starts_with("#*# <---") && line.contains(" SAVE_CONFIG "))
+    else {
         return NONE;
     };
     let part: Vec<&str> = text.lines().skip(header + 1).collect();
@@ -141,7 +142,10 @@ fn read(
             continue;
         }
         let Some((key, value)) = content.find([':', '=']).map(|at| (&content[..at], &content[at + 1..])) else {
-            let what = format!("{:?} is neither a section nor a setting of Klipper's, expected KEY: VALUE; lines that go on are indented", super::shown(content));
+            let what = format!(
+                "{:?} is neither a section nor a setting of Klipper's, expected KEY: VALUE; lines that go on are indented",
+                super::shown(content)
+            );
             return Err(ImportError::Line(name.to_owned(), line, what));
         };
         let Some(index) = section else {

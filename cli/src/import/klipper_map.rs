@@ -7,8 +7,8 @@ mod heaters;
 mod identity;
 mod macros;
 mod reasons;
-mod skew;
 mod retraction;
+mod skew;
 mod tools;
 mod z_motors;
 
@@ -149,7 +149,9 @@ impl<'a> Reading<'a> {
         };
         // Kalico's kinds with a limit for each axis.
         let kind = entry.value.strip_prefix("limited_").unwrap_or(&entry.value).to_owned();
-        if let Some(section) = self.config.sections.iter().find(|section| section.name.split(' ').next() == Some("dual_carriage")) {
+        if let Some(section) =
+            self.config.sections.iter().find(|section| section.name.split(' ').next() == Some("dual_carriage"))
+        {
             let what = format!("[{}]: two carriages: profiles know machines with one only", section.name);
             return Err(ImportError::Machine(section.file.clone(), section.line, what));
         }
@@ -162,7 +164,12 @@ impl<'a> Reading<'a> {
         let feeds = ["max_feed_mm_per_s.x", "max_feed_mm_per_s.y"];
         let feed = self.keep_number("printer", "max_velocity", &feeds, |feed| feed);
         for axis in ["x", "y"] {
-            self.keep_number("printer", &format!("max_{axis}_velocity"), &[&format!("max_feed_mm_per_s.{axis}")], |feed| feed);
+            self.keep_number(
+                "printer",
+                &format!("max_{axis}_velocity"),
+                &[&format!("max_feed_mm_per_s.{axis}")],
+                |feed| feed,
+            );
         }
         let z = self.keep_number("printer", "max_z_velocity", &["max_feed_mm_per_s.z"], |feed| feed);
         if let (Some(feed), None) = (feed, z) {
@@ -186,9 +193,13 @@ impl<'a> Reading<'a> {
             }
             let deviation = |speed: f64| speed * speed * CORNER_SHARE / acceleration;
             let path = ["junction_deviation_mm"];
-            if self.keep_number("printer", "square_corner_velocity", &path, deviation).is_none() {
-                self.draft.put(path[0], deviation(SQUARE_CORNER_VELOCITY));
-            }
+            let said = self.keep_number("printer", "square_corner_velocity", &path, deviation);
+            let speed = said.unwrap_or(SQUARE_CORNER_VELOCITY);
+            self.draft.put(path[0], deviation(speed));
+            // Klipper works the deviation out anew for each acceleration.
+            const SPEED: &str = "square_corner_velocity_mm_per_s";
+            self.draft.put(SPEED, speed);
+            self.keep_number("printer", "square_corner_velocity", &[SPEED], |speed| speed);
         }
         Ok(())
     }

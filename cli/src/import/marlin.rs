@@ -57,10 +57,11 @@ impl Definitions {
 /// Whether a file is one of Marlin's configuration: a header, or a text with one of its definitions.
 pub fn is_one(name: &str, text: &str) -> bool {
     let is_header = Path::new(name).extension().is_some_and(|end| end.eq_ignore_ascii_case("h"));
-    is_header || text.lines().any(|line| {
-        let mut words = line.split_whitespace();
-        words.next() == Some("#define") && words.next() == Some("DEFAULT_AXIS_STEPS_PER_UNIT")
-    })
+    is_header
+        || text.lines().any(|line| {
+            let mut words = line.split_whitespace();
+            words.next() == Some("#define") && words.next() == Some("DEFAULT_AXIS_STEPS_PER_UNIT")
+        })
 }
 
 /// Reads a configuration, the files that it includes, and the second file beside it.
@@ -70,7 +71,8 @@ pub fn is_one(name: &str, text: &str) -> bool {
 pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) -> Result<Definitions, ImportError> {
     let mut definitions = Definitions::default();
     if name.rsplit('/').next() == Some(SECOND_FILE) {
-        let what = "this is the second file of a configuration: import Configuration.h, which reads it as well".to_owned();
+        let what =
+            "this is the second file of a configuration: import Configuration.h, which reads it as well".to_owned();
         return Err(ImportError::Line(name.to_owned(), 1, what));
     }
     read(name, text, include, &mut definitions)?;

@@ -15,8 +15,8 @@ use std::collections::HashSet;
 
 use toml::Value;
 
-use super::draft::Draft;
 use super::c_macros::is_enabled;
+use super::draft::Draft;
 use super::expression::{list, number};
 use super::marlin::{Definition, Definitions};
 use super::{ImportError, Imported, Row, shown};
@@ -251,10 +251,16 @@ impl<'a> Reading<'a> {
             let Some(definition) = self.get(&name) else { continue };
             match self.flag(&name) {
                 Some(true) => turned.push((name, axis)),
-                Some(false) => self.lose(&name, "as the board turns it: the profile's driver.inverted does not name it"),
+                Some(false) => {
+                    self.lose(&name, "as the board turns it: the profile's driver.inverted does not name it")
+                }
                 None => {
                     let row = self.row(definition, NO_NUMBER);
-                    self.draft.gap("driver.inverted", Some(row), "expected true or false, or what can be worked out to one");
+                    self.draft.gap(
+                        "driver.inverted",
+                        Some(row),
+                        "expected true or false, or what can be worked out to one",
+                    );
                 }
             }
         }
@@ -275,7 +281,8 @@ impl<'a> Reading<'a> {
     fn axis(&mut self, index: usize, axis: &str) {
         let upper = axis.to_ascii_uppercase();
         let low_name = format!("{upper}_MIN_POS");
-        if self.keep_number(&low_name, &format!("lower_end_mm.{axis}"), |low| low.min(0.0)).is_some_and(|low| low > 0.0) {
+        if self.keep_number(&low_name, &format!("lower_end_mm.{axis}"), |low| low.min(0.0)).is_some_and(|low| low > 0.0)
+        {
             self.lose(&low_name, "a profile's travel begins at 0 or below");
         }
         let end = self.keep_number(&format!("{upper}_MAX_POS"), &format!("size_mm.{axis}"), |high| high);
@@ -351,7 +358,8 @@ impl<'a> Reading<'a> {
     /// The travel goes as far as the end stop is: an end stop beyond it would be at another machine's place.
     fn reach_end_stop(&mut self, axis: &str, name: &str) {
         let number = |draft: &Draft, path: String| draft.number(&path);
-        let Some(place) = number(&self.draft, format!("homing.{axis}.position_mm")).filter(|_| self.get(name).is_some())
+        let Some(place) =
+            number(&self.draft, format!("homing.{axis}.position_mm")).filter(|_| self.get(name).is_some())
         else {
             return;
         };
@@ -365,8 +373,14 @@ impl<'a> Reading<'a> {
     }
 
     fn probe(&mut self) {
-        const SWITCHES: [&str; 6] =
-            ["BLTOUCH", "FIX_MOUNTED_PROBE", "NOZZLE_AS_PROBE", "BIQU_MICROPROBE_V1", "BIQU_MICROPROBE_V2", "TOUCH_MI_PROBE"];
+        const SWITCHES: [&str; 6] = [
+            "BLTOUCH",
+            "FIX_MOUNTED_PROBE",
+            "NOZZLE_AS_PROBE",
+            "BIQU_MICROPROBE_V1",
+            "BIQU_MICROPROBE_V2",
+            "TOUCH_MI_PROBE",
+        ];
         // Those that a servo, a coil or a sledge brings out, or that are no switch.
         const OTHERS: [&str; 11] = [
             "Z_PROBE_SERVO_NR",

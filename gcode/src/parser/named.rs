@@ -394,13 +394,13 @@ const VELOCITY_WORDS: &str = "VELOCITY, ACCEL, SQUARE_CORNER_VELOCITY, ACCEL_TO_
 #[inline(never)]
 fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Command<'static>, ParseError> {
     let (velocity, acceleration) = (words.above_zero("VELOCITY")?, words.above_zero("ACCEL")?);
-    let corners = ["SQUARE_CORNER_VELOCITY", "ACCEL_TO_DECEL", "MINIMUM_CRUISE_RATIO"];
-    if corners.iter().any(|key| words.value(key).is_some()) {
+    let corner = words.above_zero("SQUARE_CORNER_VELOCITY")?;
+    if ["ACCEL_TO_DECEL", "MINIMUM_CRUISE_RATIO"].iter().any(|key| words.value(key).is_some()) {
         remarks.add(Remark::CornerLimits);
-    } else if velocity.is_none() && acceleration.is_none() {
+    } else if velocity.is_none() && acceleration.is_none() && corner.is_none() {
         return Err(words.expected());
     }
-    Ok(Command::VelocityLimit { velocity, acceleration })
+    Ok(Command::VelocityLimit { velocity, acceleration, corner })
 }
 
 /// SET_PRESSURE_ADVANCE.

@@ -9,12 +9,14 @@ fn limits_heat_layers_and_pauses_are_executed() {
     let limit = |velocity: &str, acceleration: &str| Command::VelocityLimit {
         velocity: (!velocity.is_empty()).then(|| number(velocity)),
         acceleration: (!acceleration.is_empty()).then(|| number(acceleration)),
+        corner: None,
     };
-    let corners = "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J";
+    let corners = "of the limits VELOCITY, ACCEL and SQUARE_CORNER_VELOCITY have an effect";
     reads("SET_VELOCITY_LIMIT ACCEL=3000", limit("", "3000"));
     reads("set_velocity_limit velocity=150.5  Accel=3000 ACCEL=2000", limit("150.5", "2000"));
     reads_with("SET_VELOCITY_LIMIT ACCEL=3000 ACCEL_TO_DECEL=1500", limit("", "3000"), corners);
-    reads_with("SET_VELOCITY_LIMIT SQUARE_CORNER_VELOCITY=5", limit("", ""), corners);
+    let corner = Command::VelocityLimit { velocity: None, acceleration: None, corner: Some(number("5")) };
+    reads("SET_VELOCITY_LIMIT SQUARE_CORNER_VELOCITY=5", corner);
     reads("SET_HEATER_TEMPERATURE HEATER=extruder TARGET=210", Command::SetNozzle(Some(0), some("210")));
     reads("SET_HEATER_TEMPERATURE HEATER=heater_bed TARGET=60.5", Command::SetBed(some("60.5")));
     reads("SET_HEATER_TEMPERATURE HEATER=EXTRUDER", Command::SetNozzle(Some(0), some("0")));

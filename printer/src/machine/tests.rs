@@ -85,6 +85,7 @@ pub(crate) fn profile() -> Profile {
         bed_screws: None,
         z_motors: None,
         tools: None,
+        holds_corner_speed: false,
         min_extrusion_celsius: 170.0,
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,

@@ -117,7 +117,14 @@ fn a_module_that_says_that_the_supply_fails_is_kept() {
 
 /// What Klipper's text of a small machine with these sections says.
 fn small_klipper(sections: &str) -> Value {
-    klipper(&format!("[printer]\nkinematics: corexy\n[stepper_x]\nrotation_distance: 40\nmicrosteps: 16\n{sections}"))
+    let axis = |name: &str| {
+        format!(
+            "[stepper_{name}]\nrotation_distance: 40\nmicrosteps: 16\nendstop_pin: P\nposition_endstop: 0\nposition_max: 200\n"
+        )
+    };
+    let axes = ["x", "y", "z"].map(axis).concat();
+    let extruder = "[extruder]\nrotation_distance: 30\nmicrosteps: 16\nsensor_type: EPCOS 100K B57560G104F\n";
+    klipper(&format!("[printer]\nkinematics: corexy\n{axes}{extruder}{sections}"))
 }
 
 #[test]

@@ -91,19 +91,17 @@ fn a_cartesian_machine_of_klippers_becomes_a_profile() {
          fans.electronics = { output = \"fan2\", turns = \"controller\", power = 0.5, idle_s = 45 }\n\
          fans.bento_box = { output = \"fan3\", turns = \"command\" }\nfilament_sensor.missing_is_low = false\n\
          input_shaper = { x = { kind = \"ei\", frequency_hz = 45 }, y = { kind = \"ei\", frequency_hz = 38.5 } }\n\
+         macro.START.gcode = \"\\nG28\\nG1 Z5 F600\\n\"\n\
          skew = { xy = { factor = 0.001413 }, xz = { factor = -0.002 }, yz = { factor = 0 } }\n",
     );
     for (key, why) in [
         ("include", "not read: "),
         ("[bed_mesh] mesh_pps", "a profile's mesh has"),
         ("[filament_switch_sensor runout] event_delay", "pauses a print"),
-        ("[gcode_macro START] gcode", "macros"),
-        ("[gcode_macro END] gcode", "macros"),
         ("[bltouch] control_pin", "pins are the board's"),
         ("[bltouch] set_output_mode", "M280 P0 S140"),
         ("[fan] pin", "fans hang at the board's outputs"),
         ("[stepper_x] step_pin", "pins are the board's"),
-        ("[heater_bed] sensor_type", "no sensor that a profile knows"),
         ("[extruder] max_extrude_only_distance", "no such key"),
     ] {
         let said = lost(&imported, key).unwrap_or_else(|| panic!("{key} is kept"));
@@ -128,12 +126,12 @@ fn a_corexy_machine_of_klippers_becomes_a_profile() {
          nozzle.sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1770.0, 230.0] }\n\
          bed.sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1641.9, 226.15] }\nfilament_sensor.missing_is_low = true\n",
     );
-    // Klipper's 5 mm/s, to which a driver's stall signal is blind, would be refused: an end stop stands in.
-    says(&imported, "homing.y = { end = \"max\", sensor = \"end-stop\", fast_mm_per_s = 5 }");
-    assert!(lost(&imported, "[stepper_y] endstop_pin").unwrap().contains("the driver cannot measure"));
-    // Out of a profile's range: its value is the built-in one, and the reason is said.
-    says(&imported, "bed.max_celsius = 125");
-    assert!(lost(&imported, "[heater_bed] max_temp").unwrap().contains("expected 60 to 200"));
+    // Out of a profile's range: the nearest one stands there, and the reason is said.
+    says(&imported, "bed.max_celsius = 200");
+    let rows = imported["rows"].as_array().unwrap();
+    let limit = rows.iter().filter(|row| row["key"] == "[heater_bed] max_temp").next_back().unwrap();
+    assert_eq!((&limit["refused"], &limit["kept"]), (&true.into(), &"bed.max_celsius = 200.0".into()), "{limit}");
+    assert!(limit["why"].as_str().unwrap().contains("expected 60 to 200"));
     // There is no probe.
     assert!(lost(&imported, "[bed_mesh] mesh_min").unwrap().contains("corners that the probe reaches"));
     says(&imported, "z_motors.motors.z2.inverted = false");
@@ -162,7 +160,7 @@ fn marlins_configuration_becomes_a_profile() {
          mesh = { area_mm = { x = [15.0, 205.0], y = [15.0, 195.0] }, points = { x = 5, y = 5 }, fade_mm = 8, samples = 2 }\n\
          filament_sensor.missing_is_low = true\n",
     );
-    assert!(lost(&imported, "TEMP_SENSOR_BED").unwrap().contains("no sensor that a profile knows"));
+    assert!(lost(&imported, "TEMP_SENSOR_BED").unwrap().contains("do not heat it"));
     assert!(lost(&imported, "AUTO_BED_LEVELING_BILINEAR").unwrap().contains("a profile's mesh has"));
     assert!(lost(&imported, "MOTHERBOARD").unwrap().contains("the board's"));
     assert!(!imported["rows"].as_array().unwrap().iter().any(|row| row["key"] == "JUNCTION_DEVIATION_MM"));
@@ -213,10 +211,14 @@ fn what_a_file_says_is_not_assumed() {
     }
 }
 
+/// What Marlin's configuration must say of any machine.
+pub(super) const MARLIN_MACHINE: &str = "#define DEFAULT_AXIS_STEPS_PER_UNIT { 100, 100, 400, 95 }\n#define X_MAX_POS 200\n\
+                              #define Y_MAX_POS 200\n#define Z_MAX_POS 200\n#define X_HOME_DIR -1\n#define Y_HOME_DIR -1\n\
+                              #define Z_HOME_DIR -1\n#define TEMP_SENSOR_0 5\n#define TEMP_SENSOR_BED 1\n";
+
 /// The parts of a profile that a text in Marlin's form says.
 pub(super) fn marlin(text: &str) -> Value {
-    let text = format!("#define DEFAULT_AXIS_STEPS_PER_UNIT {{ 100, 100, 400, 95 }}\n{text}");
-    imported("Configuration.h", &text)
+    imported("Configuration.h", &format!("{MARLIN_MACHINE}{text}"))
 }
 
 /// What a text in Klipper's form says.
@@ -272,11 +274,8 @@ fn marlins_first_version_is_read() {
 
 #[test]
 fn a_value_that_cannot_be_worked_out_is_said() {
-    let imported = marlin(
-        "#define DEFAULT_MAX_FEEDRATE { 300, FAST(2), 5, 25 }\n#define X_MAX_POS SIZE\n#define Y_MAX_POS double(190)\n",
-    );
+    let imported = marlin("#define DEFAULT_MAX_FEEDRATE { 300, FAST(2), 5, 25 }\n#define Y_MAX_POS double(190)\n");
     says(&imported, "max_feed_mm_per_s = { x = 300, y = 200, z = 5, e = 25 }\nsize_mm = { x = 200, y = 190 }\n");
-    assert!(lost(&imported, "X_MAX_POS").unwrap().contains("worked out"));
     let feeds = imported["rows"].as_array().unwrap().iter().find(|row| row["key"] == "DEFAULT_MAX_FEEDRATE").unwrap();
     assert!(feeds["why"].as_str().unwrap().contains("worked out"), "{feeds}");
 }
@@ -323,6 +322,9 @@ fn an_imported_machine_prints() {
         let imported = ferrostep(["import", &format!("tests/configurations/{name}"), "-o", out]);
         assert_eq!(imported.status, Some(0), "{imported:#?}");
         assert!(imported.stdout.contains("not kept, ") && imported.stdout.contains("look at each"), "{imported:#?}");
+        assert!(imported.stdout.lines().next_back().unwrap().contains(" need a look before the machine moves"));
+        let again = ferrostep(["import", &format!("tests/configurations/{name}"), "-o", out]);
+        assert_eq!(again.status, Some(0), "what an import wrote is written anew: {again:#?}");
         let printed = ferrostep(["estimate", "examples/cube.gcode", "--profile", out, "--json"]);
         assert_eq!(printed.status, Some(0), "{name}: {printed:#?}");
     }

@@ -45,7 +45,9 @@ impl<'a> Reading<'a> {
             self.keep(section, "step_distance", &[path], 1.0 / distance, "");
             return;
         }
-        let Some(distance) = self.number(section, "rotation_distance").filter(|distance| *distance != 0.0) else { return };
+        let Some(distance) = self.number(section, "rotation_distance").filter(|distance| *distance != 0.0) else {
+            return;
+        };
         let full_steps = self.number(section, "full_steps_per_rotation").unwrap_or(FULL_STEPS);
         let driver = format!("tmc2209 {section}");
         let microsteps = self.number(section, "microsteps").or_else(|| self.number(&driver, "microsteps"));
@@ -176,11 +178,17 @@ impl<'a> Reading<'a> {
             self.keep(section, "pin", &["homing.z.triggers_low"], is_low, "its pin is the board's");
             for key in ["activate_gcode", "deactivate_gcode"] {
                 if self.entry(section, key).is_some_and(|entry| !entry.value.trim().is_empty()) {
-                    self.lose(section, key, "a profile's probe is there all the time, or goes out by itself: it runs no lines");
+                    self.lose(
+                        section,
+                        key,
+                        "a profile's probe is there all the time, or goes out by itself: it runs no lines",
+                    );
                 }
             }
         } else {
-            let what = format!("[{section}] is a probe of another kind: a profile's is a switch ([probe]) or a BLTouch ([bltouch])");
+            let what = format!(
+                "[{section}] is a probe of another kind: a profile's is a switch ([probe]) or a BLTouch ([bltouch])"
+            );
             self.gap("homing.z.sensor", "stepper_z", "endstop_pin", &what);
         }
         for (axis, sign) in [("x", 1.0), ("y", 1.0), ("z", -1.0)] {

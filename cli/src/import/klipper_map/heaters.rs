@@ -42,7 +42,8 @@ impl Reading<'_> {
     /// The limits that Klipper gives an extruder by itself: those of the head, as filament that a line of the nozzle's width would take.
     fn own_limits(&mut self, accelerations: [&str; 2]) {
         self.draft.put("instantaneous_corner_velocity_mm_per_s.e", 1.0);
-        let (nozzle, filament) = (self.number("extruder", "nozzle_diameter"), self.number("extruder", "filament_diameter"));
+        let (nozzle, filament) =
+            (self.number("extruder", "nozzle_diameter"), self.number("extruder", "filament_diameter"));
         let (Some(nozzle), Some(filament)) = (nozzle, filament.filter(|width| *width > 0.0)) else { return };
         let cross_section = std::f64::consts::PI * filament * filament / 4.0;
         let share = 4.0 * nozzle * nozzle / cross_section;

@@ -21,7 +21,12 @@ impl Reading<'_> {
             }
             let path = format!("homing.{axis}.sensor");
             if !self.draft.says(&path) {
-                self.gap(&path, &section, "endstop_pin", "expected a pin, probe:z_virtual_endstop or a driver's virtual_endstop");
+                self.gap(
+                    &path,
+                    &section,
+                    "endstop_pin",
+                    "expected a pin, probe:z_virtual_endstop or a driver's virtual_endstop",
+                );
             }
             let by_probe = self.draft.word(&path) == Some("probe");
             let path = format!("homing.{axis}.position_mm");
@@ -42,8 +47,9 @@ impl Reading<'_> {
         if self.draft.says(path) {
             return;
         }
-        let missing =
-            ["rotation_distance", "microsteps"].into_iter().find(|key| self.number(section, key).is_none_or(|n| n == 0.0));
+        let missing = ["rotation_distance", "microsteps"]
+            .into_iter()
+            .find(|key| self.number(section, key).is_none_or(|n| n == 0.0));
         let key = missing.unwrap_or("gear_ratio");
         self.gap(path, section, key, "expected a number above 0, of which the steps follow");
     }

@@ -79,11 +79,8 @@ impl Reading<'_> {
 
     /// The highest target, which Marlin keeps below the temperature at which it halts.
     fn highest_target(&mut self, heater: &str, max: Option<f64>) {
-        let (name, usual) = if heater == "nozzle" {
-            ("HOTEND_OVERSHOOT", HOTEND_OVERSHOOT)
-        } else {
-            ("BED_OVERSHOOT", BED_OVERSHOOT)
-        };
+        let (name, usual) =
+            if heater == "nozzle" { ("HOTEND_OVERSHOOT", HOTEND_OVERSHOOT) } else { ("BED_OVERSHOOT", BED_OVERSHOOT) };
         let Some(max) = max else { return };
         let path = format!("{heater}.max_target_celsius");
         self.draft.put(&path, max - usual);

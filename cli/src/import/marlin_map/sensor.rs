@@ -6,8 +6,7 @@ use super::Reading;
 use crate::import::sensor::{beta_table, points};
 
 /// Why no sensor is kept.
-pub(super) const NO_SENSOR: &str =
-    "no sensor that a profile knows: profiles have thermistors by three points or by beta, and PT1000s at a pull-up resistor";
+pub(super) const NO_SENSOR: &str = "no sensor that a profile knows: profiles have thermistors by three points or by beta, and PT1000s at a pull-up resistor";
 
 /// Marlin's sensors that always say the same.
 pub(super) fn is_dummy(number: f64) -> bool {
