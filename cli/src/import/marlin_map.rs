@@ -429,6 +429,12 @@ impl<'a> Reading<'a> {
             self.draft.put(&format!("homing.probe_offset_mm.{axis}"), 0.0);
         }
         self.keep_axes("NOZZLE_TO_PROBE_OFFSET", "homing.probe_offset_mm", &["x", "y", "z"]);
+        for (axis, offset) in ["x", "y", "z"].iter().zip(self.list("NOZZLE_TO_PROBE_OFFSET").unwrap_or(vec![None; 3])) {
+            if let Some(definition) = self.get("NOZZLE_TO_PROBE_OFFSET").filter(|_| offset.is_none()) {
+                let row = self.row(definition, NO_NUMBER);
+                self.draft.gap(&format!("homing.probe_offset_mm.{axis}"), Some(row), NO_NUMBER);
+            }
+        }
         for axis in ["x", "y", "z"] {
             let older = format!("{}_PROBE_OFFSET_FROM_EXTRUDER", axis.to_ascii_uppercase());
             self.keep_number(&older, &format!("homing.probe_offset_mm.{axis}"), |offset| offset);

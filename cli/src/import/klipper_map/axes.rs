@@ -49,8 +49,7 @@ impl<'a> Reading<'a> {
             return;
         };
         let full_steps = self.number(section, "full_steps_per_rotation").unwrap_or(FULL_STEPS);
-        let driver = format!("tmc2209 {section}");
-        let microsteps = self.number(section, "microsteps").or_else(|| self.number(&driver, "microsteps"));
+        let microsteps = self.number(section, "microsteps").or_else(|| self.drivers_microsteps(section));
         let Some(microsteps) = microsteps else { return };
         let gears = match self.entry(section, "gear_ratio") {
             None => 1.0,
@@ -67,6 +66,15 @@ impl<'a> Reading<'a> {
         for key in ["rotation_distance", "microsteps", "full_steps_per_rotation", "gear_ratio"] {
             self.keep(section, key, &[path], steps, "");
         }
+    }
+
+    /// Microsteps that an older file has in the section of the motor's driver.
+    fn drivers_microsteps(&mut self, section: &str) -> Option<f64> {
+        let is_drivers =
+            |name: &&str| name.split_once(' ').is_some_and(|(kind, of)| kind.starts_with("tmc") && of == section);
+        let mut names = self.config.sections.iter().map(|section| section.name.as_str());
+        let driver = names.find(is_drivers)?;
+        self.number(driver, "microsteps")
     }
 
     pub(super) fn axis(&mut self, axis: &str) {
@@ -193,8 +201,12 @@ impl<'a> Reading<'a> {
         }
         for (axis, sign) in [("x", 1.0), ("y", 1.0), ("z", -1.0)] {
             let path = format!("homing.probe_offset_mm.{axis}");
-            if self.keep_number(section, &format!("{axis}_offset"), &[&path], |offset| sign * offset).is_none() {
+            let key = format!("{axis}_offset");
+            if self.keep_number(section, &key, &[&path], |offset| sign * offset).is_none() {
                 self.draft.put(&path, 0.0);
+                if axis == "z" || self.entry(section, &key).is_some() {
+                    self.gap(&path, section, &key, "expected where the probe triggers, beside the nozzle's tip, mm");
+                }
             }
         }
         if section == "bltouch" {

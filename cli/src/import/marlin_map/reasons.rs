@@ -13,6 +13,10 @@ pub(super) fn reason(name: &str) -> &'static str {
         _ if name.starts_with("Z_STEPPER_") => {
             "the motors of Z are aligned with a probe, and one place for each of them"
         }
+        "MAX_BED_POWER" | "PID_MAX" | "BANG_MAX" | "MIN_BED_POWER" => {
+            "profiles drive a heater at full power: where less than 255 stands here, gains are to be found anew (M303), and a heater that must \
+             not have all of its power needs another supply"
+        }
         "EXTRUDERS" => "one extruder, or two",
         "EEPROM_SETTINGS" => "M500 stores what it can where the board has a memory",
         "S_CURVE_ACCELERATION" => {
