@@ -122,7 +122,7 @@ fn read(
         }
         let content = content.trim();
         if let Some(header) = content.strip_prefix('[') {
-            let Some((header, _)) = header.split_once(']') else {
+            let Some((header, _)) = header.rsplit_once(']') else {
                 return Err(ImportError::Line(name.to_owned(), line, "a section without ]: close it".to_owned()));
             };
             let header = header.trim();

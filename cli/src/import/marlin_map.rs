@@ -512,7 +512,8 @@ impl<'a> Reading<'a> {
             }
         }
         self.required("nozzle.sensor", "TEMP_SENSOR_0");
-        if self.number("TEMP_SENSOR_BED") != Some(0.0) && self.get("TEMP_SENSOR_BED").is_some() {
+        let is_none = self.number("TEMP_SENSOR_BED").is_some_and(|number| number == 0.0 || sensor::is_dummy(number));
+        if !is_none && self.get("TEMP_SENSOR_BED").is_some() {
             self.required("bed.sensor", "TEMP_SENSOR_BED");
         }
     }

@@ -134,7 +134,7 @@ fn what_the_machine_is_is_assumed_by_permission_alone() {
     let out = directory.path().join("out.toml");
     let refused = ferrostep(["import".as_ref(), case.as_os_str(), "-o".as_ref(), out.as_os_str()]);
     assert_eq!((refused.status, out.exists()), (Some(2), false), "{refused:#?}");
-    for part in ["printer.cfg:29: [stepper_z] rotation_distance = 1.6", "expected 1 to 10000", "--assume"] {
+    for part in ["printer.cfg:28: [stepper_z] microsteps = 256", "expected 1 to 10000", "--assume"] {
         assert!(refused.stderr.contains(part), "{part}: {refused:#?}");
     }
     let assumed = ferrostep(["import".as_ref(), case.as_os_str(), "-o".as_ref(), out.as_os_str(), "--assume".as_ref()]);
@@ -158,7 +158,7 @@ fn what_cannot_be_told_is_refused_with_its_line() {
     let (klipper, marlin) = (text("k23-control-plain", "printer.cfg"), text("m24-control-plain", "Configuration.h"));
     let probe = klipper.replace("endstop_pin: ^PA8\nposition_endstop: 0", "endstop_pin: probe:z_virtual_endstop");
     for (name, text, expected) in [
-        ("printer.cfg", klipper.replace("ATC Semitec 104GT-2", "MAX31865"), "printer.cfg:43: [extruder] sensor_type"),
+        ("printer.cfg", klipper.replace("ATC Semitec 104GT-2", "MAX31865"), "printer.cfg:42: [extruder] sensor_type"),
         ("printer.cfg", klipper.replace("rotation_distance: 33.5\n", ""), "[extruder] has no rotation_distance"),
         (
             "printer.cfg",

@@ -12,10 +12,10 @@ const KLIPPER: &str = "[printer]\nkinematics: corexy\nmax_velocity: 300\nmax_acc
                        position_max: 300\nendstop_pin: PG9\n\
                        [stepper_z]\ndir_pin: !PG3\nrotation_distance: 8\nmicrosteps: 32\nposition_min: -5\n\
                        position_max: 260\nendstop_pin: probe:z_virtual_endstop\n[probe]\nx_offset: 0\ny_offset: 25\n\
-                       z_offset: 1\n[safe_z_home]\nhome_xy_position: 150, 150\n\
+                       z_offset: 1\n[extruder]\nrotation_distance: 22\nmicrosteps: 16\n\
+                       sensor_type: EPCOS 100K B57560G104F\n[safe_z_home]\nhome_xy_position: 150, 150\n\
                        [stepper_z1]\nstep_pin: PG4\ndir_pin: PC1\nmicrosteps: 32\nrotation_distance: 8\n\
-                       [tmc2209 stepper_z1]\nrun_current: 0.8\n[extruder]\nrotation_distance: 22\n\
-                       microsteps: 16\nsensor_type: EPCOS 100K B57560G104F\n";
+                       [tmc2209 stepper_z1]\nrun_current: 0.8\n";
 
 fn klipper(more: &str) -> Value {
     imports::klipper(&format!("{KLIPPER}{more}"))
