@@ -95,7 +95,7 @@ mod tests {
 
     #[track_caller]
     fn moves(table: &str, key: &str, reason: &str, expected: &str) {
-        let table: Table = table.parse().unwrap();
+        let table: Table = table.parse().unwrap_or_default();
         let found: Vec<String> =
             nearest(&table, key, reason).into_iter().map(|(path, value)| format!("{path}={value}")).collect();
         assert_eq!(found.join(" "), expected, "{reason}");
