@@ -2,8 +2,10 @@
 
 use core::fmt;
 
+use crate::{Command, parse};
+
 /// Maximum length of a line in bytes, from its start to its comment or its end. Longer lines are refused, but for those whose
-/// text is for people (M117, M118), of which the rest is dropped.
+/// text is for people (M117, M118) and named commands without effect (EXCLUDE_OBJECT_DEFINE), of which the rest is dropped.
 pub const LINE_CAPACITY: usize = 256;
 
 /// One line, taken apart but not yet read as a command.
@@ -236,6 +238,14 @@ fn is_message(command: &[u8]) -> bool {
     }
 }
 
+/// Whether a text begins with a command's name, of several letters, that does nothing here whatever its words are: outlines of objects have
+/// thousands of characters.
+fn has_no_effect(text: &str) -> bool {
+    let is_name =
+        matches!(text.as_bytes(), [first, second, ..] if first.is_ascii_alphabetic() && second.is_ascii_alphabetic());
+    is_name && matches!(parse(text), Ok(Command::Accepted | Command::Unknown(_)))
+}
+
 /// Splits a line into number, text and checksum. `bytes` is everything before the comment, `plain` promises that it is
 /// printable ASCII, `in_comment` is the checksum found in the comment.
 pub(crate) fn take_apart<'a>(
@@ -282,7 +292,7 @@ pub(crate) fn take_apart_cut(kept: &[u8], line_number: u32, checksum: Checksum) 
     let (number, start) = number_word(kept).map_or((None, 0), |(number, start)| (Some(number), start));
     let command = trim(kept.get(start..).unwrap_or_default());
     let checksum = if number.is_some() { checksum } else { Checksum::Absent };
-    if is_message(command) {
+    if is_message(command) || has_no_effect(text_before(command).0) {
         return Ok(Line { line_number, text: text_before(command).0.trim_end_matches([' ', '\t']), number, checksum });
     }
     Err(LineError::TooLong { line_number, number, checksum })

@@ -55,6 +55,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Supply(SupplyCommand::Report)
         | Command::Accepted
         | Command::Unknown(_)
+        | Command::ReportSetting(_)
         | Command::Restart => WhileHalted::Works,
         Command::Bed(bed) if bed.is_query() => WhileHalted::Works,
         Command::Skew(skew) if skew.is_query() => WhileHalted::Works,

@@ -88,6 +88,7 @@ fn is_live(command: &Command<'_>) -> bool {
             | Command::Fan { number: 0, .. }
             | Command::FeedPercent(_)
             | Command::FlowPercent(..)
+            | Command::ReportSetting(_)
             | Command::MaxAcceleration(_)
             | Command::MaxFeed(_)
             | Command::Acceleration { .. }

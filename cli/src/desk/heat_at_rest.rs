@@ -2,15 +2,15 @@
 
 use ferrostep_hal_shim::Heater;
 
-/// Samples over which the temperatures must have stayed: 20 s, as a loop whose integral works slowly creeps.
-const REST_SAMPLES: u32 = 2000;
+/// Samples over which the temperatures must have stayed: 12 s, as a loop whose integral works slowly creeps.
+const REST_SAMPLES: u32 = 1200;
 
 /// The most by which a heater that is off may cool within them, degrees: a nozzle half a degree above the air cools so.
-const OFF_BAND_CELSIUS: f32 = 0.08;
+const OFF_BAND_CELSIUS: f32 = 0.048;
 
 /// The most by which a heater with a target may change within them, degrees: it creeps towards its target, or follows the
 /// steps of its thermistor's readings.
-const HELD_BAND_CELSIUS: f32 = 0.2;
+const HELD_BAND_CELSIUS: f32 = 0.12;
 
 /// How far from its target it may be, degrees.
 const HELD_CELSIUS: f32 = 0.5;
@@ -84,8 +84,8 @@ mod tests {
     #[test]
     fn off_and_cold_or_held_for_long_enough_is_rest() {
         let steady = |count, heaters| after(std::iter::repeat_n(heaters, count));
-        assert!(!steady(1999, [(22.0, 0.0), (60.1, 60.0)]).is_at_rest());
-        let mut rest = steady(2000, [(22.0, 0.0), (60.1, 60.0)]);
+        assert!(!steady(1199, [(22.0, 0.0), (60.1, 60.0)]).is_at_rest());
+        let mut rest = steady(1200, [(22.0, 0.0), (60.1, 60.0)]);
         assert!(rest.is_at_rest());
         rest.disturb();
         assert!(!rest.is_at_rest());

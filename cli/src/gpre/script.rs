@@ -112,7 +112,14 @@ pub struct Script {
 impl Script {
     /// A line is about to be executed.
     pub fn begins(&mut self, line: u32, text: &str) {
-        self.now = match parse(text) {
+        let command = parse(text);
+        // Of a command without effect its beginning is enough for a remark.
+        let most = ferrostep_gpre::compact::MAX_TEXT_BYTES;
+        let kept = match command {
+            Ok(Command::Accepted | Command::Unknown(_)) => text.get(..text.floor_char_boundary(most)).unwrap_or(text),
+            _ => text,
+        };
+        self.now = match command {
             Ok(Command::Linear { .. } | Command::Arc { .. }) => Now::Moves { counts: true },
             Ok(Command::Retract | Command::Recover) => Now::Moves { counts: false },
             Ok(Command::Fan { number: 0, power }) => Now::Fan { line, power },
@@ -121,7 +128,7 @@ impl Script {
         match self.now {
             Now::Moves { .. } => {}
             Now::Fan { line, power } => self.waiting.push_back(Waiting::Ready(Ready::Fan { line, power })),
-            Now::Text => self.waiting.push_back(Waiting::Ready(Ready::Command { line, text: text.to_owned() })),
+            Now::Text => self.waiting.push_back(Waiting::Ready(Ready::Command { line, text: kept.to_owned() })),
         }
     }
 

@@ -153,3 +153,26 @@ fn an_arc_says_how_far_it_leaves_the_travel() {
     let expected = (3, "the arc leaves the travel and is drawn in to its edge".to_owned());
     assert_eq!(remarks(&outcome.json()), [expected]);
 }
+
+/// Outlines of objects have thousands of characters.
+#[test]
+fn a_command_without_effect_may_have_any_length() {
+    let directory = directory();
+    for length in [200, 216, 217, 218, 300, 9000] {
+        let outline = format!("EXCLUDE_OBJECT_DEFINE NAME=a POLYGON={}", "1".repeat(length));
+        let job = format!("{outline}\nG28\n; a\n{outline}\nG1 X50 F3000\n");
+        let (summary, remarks) = prints(&job);
+        assert_eq!(place(&summary)[0], 50.0, "{length}");
+        assert!(remarks.len() == 1 && remarks[0].1.contains("EXCLUDE_OBJECT_DEFINE"), "{length}: {remarks:?}");
+        let (job, out) = (file(&directory, "long.gcode", job), directory.path().join("long.gpre"));
+        let _ = std::fs::remove_file(&out);
+        let prepared = ferrostep(["preprocess".as_ref(), job.as_os_str(), "-o".as_ref(), out.as_os_str()]);
+        assert_eq!(prepared.status, Some(0), "{length}: {prepared:#?}");
+    }
+    let (_, remarks) = prints(&format!("SOMETHING_UNKNOWN A={}\nG28\n", "1".repeat(300)));
+    assert!(remarks[0].1.contains("unknown command"), "{remarks:?}");
+    for line in [format!("G1 X{}1", "0".repeat(300)), format!("SET_VELOCITY_LIMIT ACCEL=500 A={}", "1".repeat(300))] {
+        let outcome = print(&format!("G28\n{line}\nG1 X5 F3000\n"));
+        assert!(outcome.status == Some(1) && outcome.stderr.contains("line 2: the line is too long"), "{outcome:#?}");
+    }
+}

@@ -45,7 +45,8 @@ fn without_the_profile_s_table_there_is_none() {
     is_ok(&host.say("M104 S60"));
     // M112 leaves nothing behind that M999 would not end.
     host.say("M112");
-    is_refused(&host.say("M81"), "M999 restarts it");
+    assert_eq!(host.say("M81"), ["ok"], "all that it switches off is off");
+    is_refused(&host.say("M104 S60"), "M999 restarts it");
     is_ok(&host.say("M999"));
     is_ok(&host.say("M104 S60"));
     assert!(machine.heaters().has_supply());
