@@ -196,7 +196,7 @@ fn what_is_no_live_value_is_refused_by_its_name() {
         ("M104", "T"),
         ("M204", "Q"),
         ("M106", "P"),
-        ("SET_VELOCITY_LIMIT", "SQUARE_CORNER_VELOCITY"),
+        ("SET_VELOCITY_LIMIT", "ACCEL_TO_DECEL"),
         ("SET_PRESSURE_ADVANCE", "EXTRUDER"),
         ("SET_INPUT_SHAPER", "SHAPER_FREQ_Z"),
         ("SET_HEATER_TEMPERATURE", "TARGET"),
