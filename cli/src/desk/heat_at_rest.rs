@@ -2,15 +2,15 @@
 
 use ferrostep_hal_shim::Heater;
 
-/// Samples over which the temperatures must have stayed: 12 s, as a loop whose integral works slowly creeps.
-const REST_SAMPLES: u32 = 1200;
+/// Samples over which the temperatures must have stayed: 10 s, as a loop whose integral works slowly creeps.
+const REST_SAMPLES: u32 = 1000;
 
 /// The most by which a heater that is off may cool within them, degrees: a nozzle half a degree above the air cools so.
-const OFF_BAND_CELSIUS: f32 = 0.048;
+const OFF_BAND_CELSIUS: f32 = 0.05;
 
 /// The most by which a heater with a target may change within them, degrees: it creeps towards its target, or follows the
 /// steps of its thermistor's readings.
-const HELD_BAND_CELSIUS: f32 = 0.12;
+const HELD_BAND_CELSIUS: f32 = 0.11;
 
 /// How far from its target it may be, degrees.
 const HELD_CELSIUS: f32 = 0.5;
@@ -84,8 +84,8 @@ mod tests {
     #[test]
     fn off_and_cold_or_held_for_long_enough_is_rest() {
         let steady = |count, heaters| after(std::iter::repeat_n(heaters, count));
-        assert!(!steady(1199, [(22.0, 0.0), (60.1, 60.0)]).is_at_rest());
-        let mut rest = steady(1200, [(22.0, 0.0), (60.1, 60.0)]);
+        assert!(!steady(999, [(22.0, 0.0), (60.1, 60.0)]).is_at_rest());
+        let mut rest = steady(1000, [(22.0, 0.0), (60.1, 60.0)]);
         assert!(rest.is_at_rest());
         rest.disturb();
         assert!(!rest.is_at_rest());
@@ -96,7 +96,7 @@ mod tests {
         // A heater that is too weak for its target.
         assert!(!after(std::iter::repeat_n([(150.0, 210.0), (22.0, 0.0)], 5000)).is_at_rest());
         let drift = |a_sample: f32| {
-            after((0..5000_u16).map(|sample| [(210.0, 210.0), (22.6 - a_sample * f32::from(sample), 0.0)]))
+            after((0..4500_u16).map(|sample| [(210.0, 210.0), (22.6 - a_sample * f32::from(sample), 0.0)]))
         };
         assert!(!drift(0.000_1).is_at_rest());
         assert!(drift(0.000_01).is_at_rest());

@@ -149,7 +149,7 @@ fn a_warning_precedes_heaters_going_off_in_a_wait_that_never_arrives() {
     let machine = machine(&weak);
     let mut conversation = Conversation::new(&machine);
     let replies = conversation.say("M190 S100");
-    assert_eq!(about_heaters(&replies), [&WARNING[..], &OFF[..WARNING.len()]], "{replies:?}");
+    assert_eq!(about_heaters(&replies), [WARNING, &OFF[..WARNING.len()]], "{replies:?}");
     assert!(replies.iter().any(|reply| reply.starts_with("echo:line 1: the heaters were switched off")), "{replies:?}");
     assert_eq!(powers(&machine), [0.0; 2]);
     assert!(!machine.signals().is_halted());

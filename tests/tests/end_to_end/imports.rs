@@ -129,7 +129,7 @@ fn a_corexy_machine_of_klippers_becomes_a_profile() {
     // Out of a profile's range: the nearest one stands there, and the reason is said.
     says(&imported, "bed.max_celsius = 200");
     let rows = imported["rows"].as_array().unwrap();
-    let limit = rows.iter().filter(|row| row["key"] == "[heater_bed] max_temp").next_back().unwrap();
+    let limit = rows.iter().rfind(|row| row["key"] == "[heater_bed] max_temp").unwrap();
     assert_eq!((&limit["refused"], &limit["kept"]), (&true.into(), &"bed.max_celsius = 200.0".into()), "{limit}");
     assert!(limit["why"].as_str().unwrap().contains("expected 60 to 200"));
     // There is no probe.
