@@ -8,6 +8,7 @@ mod comments;
 pub mod compare;
 pub mod desk;
 pub mod duration;
+pub mod file_lines;
 pub mod gpre;
 pub mod import;
 pub mod input;

@@ -2,11 +2,12 @@
 
 mod person;
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufReader, Read};
 use std::path::Path;
 use std::process::ExitCode;
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep::file_lines::FileLines;
 use ferrostep::input::{self, Input};
 use ferrostep::printer_line::{self, Address, FoundPort, PrinterLine};
 use ferrostep::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
@@ -180,7 +181,7 @@ fn send_gcode(
         Err(error) => return failed(&error),
     };
     let (place, has_size) = (input.place(), input.size_bytes() > 0);
-    let mut lines = BufReader::new(input).split(b'\n');
+    let mut lines = FileLines::new(BufReader::new(input));
     let bar = progress::bar(SHARES, if has_size { "{bar:20} {percent:>3} %  {wide_msg}" } else { "{wide_msg}" });
     let mut show = Show {
         bar,
@@ -205,10 +206,6 @@ fn send_gcode(
     }
     let outcome = match outcome {
         Ok(outcome) => outcome,
-        Err(error @ SendError::LongOver(_)) => {
-            end_early(line, to_card);
-            return failed(&error);
-        }
         // The line is gone, or the printer has done it already.
         Err(error) => return failed(&error),
     };

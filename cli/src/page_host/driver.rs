@@ -201,7 +201,6 @@ fn describe(host: &PageHost, line: &mut PrinterLine, outcome: Result<Outcome, Se
         Ok(Outcome { stop: Some(stop), file_line, .. }) => {
             format!("ended after line {file_line} of the file: {stop}; {}", end(host, line))
         }
-        Err(error @ SendError::LongOver(_)) => format!("{error} {}", end(host, line)),
         Err(error) => error.to_string(),
     }
 }

@@ -1,16 +1,14 @@
 //! The lines of an uploaded file.
 
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufReader};
 use std::path::Path;
 
+use crate::file_lines::FileLines;
 use crate::input::Input;
-
-/// Longest line, comment included. A packed file can hold one that fits no memory.
-const MAX_LINE_BYTES: u64 = 64 * 1024;
 
 /// An open file, which remembers why it could not be read on.
 pub struct JobLines {
-    input: BufReader<Input>,
+    lines: FileLines<BufReader<Input>>,
     /// Why a line could not be read.
     pub failed: Option<String>,
 }
@@ -28,7 +26,7 @@ impl JobLines {
                     .to_owned(),
             );
         }
-        Ok(Self { input: BufReader::new(input), failed: None })
+        Ok(Self { lines: FileLines::new(BufReader::new(input)), failed: None })
     }
 
     /// How many lines there are, up to one that cannot be read.
@@ -38,13 +36,7 @@ impl JobLines {
 
     /// The next line; `None` at the end.
     pub fn next(&mut self) -> Option<io::Result<Vec<u8>>> {
-        let mut line = Vec::new();
-        let outcome = match (&mut self.input).take(MAX_LINE_BYTES).read_until(b'\n', &mut line) {
-            Ok(0) => return None,
-            Ok(_) if line.ends_with(b"\n") || (line.len() as u64) < MAX_LINE_BYTES => Ok(line),
-            Ok(_) => Err(io::Error::other(format!("a line is longer than {MAX_LINE_BYTES} bytes"))),
-            Err(error) => Err(error),
-        };
+        let outcome = self.lines.next()?;
         self.failed = outcome.as_ref().err().map(ToString::to_string);
         Some(outcome)
     }
@@ -60,7 +52,7 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), format!("G28\n;{}", "a".repeat(100_000))).unwrap();
         let mut lines = JobLines::open(file.path()).unwrap();
-        assert_eq!(lines.next().unwrap().unwrap(), b"G28\n");
+        assert_eq!(lines.next().unwrap().unwrap(), b"G28");
         assert!(lines.next().unwrap().is_err() && lines.failed.unwrap().contains("longer than"));
         assert_eq!(JobLines::open(file.path()).unwrap().count(), 1);
     }

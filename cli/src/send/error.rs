@@ -15,8 +15,6 @@ pub enum SendError {
     NotTaken(Vec<String>),
     /// The board halted while it received G-code; the line that says so.
     Halted(String),
-    /// The board asks for a line of G-code that it has answered long ago, or that does not exist.
-    LongOver(u32),
     /// [`Watch::wants_end`](super::Watch::wants_end) has asked for it; the transfer of the prepared job was aborted.
     Asked,
 }
@@ -28,9 +26,6 @@ impl fmt::Display for SendError {
             Self::Silent(heard) => write_heard(out, "the board does not answer", heard),
             Self::NotTaken(heard) => write_heard(out, "the board does not take the job", heard),
             Self::Halted(line) => write!(out, "the board has halted: {line}"),
-            Self::LongOver(number) => {
-                write!(out, "the board asks for line {number} again, which it has answered before: was it reset?")
-            }
             Self::Asked => out.write_str("stopped by Ctrl-C"),
         }
     }

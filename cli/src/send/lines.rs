@@ -13,10 +13,14 @@ use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
 use super::protocol::{is_report, is_transfer_error, numbered, resend};
 use super::watch::Watch;
+use crate::file_lines::command_of;
 
 /// Lines kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice may be one
 /// behind.
 const KEPT_LINES: usize = 16;
+
+/// Most times that a line is sent. One that never arrives whole would be asked for again for ever.
+const MOST_TIMES: u32 = 100;
 
 /// Most lines kept of a printer's answer to one line.
 const MAX_SAID: usize = 20;
@@ -38,6 +42,12 @@ pub enum Stop {
     NotWritten(Vec<String>),
     /// A line of the file that would end its own upload, or stop the printer.
     NotForCard(String),
+    /// The next line of the file is damaged; how.
+    Damaged(String),
+    /// The printer's count of lines is not ours: the line that it asks for, and the one that it was sent.
+    OtherCount(u32, u32),
+    /// The printer asks for the same line again and again; its number in the conversation.
+    NeverArrives(u32),
 }
 
 impl fmt::Display for Stop {
@@ -55,6 +65,16 @@ impl fmt::Display for Stop {
                     "the next command is {command}, which would act now and not be written: remove it from the file"
                 )
             }
+            Self::Damaged(how) => write!(out, "the next command is damaged: {how}"),
+            Self::OtherCount(asked, sent) => write!(
+                out,
+                "the printer asks for line {asked} of the conversation where line {sent} was sent and all before were answered: \
+                 what it has executed is not known; was it reset, or does another host send lines?"
+            ),
+            Self::NeverArrives(number) => write!(
+                out,
+                "the printer has asked for line {number} of the conversation {MOST_TIMES} times: is the cable in order?"
+            ),
         }
     }
 }
@@ -111,18 +131,19 @@ struct Source<'a> {
 
 impl Source<'_> {
     /// The next command; `None` after the last.
-    fn take(&mut self) -> io::Result<Option<Command>> {
+    fn take(&mut self) -> io::Result<Result<Option<Command>, Stop>> {
         let (text, expects) = match self.opening.next() {
             Some(text) => (Some((*text).to_owned()), self.is_upload.then_some(WRITING)),
             None => match self.take_of_file()? {
-                Some(text) => (Some(text), None),
-                None => (self.closing.next().map(|text| (*text).to_owned()), self.is_upload.then_some(WRITTEN)),
+                Ok(Some(text)) => (Some(text), None),
+                Ok(None) => (self.closing.next().map(|text| (*text).to_owned()), self.is_upload.then_some(WRITTEN)),
+                Err(stop) => return Ok(Err(stop)),
             },
         };
-        Ok(text.map(|text| {
+        Ok(Ok(text.map(|text| {
             self.number += 1;
             Command { number: self.number, file_line: self.file_line, text, expects }
-        }))
+        })))
     }
 
     /// A command that is not the file's.
@@ -132,19 +153,21 @@ impl Source<'_> {
     }
 
     /// The file's next command.
-    fn take_of_file(&mut self) -> io::Result<Option<String>> {
+    fn take_of_file(&mut self) -> io::Result<Result<Option<String>, Stop>> {
         while let Some(line) = (self.next)() {
-            self.file_line += 1;
-            // Comments may be in any code page. A command with such bytes is sent, and the printer refuses it.
             let line = line?;
-            let command = line.split(|&byte| byte == b';').next().unwrap_or_default();
-            let command = String::from_utf8_lossy(command).trim().to_owned();
-            if !command.is_empty() {
-                self.sent += 1;
-                return Ok(Some(command));
+            match command_of(&line) {
+                Ok(command) => {
+                    self.file_line += 1;
+                    if command.is_some() {
+                        self.sent += 1;
+                        return Ok(Ok(command));
+                    }
+                }
+                Err(damaged) => return Ok(Err(Stop::Damaged(damaged.to_string()))),
             }
         }
-        Ok(None)
+        Ok(Ok(None))
     }
 }
 
@@ -186,6 +209,12 @@ struct Sending<'a, P, W> {
     said: Vec<String>,
     /// How many answers will come to M108, which no line waits for.
     beside: u32,
+    /// The line under way, and how often it was sent.
+    line: u32,
+    times: u32,
+    /// How often lines were sent again because the printer was silent. Each may have had two answers, of which the later was taken for
+    /// that to the next line: by so many lines the printer may be behind.
+    repeats: u32,
     /// How many answers may still come to lines sent before: one for each line that was sent again because the printer was silent, as
     /// it may only have been slow.
     owed: u32,
@@ -221,6 +250,7 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                     // The line, or its answer, was lost. A printer that has executed it only answers.
                     asked_at = now;
                     self.owed += 1;
+                    (self.times, self.repeats) = (self.times.saturating_add(1), self.repeats.saturating_add(1));
                     self.port.send(&self.packing.bytes(line))?;
                 }
                 continue;
@@ -280,6 +310,20 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         Ok((is_error && !is_transfer_error(said)).then(|| Stop::Error(said.to_owned())))
     }
 
+    /// The line to send after the printer has asked for one: that under way, one that it may have missed, or the next where it has had
+    /// both copies of the present one. Any other means that the printer counts from another number.
+    fn line_asked_for(&self, asked: u32) -> Result<u32, Stop> {
+        let behind = self.line.checked_sub(asked);
+        let is_expected = match behind {
+            Some(behind) => behind <= self.repeats,
+            None => asked == self.line.saturating_add(1) && self.times > 1,
+        };
+        if !is_expected {
+            return Err(Stop::OtherCount(asked, self.line));
+        }
+        if self.times >= MOST_TIMES { Err(Stop::NeverArrives(self.line)) } else { Ok(asked) }
+    }
+
     fn hold(&mut self, is_held: bool) {
         if std::mem::replace(&mut self.is_held, is_held) != is_held {
             self.watch.held(is_held);
@@ -313,7 +357,7 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
 /// the bytes of the file's next line. Packing is switched off at the end in any case.
 ///
 /// # Errors
-/// The file cannot be read; the printer does not answer, has halted, asks for a line from too long ago, or is gone.
+/// The file cannot be read; the printer does not answer, has halted, or is gone.
 pub fn send_lines(
     port: &mut impl Port,
     packing: Packing,
@@ -356,6 +400,9 @@ fn send_each(
         is_held: false,
         said: Vec::new(),
         beside: 0,
+        line: 0,
+        times: 0,
+        repeats: 0,
         owed: 0,
     };
     loop {
@@ -377,7 +424,10 @@ fn send_each(
             let between = sending.watch.command_between().map(|text| source.insert(text));
             let next = match between {
                 Some(command) => Some(command),
-                None => source.take()?,
+                None => match source.take()? {
+                    Ok(next) => next,
+                    Err(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),
+                },
             };
             let Some(command) = next else {
                 // What was taken for the last answer may have been an earlier one.
@@ -393,11 +443,13 @@ fn send_each(
             kept.push_back(command);
         }
         let Some(command) = kept.iter().find(|command| command.number == number) else {
-            return Err(SendError::LongOver(number));
+            return Ok(Outcome { stop: Some(Stop::OtherCount(number, sending.line)), ..outcome });
         };
         if frame.is_upload && command.acts_in_upload() {
             return Ok(Outcome { stop: Some(Stop::NotForCard(command.text.clone())), ..outcome });
         }
+        sending.times = if sending.line == number { sending.times.saturating_add(1) } else { 1 };
+        sending.line = number;
         match sending.ask(&numbered(number, &command.text), command.expects)? {
             Answer::Ok => {
                 let has_said = sending.has_said(command.expects);
@@ -416,8 +468,10 @@ fn send_each(
             }
             Answer::Again(wanted) => {
                 outcome.resends += 1;
-                // A line that is not sent yet comes next, whatever number the printer has asked for.
-                number = wanted.min(source.number + 1);
+                number = match sending.line_asked_for(wanted) {
+                    Ok(number) => number,
+                    Err(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),
+                };
             }
             Answer::Stop(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),
         }

@@ -124,6 +124,28 @@ fn gcode_is_sent_over_tcp() {
     assert_eq!(printer.end()["position_mm"]["x"], 50.0);
 }
 
+/// Line ends, numbers and M110 of a file are read as `print` reads them, and never by the printer's protocol.
+#[test]
+fn a_file_is_sent_as_it_is_printed() {
+    let folder = folder();
+    for text in [
+        "M302 S0\nG28\nM110 N0\nG1 X20 Y20 F3000\nG1 X30\nG1 X40\n",
+        "M110 N1000\nG28\nM110 N4\nG1 X20 Y20 F3000\nG1 X30\n",
+        "G28\rG1 X20 Y20 F3000\rG1 X30\rG1 X40\r",
+        "G28\r\n G1 X20 Y20 F3000\r G1 X30\n",
+        "N10 G28\nN20 G1 X20 F3000\nN30 G1 X30\n",
+    ] {
+        let printed = print_of_lines(&[text.to_owned()]);
+        let printer = Printer::at_tcp(&["--speed", "max"]);
+        let output = send(&file(&folder, text), &format!("tcp:{}", printer.address()));
+        says(&output, 0, ", 0 of them again");
+        let done = printer.end();
+        for key in ["order_digest", "motor_steps", "position_mm"] {
+            assert_eq!(done[key], printed[key], "{key} of {text:?}");
+        }
+    }
+}
+
 /// A thermistor breaks, or the file itself stops everything: the rest of the file is not sent.
 #[test]
 fn a_printer_that_halts_ends_the_job() {

@@ -1,0 +1,156 @@
+//! The lines of a file that is sent to a printer, and the command of each.
+
+use std::fmt;
+use std::io::{self, BufRead};
+
+use ferrostep_gcode::{Checksum, Command, LineReader, parse};
+
+/// Longest line, comment included. A packed file can hold one that fits no memory.
+const MAX_LINE_BYTES: usize = 64 * 1024;
+
+/// Splits a file into lines, each ended by `\n`, `\r` or both, as [`LineReader`] does.
+#[derive(Debug)]
+pub struct FileLines<R> {
+    input: R,
+    /// The last line was ended by `\r`: a `\n` right behind it belongs to that end.
+    after_return: bool,
+}
+
+impl<R: BufRead> FileLines<R> {
+    /// Lines of a file from its present place.
+    pub fn new(input: R) -> Self {
+        Self { input, after_return: false }
+    }
+
+    /// The next line, without its end; `None` after the last.
+    pub fn next(&mut self) -> Option<io::Result<Vec<u8>>> {
+        let mut line = Vec::new();
+        loop {
+            let portion = match self.input.fill_buf() {
+                Ok(portion) => portion,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => return Some(Err(error)),
+            };
+            let Some(&first) = portion.first() else {
+                return (!line.is_empty()).then_some(Ok(line));
+            };
+            if std::mem::take(&mut self.after_return) && first == b'\n' {
+                self.input.consume(1);
+                continue;
+            }
+            let end = memchr::memchr2(b'\n', b'\r', portion);
+            let text = portion.get(..end.unwrap_or(portion.len())).unwrap_or_default();
+            if line.len() + text.len() > MAX_LINE_BYTES {
+                return Some(Err(io::Error::other(format!("a line is longer than {MAX_LINE_BYTES} bytes"))));
+            }
+            line.extend_from_slice(text);
+            let used = text.len() + usize::from(end.is_some());
+            self.after_return = end.and_then(|end| portion.get(end)) == Some(&b'\r');
+            self.input.consume(used);
+            if end.is_some() {
+                return Some(Ok(line));
+            }
+        }
+    }
+}
+
+/// A line of a file whose own number or checksum shows that it is damaged.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damaged(String);
+
+impl fmt::Display for Damaged {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(&self.0)
+    }
+}
+
+/// The command of a line, without comment, and without the number and checksum that a file may have: those are the file's, and a
+/// line on its way to a printer gets others. An M110 numbers the file's lines and is left out for the same reason. `None` where no
+/// command is left. What a printer may know and this reader cannot read is passed on, for the printer to answer.
+///
+/// # Errors
+/// The line's checksum is wrong.
+pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
+    let mut reader = LineReader::new();
+    let mut rest = line;
+    while !rest.is_empty() {
+        let (used, _) = reader.feed(rest);
+        rest = rest.get(used.max(1)..).unwrap_or_default();
+    }
+    match reader.finish() {
+        None => Ok(None),
+        Some(Ok(line)) => match line.checksum {
+            Checksum::Absent | Checksum::Right if line.text.is_empty() => Ok(None),
+            Checksum::Absent | Checksum::Right => {
+                Ok((!matches!(parse(line.text), Ok(Command::SetLineNumber(_)))).then(|| line.text.to_owned()))
+            }
+            Checksum::Wrong { expected, computed } => Err(Damaged(format!(
+                "{:?}: checksum mismatch: the line says {expected}, expected {computed}",
+                line.text
+            ))),
+            Checksum::Malformed => Err(Damaged(format!(
+                "{:?}: malformed checksum, expected a number from 0 to 255 after the '*'",
+                line.text
+            ))),
+        },
+        // With a number it would be numbered twice.
+        Some(Err(error)) if error.is_numbered() => Err(Damaged(error.to_string())),
+        Some(Err(_)) => {
+            let command = line.split(|&byte| byte == b';').next().unwrap_or_default();
+            let command = String::from_utf8_lossy(command).trim().to_owned();
+            Ok((!command.is_empty()).then_some(command))
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::io::BufReader;
+
+    use super::*;
+
+    fn lines(text: &str, capacity: usize) -> Vec<String> {
+        let mut lines = FileLines::new(BufReader::with_capacity(capacity, text.as_bytes()));
+        std::iter::from_fn(|| lines.next()).map(|line| String::from_utf8(line.unwrap()).unwrap()).collect()
+    }
+
+    #[test]
+    fn each_line_end_ends_a_line_in_portions_of_any_size() {
+        for capacity in 1..20 {
+            assert_eq!(lines("G28\rG1 X1\r\nG1 X2\n\nG1 X3", capacity), ["G28", "G1 X1", "G1 X2", "", "G1 X3"]);
+            assert_eq!(lines("a\r\r\nb\r", capacity), ["a", "", "b"]);
+            assert!(lines("", capacity).is_empty());
+        }
+    }
+
+    #[test]
+    fn numbers_checksums_and_m110_are_the_file_s() {
+        for (line, expected) in [
+            ("N10 G28", Some("G28")),
+            ("N3 T0*57 ; tool", Some("T0")),
+            ("N24 G1 Z2.0 F3000*45", Some("G1 Z2.0 F3000")),
+            ("  G1 X5 ; hop", Some("G1 X5")),
+            ("M117 2*3", Some("M117 2*3")),
+            ("M110", None),
+            ("m110 n0", None),
+            ("N0 M110 N0*125", None),
+            ("N5", None),
+            ("; N1 G28", None),
+            ("", None),
+        ] {
+            assert_eq!(command_of(line.as_bytes()).unwrap().as_deref(), expected, "{line}");
+        }
+        let says = command_of(b"N3 T0*56").unwrap_err().to_string();
+        assert_eq!(says, "\"T0\": checksum mismatch: the line says 56, expected 57");
+        assert!(command_of(b"N3 T0*57*1").is_err());
+        assert!(command_of(&[b"N1 G1 X".as_slice(), &[b'1'; 300]].concat()).is_err());
+    }
+
+    #[test]
+    fn what_only_a_printer_may_know_is_passed_on() {
+        let long = format!("EXCLUDE_OBJECT_DEFINE POLYGON={}", "1,".repeat(400));
+        assert_eq!(command_of(long.as_bytes()).unwrap().as_deref(), Some(long.as_str()));
+        assert_eq!(command_of(b"M117 \xff").unwrap().as_deref(), Some("M117"));
+    }
+}
