@@ -1,35 +1,26 @@
 //! The lines at which a file's layers begin, by the slicer's comments.
 
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, ErrorKind, Read};
 
-use crate::comments::Comments;
+use ferrostep_show::{CommentReader, Mark, Marks};
 
 /// Reads a file to its end; the line of each layer's beginning, from 1.
 ///
 /// # Errors
 /// It cannot be read.
-pub fn layer_lines(input: impl Read) -> io::Result<Vec<u32>> {
-    let (mut comments, mut found, mut line) = (Comments::default(), Vec::new(), 0);
-    let mut input = BufReader::new(input);
-    let mut text = Vec::new();
+pub fn layer_lines(mut input: impl Read) -> io::Result<Vec<u32>> {
+    let (mut reader, mut marks, mut found) = (CommentReader::default(), Marks::default(), Vec::new());
+    let mut note = |line, comment: &str| found.extend((marks.read(comment) == Some(Mark::Layer)).then_some(line));
+    let mut portion = vec![0; 1 << 16];
     loop {
-        text.clear();
-        // The longest line that is read has a fixed length; of a longer one the rest counts as another read.
-        if input.by_ref().take(1 << 16).read_until(b'\n', &mut text)? == 0 {
-            break;
-        }
-        let (before, ends) = (comments.layers, text.last() == Some(&b'\n'));
-        comments.read(&text);
-        line += u32::from(ends);
-        if comments.layers > before {
-            found.push(line);
+        match input.read(&mut portion) {
+            Ok(0) => break,
+            Ok(length) => reader.read(portion.get(..length).unwrap_or_default(), &mut note),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
         }
     }
-    let before = comments.layers;
-    comments.end();
-    if comments.layers > before {
-        found.push(line + 1);
-    }
+    reader.end(&mut note);
     Ok(found)
 }
 
@@ -40,8 +31,10 @@ mod tests {
 
     #[test]
     fn layers_begin_at_their_comments() {
-        let text =
-            format!("; begin\n;LAYER_CHANGE\nG1 X1\n;{}\n;LAYER:1\nG1 X2 ;LAYER:9\n;LAYER_CHANGE", "x".repeat(200_000));
+        let text = format!(
+            "; begin\r;LAYER_CHANGE\nG1 X1\n;{}\r\n;LAYER_CHANGE\nG1 X2 ;LAYER_CHANGE\n;LAYER_CHANGE",
+            "x".repeat(200_000)
+        );
         assert_eq!(layer_lines(text.as_bytes()).unwrap(), [2, 5, 7]);
         assert!(layer_lines(&b""[..]).unwrap().is_empty());
     }

@@ -337,7 +337,7 @@ fn run<D: Desk, F: Fn(&str)>(
         session.run_with(job, |session| progress.pass_time(|| session.figures()))
     } else {
         let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut done, &mut watch, look));
-        watch.end_of_text();
+        watch.end_of_text(outcome.is_ok());
         outcome
     };
     watch.end(&session.heating());

@@ -179,7 +179,7 @@ pub(crate) fn record_without(
         let mut onlookers = (&mut watch, &mut lines);
         let run = job::run_watched(&mut source, &mut printer, &mut done, &mut onlookers, look);
         let outcome = session.run_with(run, between);
-        watch.end_of_text();
+        watch.end_of_text(outcome.is_ok());
         (outcome, text)
     };
     watch.end(&session.heating());

@@ -43,9 +43,10 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Adds the remark about a text without commands. A prepared job, whose lines are not watched, has none.
-    pub fn end_of_text(&self) {
-        if self.line == 0 {
+    /// Adds the remark about a text without commands; one that was not read to its end may have them. A prepared job, whose lines are not
+    /// watched, has none.
+    pub fn end_of_text(&self, is_whole: bool) {
+        if is_whole && self.line == 0 {
             let message = "no line of the file is a command: is it the one that was meant?";
             self.remarks.note(RemarkKind::NoCommands, None, message);
         }

@@ -6,8 +6,10 @@
 
 mod columns;
 mod commanded;
+mod comment_reader;
 mod comparison;
 mod lines;
+mod marks;
 mod motor;
 mod node;
 mod page;
@@ -20,8 +22,10 @@ mod temperatures;
 mod totals;
 
 pub use commanded::PlannedMove;
+pub use comment_reader::CommentReader;
 pub use comparison::{Row, write_comparison};
 pub use lines::LineState;
+pub use marks::{Mark, Marks};
 pub use node::{Kind, Node};
 pub use page::{Finding, Job, write_page};
 pub use recorder::{Machine, Recorder, Recording};

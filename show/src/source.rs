@@ -4,12 +4,12 @@ use std::cell::RefCell;
 use std::io::{self, Read};
 use std::rc::Rc;
 
+use crate::comment_reader::CommentReader;
+use crate::marks::{Mark, Marks};
 use crate::totals::MAX_FEATURES;
 
 /// Most comments that wait for a command after them: a file of nothing but comments must not fill the memory.
 const MAX_WAITING: usize = 1 << 20;
-/// Most bytes of a comment that are looked at.
-const COMMENT_BYTES: usize = 80;
 /// Longest line that is kept for the page whole.
 const LINE_BYTES: usize = 200;
 
@@ -26,6 +26,7 @@ pub struct Text {
     pub has_layers: bool,
     /// Comments that have been read and whose lines have not been reached: (line, what holds from then on).
     changes: std::collections::VecDeque<(u32, Change)>,
+    marks: Marks,
     layer: u32,
     feature: u8,
 }
@@ -54,30 +55,21 @@ impl Text {
         if self.changes.len() == MAX_WAITING {
             self.changes.pop_front();
         }
-        if comment.starts_with(";LAYER_CHANGE")
-            || comment.starts_with(";LAYER:")
-            || comment.starts_with("; CHANGE_LAYER")
-        {
-            self.changes.push_back((line, Change::Layer));
-        } else if let Some(name) = feature_name(comment) {
-            let known = self.features.iter().position(|known| known == name);
-            let number = known.or_else(|| {
-                (self.features.len() < MAX_FEATURES).then(|| {
-                    self.features.push(name.to_owned());
-                    self.features.len() - 1
-                })
-            });
-            self.changes.push_back((line, Change::Feature(number.unwrap_or(0) as u8)));
+        match self.marks.read(comment) {
+            Some(Mark::Layer) => self.changes.push_back((line, Change::Layer)),
+            Some(Mark::Feature(name)) => {
+                let known = self.features.iter().position(|known| *known == name);
+                let number = known.or_else(|| {
+                    (self.features.len() < MAX_FEATURES).then(|| {
+                        self.features.push(name);
+                        self.features.len() - 1
+                    })
+                });
+                self.changes.push_back((line, Change::Feature(number.unwrap_or(0) as u8)));
+            }
+            Some(Mark::Time(_)) | None => {}
         }
     }
-}
-
-/// `;TYPE:Perimeter` (PrusaSlicer, Cura, Orca), `; FEATURE: Outer wall` (Bambu Studio), `; feature outer perimeter` (Simplify3D).
-fn feature_name(comment: &str) -> Option<&str> {
-    let name =
-        [";TYPE:", "; FEATURE:", ";FEATURE:", "; feature "].iter().find_map(|start| comment.strip_prefix(start))?;
-    let name = name.trim();
-    (!name.is_empty()).then_some(name)
 }
 
 /// Reads a job's text and passes it on.
@@ -85,11 +77,8 @@ pub struct SourceText<R> {
     inner: R,
     text: Rc<RefCell<Text>>,
     max_bytes: usize,
-    line: u32,
-    /// Bytes of the present line, and the first of them if it is a comment.
+    comments: CommentReader,
     line_bytes: usize,
-    comment: Vec<u8>,
-    is_comment: bool,
     after_return: bool,
 }
 
@@ -101,10 +90,8 @@ impl<R: Read> SourceText<R> {
             inner,
             text: Rc::new(RefCell::new(text)),
             max_bytes,
-            line: 1,
+            comments: CommentReader::default(),
             line_bytes: 0,
-            comment: Vec::new(),
-            is_comment: false,
             after_return: false,
         }
     }
@@ -116,31 +103,24 @@ impl<R: Read> SourceText<R> {
 
     fn scan(&mut self, bytes: &[u8]) {
         let mut text = self.text.borrow_mut();
+        self.comments.read(bytes, |line, comment| text.note(line, comment));
         for &byte in bytes {
             let follows_return = std::mem::take(&mut self.after_return);
             if byte == b'\n' && follows_return {
                 continue;
             }
             if byte == b'\n' || byte == b'\r' {
-                if self.is_comment {
-                    text.note(self.line, &String::from_utf8_lossy(&self.comment));
-                    self.comment.clear();
-                }
                 text.is_cut |= text.kept.len() >= self.max_bytes;
                 if !text.is_cut {
                     text.kept.push(b'\n');
                 }
-                (self.line, self.line_bytes, self.is_comment) = (self.line.saturating_add(1), 0, false);
+                self.line_bytes = 0;
                 self.after_return = byte == b'\r';
                 continue;
             }
             if self.line_bytes == 0 {
-                self.is_comment = byte == b';';
                 // Only whole lines are kept.
                 text.is_cut |= text.kept.len() + LINE_BYTES + 1 > self.max_bytes;
-            }
-            if self.is_comment && self.comment.len() < COMMENT_BYTES {
-                self.comment.push(byte);
             }
             if !text.is_cut && self.line_bytes < LINE_BYTES {
                 text.kept.push(byte);

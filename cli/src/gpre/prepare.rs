@@ -261,7 +261,7 @@ pub fn prepare<F: Fn(&str)>(
     let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut watching, |progress| {
         look(progress, &session.figures());
     }));
-    watch.end_of_text();
+    watch.end_of_text(outcome.is_ok());
     watch.end(&session.heating());
     outcome.map_err(PrepareError::Job)?;
     writer.take_ready();

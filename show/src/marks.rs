@@ -1,0 +1,261 @@
+//! Marks that slicers leave in comments: the beginning of a layer, the feature that is printed, the time that they expect.
+//!
+//! The only place that knows them: counts of layers, waveforms of a layer and pages agree because they all ask here.
+
+/// A slicer's mark.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mark {
+    /// A layer begins.
+    Layer,
+    /// Another feature is printed from here on; its name.
+    Feature(String),
+    /// The slicer's time of the print, s.
+    Time(f64),
+}
+
+/// How a slicer marks its layers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LayerForm {
+    /// `;LAYER_CHANGE` (PrusaSlicer and its family).
+    LayerChange,
+    /// `; CHANGE_LAYER` (Bambu Studio).
+    ChangeLayer,
+    /// `;LAYER:3` (Cura, ideaMaker).
+    Number,
+    /// `;layer:0.30` (FlashPrint).
+    Height,
+    /// `; layer 1, Z = 0.2` (Simplify3D).
+    Simplify,
+    /// `; BEGIN_LAYER_OBJECT z=0.2` (KISSlicer).
+    Kiss,
+}
+
+/// The slicer's times, the one that is compared first: without what comes before the print, where a slicer says both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
+enum TimeOf {
+    Everything,
+    Model,
+}
+
+/// Features of which Simplify3D 3 and FlashPrint write the bare name.
+const BARE_FEATURES: [&str; 15] = [
+    "outer perimeter",
+    "inner perimeter",
+    "single extrusion",
+    "solid layer",
+    "gap fill",
+    "infill",
+    "bridge",
+    "support",
+    "dense support",
+    "skirt",
+    "raft",
+    "brim",
+    "prime pillar",
+    "ooze shield",
+    "shell",
+];
+
+/// Reads a file's comments in their order.
+#[derive(Clone, Debug, Default)]
+pub struct Marks {
+    /// The form of the file's first layer mark. Those of another form say the same once more.
+    form: Option<LayerForm>,
+    /// KISSlicer's height, which each object of a layer repeats.
+    height: Option<String>,
+    /// Whose time was given out.
+    time_of: Option<TimeOf>,
+}
+
+impl Marks {
+    /// Reads a comment, from its `;` on.
+    pub fn read(&mut self, comment: &str) -> Option<Mark> {
+        let body = comment.trim_start_matches(';').trim();
+        if let Some((form, height)) = layer(body) {
+            let is_new = *self.form.get_or_insert(form) == form && (height.is_none() || self.height != height);
+            self.height = height;
+            return is_new.then_some(Mark::Layer);
+        }
+        if let Some(name) = feature(body) {
+            return Some(Mark::Feature(name.to_owned()));
+        }
+        let (of, seconds) = time(body)?;
+        // The first of several counts, and a better one.
+        if self.time_of.is_some_and(|before| before >= of) {
+            return None;
+        }
+        self.time_of = Some(of);
+        Some(Mark::Time(seconds))
+    }
+}
+
+/// The form of a layer's mark; the height of a form that repeats it.
+fn layer(body: &str) -> Option<(LayerForm, Option<String>)> {
+    let is_number = |text: &str| text.trim().parse::<f64>().is_ok_and(f64::is_finite);
+    let form = if body.starts_with("LAYER_CHANGE") {
+        LayerForm::LayerChange
+    } else if body.starts_with("CHANGE_LAYER") {
+        LayerForm::ChangeLayer
+    } else if body.strip_prefix("LAYER:").is_some_and(is_number) {
+        LayerForm::Number
+    } else if body.strip_prefix("layer:").is_some_and(is_number) {
+        LayerForm::Height
+    } else if let Some(rest) = body.strip_prefix("layer ") {
+        let (number, height) = rest.split_once(',')?;
+        if !(is_number(number) && height.trim_start().starts_with("Z =")) {
+            return None;
+        }
+        LayerForm::Simplify
+    } else if let Some(rest) = body.strip_prefix("BEGIN_LAYER_") {
+        let height = rest.split_ascii_whitespace().find_map(|word| word.strip_prefix("z="));
+        return Some((LayerForm::Kiss, Some(height.unwrap_or_default().to_owned())));
+    } else {
+        return None;
+    };
+    Some((form, None))
+}
+
+/// `;TYPE:Perimeter` (PrusaSlicer, Cura, Orca, ideaMaker), `; FEATURE: Outer wall` (Bambu Studio), `; feature outer perimeter` (Simplify3D 4),
+/// `; outer perimeter` (Simplify3D 3), `; 'Perimeter Path', 0.6 [feed mm/s]` (KISSlicer), `;shell` (FlashPrint).
+fn feature(body: &str) -> Option<&str> {
+    let marked = ["TYPE:", "FEATURE:", "feature "].iter().find_map(|start| body.strip_prefix(start));
+    let quoted = || Some(body.strip_prefix('\'')?.split_once('\'')?.0.trim_end_matches("Path"));
+    let bare = || BARE_FEATURES.contains(&body).then_some(body);
+    let name = marked.or_else(quoted).or_else(bare)?.trim();
+    (!name.is_empty()).then_some(name)
+}
+
+/// A slicer's time, s.
+fn time(body: &str) -> Option<(TimeOf, f64)> {
+    // Cura; Griffin and the header of the Ultimaker 3; ideaMaker.
+    for start in ["TIME:", "PRINT.TIME:", "Print Time:"] {
+        if let Some(rest) = body.strip_prefix(start) {
+            let seconds = rest.trim().parse::<f64>().ok().filter(|seconds| seconds.is_finite() && *seconds > 0.0);
+            return Some((TimeOf::Everything, seconds.or_else(|| in_words_s(rest))?));
+        }
+    }
+    // Bambu Studio, OrcaSlicer: both in a line, or each in its own.
+    if let Some(rest) = body.strip_prefix("model printing time:") {
+        return Some((TimeOf::Model, in_words_s(rest.split(';').next()?)?));
+    }
+    let rest = if let Some((_, rest)) = body.split_once("total estimated time:") {
+        rest
+    } else if let Some(rest) = body.strip_prefix("estimated printing time") {
+        // PrusaSlicer, SuperSlicer, Slic3r. The silent mode is another machine's, the first layer's is a part.
+        let (mode, rest) = rest.split_once('=')?;
+        if !matches!(mode.trim(), "" | "(normal mode)") {
+            return None;
+        }
+        rest
+    } else {
+        // Simplify3D, KISSlicer.
+        let start = ["build time:", "estimated build time:"];
+        let start = start
+            .iter()
+            .find(|start| body.get(..start.len()).is_some_and(|beginning| beginning.eq_ignore_ascii_case(start)))?;
+        body.get(start.len()..)?
+    };
+    Some((TimeOf::Everything, in_words_s(rest)?))
+}
+
+/// `1d 2h 3m 4s`, `1 hour 17 minutes`, `113.73 minutes`.
+fn in_words_s(text: &str) -> Option<f64> {
+    let (mut total_s, mut rest) = (0.0, text.trim());
+    while !rest.is_empty() {
+        let unit_at = rest.find(|char: char| !(char.is_ascii_digit() || char == '.'))?;
+        let number: f64 = rest.get(..unit_at)?.parse().ok()?;
+        let after = rest.get(unit_at..)?.trim_start();
+        let unit_end = after.find(|char: char| !char.is_ascii_alphabetic()).unwrap_or(after.len());
+        let unit_s = match after.get(..unit_end)?.to_ascii_lowercase().as_str() {
+            "d" | "day" | "days" => 86_400.0,
+            "h" | "hr" | "hrs" | "hour" | "hours" => 3_600.0,
+            "m" | "min" | "mins" | "minute" | "minutes" => 60.0,
+            "s" | "sec" | "secs" | "second" | "seconds" => 1.0,
+            _ => return None,
+        };
+        total_s += number * unit_s;
+        rest = after.get(unit_end..)?.trim_start_matches([' ', '\t', ',']);
+    }
+    (total_s > 0.0).then_some(total_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layers(comments: &[&str]) -> usize {
+        let mut marks = Marks::default();
+        comments.iter().filter(|comment| marks.read(comment) == Some(Mark::Layer)).count()
+    }
+
+    #[test]
+    fn layers_of_slicers() {
+        for mark in [";LAYER_CHANGE", "; CHANGE_LAYER", ";LAYER:3", ";layer:0.30", "; layer 1, Z = 0.20"] {
+            assert_eq!(layers(&[mark, ";x", mark]), 2, "{mark}");
+        }
+        // KISSlicer marks each object of a layer.
+        let kiss = |z: &str| format!("; BEGIN_LAYER_OBJECT z={z} z_thickness=0.2");
+        assert_eq!(layers(&[&kiss("0.2"), &kiss("0.2"), &kiss("0.4")]), 2);
+        // A start code that repeats the mark in another form.
+        assert_eq!(layers(&[";LAYER_CHANGE", ";LAYER:0", ";LAYER_CHANGE", ";LAYER:1"]), 2);
+        let none = [
+            ";LAYERS",
+            ";LAYER_COUNT:5",
+            "; layer end",
+            ";layer:x",
+            "; layer 1 of 9",
+            ";BEFORE_LAYER_CHANGE",
+            ";LAYER:",
+        ];
+        assert_eq!(layers(&none), 0);
+    }
+
+    #[test]
+    fn features_of_slicers() {
+        for (comment, name) in [
+            (";TYPE:WALL-OUTER", Some("WALL-OUTER")),
+            ("; FEATURE: Outer wall", Some("Outer wall")),
+            (";FEATURE: Outer wall", Some("Outer wall")),
+            ("; feature outer perimeter", Some("outer perimeter")),
+            ("; outer perimeter", Some("outer perimeter")),
+            ("; 'Perimeter Path', 0.6 [feed mm/s], 20.0 [head mm/s]", Some("Perimeter")),
+            (";shell", Some("shell")),
+            (";TYPE:", None),
+            ("; outer perimeter speed 5", None),
+        ] {
+            assert_eq!(Marks::default().read(comment), name.map(|name| Mark::Feature(name.to_owned())), "{comment}");
+        }
+    }
+
+    #[test]
+    fn times_of_slicers() {
+        for (comment, seconds) in [
+            (";TIME:1234.5", Some(1234.5)),
+            (";TIME:", None),
+            (";TIME:nan", None),
+            (";TIME_ELAPSED:7", None),
+            (";PRINT.TIME:480", Some(480.0)),
+            (";Print Time: 2655", Some(2655.0)),
+            ("; estimated printing time (normal mode) = 21m 40s", Some(1300.0)),
+            ("; estimated printing time (normal mode) = 1d 2h 3m 4s", Some(93_784.0)),
+            ("; estimated printing time = 21m 40s", Some(1300.0)),
+            ("; estimated printing time (silent mode) = 21m 40s", None),
+            ("; estimated first layer printing time (normal mode) = 1m", None),
+            ("; estimated printing time (normal mode) = soon", None),
+            ("; model printing time: 45s; total estimated time: 6m 50s", Some(45.0)),
+            ("; total estimated time: 6m 50s", Some(410.0)),
+            (";   Build time: 1 hour 17 minutes", Some(4620.0)),
+            (";   Build time: 0 hours 2 minutes", Some(120.0)),
+            ("; Estimated Build Time:   113.73 minutes", Some(6823.8)),
+        ] {
+            match (Marks::default().read(comment), seconds) {
+                (Some(Mark::Time(read)), Some(seconds)) => assert!((read - seconds).abs() < 1e-6, "{comment}: {read}"),
+                (read, seconds) => assert!(read.is_none() && seconds.is_none(), "{comment}: {read:?}"),
+            }
+        }
+        let mut marks = Marks::default();
+        assert_eq!(marks.read("; total estimated time: 6m"), Some(Mark::Time(360.0)));
+        assert_eq!(marks.read("; model printing time: 5m"), Some(Mark::Time(300.0)), "a better one");
+        assert_eq!(marks.read(";TIME:5"), None, "the first counts");
+    }
+}
