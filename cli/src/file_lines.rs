@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io::{self, BufRead};
 
-use ferrostep_gcode::{Checksum, Command, LineReader, parse};
+use ferrostep_gcode::{Checksum, Command, LINE_CAPACITY, LineReader, parse};
 
 /// Longest line, comment included. A packed file can hold one that fits no memory.
 const MAX_LINE_BYTES: usize = 64 * 1024;
@@ -21,9 +21,13 @@ impl<R: BufRead> FileLines<R> {
     pub fn new(input: R) -> Self {
         Self { input, after_return: false }
     }
+}
 
-    /// The next line, without its end; `None` after the last.
-    pub fn next(&mut self) -> Option<io::Result<Vec<u8>>> {
+impl<R: BufRead> Iterator for FileLines<R> {
+    type Item = io::Result<Vec<u8>>;
+
+    /// The next line, without its end.
+    fn next(&mut self) -> Option<Self::Item> {
         let mut line = Vec::new();
         loop {
             let portion = match self.input.fill_buf() {
@@ -77,8 +81,15 @@ pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
         let (used, _) = reader.feed(rest);
         rest = rest.get(used.max(1)..).unwrap_or_default();
     }
+    let whole = || {
+        let command = line.split(|&byte| byte == b';').next().unwrap_or_default();
+        let command = String::from_utf8_lossy(command).trim().to_owned();
+        Ok((!command.is_empty()).then_some(command))
+    };
     match reader.finish() {
         None => Ok(None),
+        // The reader keeps the beginning of what has no effect here.
+        Some(Ok(kept)) if kept.number.is_none() && line.len() > LINE_CAPACITY => whole(),
         Some(Ok(line)) => match line.checksum {
             Checksum::Absent | Checksum::Right if line.text.is_empty() => Ok(None),
             Checksum::Absent | Checksum::Right => {
@@ -95,11 +106,7 @@ pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
         },
         // With a number it would be numbered twice.
         Some(Err(error)) if error.is_numbered() => Err(Damaged(error.to_string())),
-        Some(Err(_)) => {
-            let command = line.split(|&byte| byte == b';').next().unwrap_or_default();
-            let command = String::from_utf8_lossy(command).trim().to_owned();
-            Ok((!command.is_empty()).then_some(command))
-        }
+        Some(Err(_)) => whole(),
     }
 }
 

@@ -59,7 +59,7 @@ pub enum LineError {
         byte: u8,
         /// The `N` word at the start.
         number: Option<i64>,
-        /// What the checksum says.
+        /// What the checksum says, also without an `N` word.
         checksum: Checksum,
     },
     /// Part of the line was lost on its way.
@@ -88,6 +88,11 @@ impl LineError {
             | LineError::NotText { number, checksum: Checksum::Right, .. } => number,
             _ => None,
         }
+    }
+
+    /// Whether a byte that is no text stands in a line without an `N` word that ends in a wrong checksum.
+    pub(crate) const fn has_lost_its_number(&self) -> bool {
+        matches!(self, LineError::NotText { number: None, checksum: Checksum::Wrong { .. }, .. })
     }
 
     /// Whether the line begins with an `N` word, so that a host can be asked for it again.
@@ -249,7 +254,13 @@ pub(crate) fn take_apart<'a>(
             (Some(number), command, if scan.has_star() { scan.verdict() } else { in_comment })
         }
     };
-    let not_text = |byte: u8| LineError::NotText { line_number, byte, number, checksum };
+    let not_text = |byte: u8| {
+        // Without a number it tells a damaged line of a host's conversation.
+        let mut scan = ChecksumScan::new();
+        scan.extend(bytes);
+        let checksum = if number.is_none() && scan.has_star() { scan.verdict() } else { checksum };
+        LineError::NotText { line_number, byte, number, checksum }
+    };
     let command = trim(command);
     if !plain
         && let (_, Some(byte)) = text_before(bytes)

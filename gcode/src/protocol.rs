@@ -1,5 +1,6 @@
 //! Line numbers and checksums of the serial protocol: which lines are executed, and which are requested again.
 
+use crate::line::ChecksumScan;
 use crate::{Checksum, Command, Line, LineError, ResendReason, parse};
 
 /// What to do with a line.
@@ -32,13 +33,17 @@ impl LineNumbers {
 
     /// Decides about a line and, if it is good, remembers its number.
     ///
-    /// Lines without a number are always good. M110 takes effect here, so that the lines after it are checked against the new
+    /// A line without a number is good, unless it is what is left of a numbered line whose beginning was damaged: after a line with a
+    /// number, one whose checksum is wrong. Executed, it would be an unknown command, or another one. M110 takes effect here, so that the lines after it are checked against the new
     /// number: `N12 M110 N5` makes 5 the last number, `N12 M110` makes it 12, and `M110` alone changes nothing. It is
     /// exempt from the sequence but not from the checksum.
     ///
     /// The number is checked before the checksum, as hosts expect from the error that they read. A line counts as
     /// repeated only if its checksum is right too: a garbled number must not make a new line pass for an old one.
     pub fn check(&mut self, line: &Line<'_>) -> Verdict {
+        if line.number.is_none() && self.last > 0 && has_lost_its_number(line.text) {
+            return Verdict::Resend(ResendReason::NoNumber, self.last);
+        }
         self.judge(line.number, line.checksum, line_number_command(line.text))
     }
 
@@ -71,15 +76,30 @@ impl LineNumbers {
 
     /// Decides about a line that could not be read. `None`: it is answered by a notice and `ok`.
     ///
-    /// One that began with a number is requested again as if its checksum had failed, unless its checksum says that it came as the
+    /// One that began with a number, or has lost it as its checksum shows, is requested again as if its checksum had failed, unless its checksum says that it came as the
     /// host sent it: it would come the same again, for ever. Its number counts then as that of a good line.
     pub fn check_unreadable(&mut self, error: &LineError) -> Option<Verdict> {
         if let Some(number) = error.number_of_whole_line() {
             let verdict = self.judge(Some(number), Checksum::Right, None);
             return (verdict != Verdict::Execute).then_some(verdict);
         }
-        error.is_numbered().then_some(Verdict::Resend(ResendReason::WrongChecksum, self.last))
+        let reason = if error.is_numbered() { ResendReason::WrongChecksum } else { ResendReason::NoNumber };
+        let is_damaged = error.is_numbered() || self.last > 0 && error.has_lost_its_number();
+        is_damaged.then_some(Verdict::Resend(reason, self.last))
     }
+}
+
+/// Whether a line is an `N` without a number, or ends in a checksum that is not that of its text.
+fn has_lost_its_number(text: &str) -> bool {
+    if matches!(text, "N" | "n") {
+        return true;
+    }
+    if !text.contains('*') {
+        return false;
+    }
+    let mut scan = ChecksumScan::new();
+    scan.extend(text.as_bytes());
+    matches!(scan.verdict(), Checksum::Wrong { .. })
 }
 
 /// The N word of an M110 (`Some(None)` without one); `None` for every other command.
@@ -122,6 +142,50 @@ mod tests {
         format!("{text}*{}\n", text.bytes().fold(0, |sum, byte| sum ^ byte))
     }
 
+    /// Whatever one byte of a numbered line becomes: the line is executed as it was sent, or asked for again.
+    #[test]
+    fn a_line_with_a_damaged_byte_is_asked_for_again() {
+        for command in ["G1 Z.2", "M117 10*3", "G1 X10 Y20 E0.5 F1200", "T0", "RESPOND MSG=5*3"] {
+            let sent = with_checksum(&format!("N15 {command}"));
+            for at in 0..sent.len() - 1 {
+                for byte in (0..=255_u8).filter(|&byte| byte != sent.as_bytes()[at]) {
+                    let mut reader = LineReader::new();
+                    let mut numbers = LineNumbers { last: 14 };
+                    let (mut damaged, mut asks, mut answers, mut rest) = (sent.clone().into_bytes(), 0, 0, 0);
+                    damaged[at] = byte;
+                    while rest < damaged.len() {
+                        let (consumed, line) = reader.feed(&damaged[rest..]);
+                        rest += consumed;
+                        let (verdict, text) = match line {
+                            Some(Ok(line)) => (Some(numbers.check(&line)), line.text.to_owned()),
+                            Some(Err(error)) => (numbers.check_unreadable(&error), String::new()),
+                            None => break,
+                        };
+                        answers += 1;
+                        match verdict {
+                            Some(Verdict::Resend(_, 14)) => asks += 1,
+                            // A piece of a line that was cut in two may hold no command.
+                            _ if text == command || text.bytes().all(|byte| byte == b'N' || byte.is_ascii_digit()) => {}
+                            verdict => panic!("{:?}: {verdict:?}", String::from_utf8_lossy(&damaged)),
+                        }
+                    }
+                    // A comment is not answered, and sent again after a while.
+                    let is_safe = asks > 0 || answers == 0 || numbers.last() == 15;
+                    assert!(is_safe, "{:?}", String::from_utf8_lossy(&damaged));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lines_of_a_person_need_no_number() {
+        let mut numbers = LineNumbers { last: 7 };
+        for text in ["M117 10 * 3 =\n", "M118 a*300\n", "G1 X5*\n", "G28\n"] {
+            assert_eq!(judge(&mut numbers, text), [Verdict::Execute], "{text}");
+        }
+        assert_eq!(judge(&mut LineNumbers::new(), "F98 G1 X5*3\n"), [Verdict::Execute]);
+    }
+
     #[test]
     fn hosts_connect_with_m110() {
         let mut numbers = LineNumbers::new();
@@ -153,9 +217,9 @@ mod tests {
             ("N10 G28*1\n".into(), WrongChecksum),
             ("N3 M110 N3\n".into(), NoChecksum),
             ("N3 M110 N3*1\n".into(), WrongChecksum),
-            (format!("N11 {}\n", "x".repeat(300)), WrongChecksum),
-            (format!("N11 {}*1\n", "x".repeat(300)), WrongChecksum),
-            (with_checksum(&format!("N12 {}", "x".repeat(300))), WrongNumber),
+            (format!("N11 G1 {}\n", "x".repeat(300)), WrongChecksum),
+            (format!("N11 G1 {}*1\n", "x".repeat(300)), WrongChecksum),
+            (with_checksum(&format!("N12 G1 {}", "x".repeat(300))), WrongNumber),
             ("N11 G28\u{1}*1\n".into(), WrongChecksum),
         ] {
             assert_eq!(judge(&mut numbers, &text), [Verdict::Resend(reason, 10)], "{text:?}");

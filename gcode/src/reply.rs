@@ -292,4 +292,6 @@ pub enum ResendReason {
     WrongChecksum,
     /// `Error:No Checksum with line number, Last Line: <n>`
     NoChecksum,
+    /// `Error:No Line Number with checksum, Last Line: <n>`
+    NoNumber,
 }

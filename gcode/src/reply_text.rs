@@ -188,6 +188,7 @@ impl Display for Reply<'_> {
                     ResendReason::WrongNumber => "Line Number is not Last Line Number+1",
                     ResendReason::WrongChecksum => "checksum mismatch",
                     ResendReason::NoChecksum => "No Checksum with line number",
+                    ResendReason::NoNumber => "No Line Number with checksum",
                 };
                 let next = last.saturating_add(1);
                 write!(formatter, "Error:{what}, Last Line: {last}\nResend: {next}\nok")

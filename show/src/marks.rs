@@ -106,11 +106,10 @@ fn layer(body: &str) -> Option<(LayerForm, Option<String>)> {
             return None;
         }
         LayerForm::Simplify
-    } else if let Some(rest) = body.strip_prefix("BEGIN_LAYER_") {
+    } else {
+        let rest = body.strip_prefix("BEGIN_LAYER_")?;
         let height = rest.split_ascii_whitespace().find_map(|word| word.strip_prefix("z="));
         return Some((LayerForm::Kiss, Some(height.unwrap_or_default().to_owned())));
-    } else {
-        return None;
     };
     Some((form, None))
 }

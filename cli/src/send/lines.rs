@@ -11,7 +11,7 @@ use super::error::SendError;
 use super::meeting::{Met, meet};
 use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
-use super::protocol::{is_report, is_transfer_error, numbered, resend};
+use super::protocol::{is_report, is_transfer_error, numbered, resend, unknown};
 use super::watch::Watch;
 use crate::file_lines::command_of;
 
@@ -110,11 +110,20 @@ pub struct Frame<'a> {
 const WRITING: &str = "Writing to file";
 const WRITTEN: &str = "Done saving file";
 
+/// The last line of a print, and the text by which the printer answers it. It has a number like the others: a printer that has not
+/// executed a line asks for that instead, whatever it has answered.
+const LAST_LINE: &str = "M118 ferrostep: this was the last line";
+const LAST: &[&str] = &[LAST_LINE];
+/// Most times that the printer is asked for that text.
+const MOST_LAST_LINES: u32 = 10;
+const LAST_LINE_SAID: &str = "ferrostep: this was the last line";
+
 impl Frame<'_> {
     /// Waits for the end of the motion.
-    pub const PLAIN: Self = Self { opening: &[], closing: &["M400"], is_upload: false };
+    pub const PLAIN: Self = Self { opening: &[], closing: &["M400", LAST_LINE], is_upload: false };
     /// Asks for temperature reports every two seconds meanwhile.
-    pub const WITH_TEMPERATURES: Self = Self { opening: &["M155 S2"], closing: &["M400", "M155 S0"], is_upload: false };
+    pub const WITH_TEMPERATURES: Self =
+        Self { opening: &["M155 S2"], closing: &["M400", "M155 S0", LAST_LINE], is_upload: false };
 }
 
 /// The file's side: lines become numbered commands.
@@ -136,7 +145,10 @@ impl Source<'_> {
             Some(text) => (Some((*text).to_owned()), self.is_upload.then_some(WRITING)),
             None => match self.take_of_file()? {
                 Ok(Some(text)) => (Some(text), None),
-                Ok(None) => (self.closing.next().map(|text| (*text).to_owned()), self.is_upload.then_some(WRITTEN)),
+                Ok(None) => match self.closing.next().copied() {
+                    Some(LAST_LINE) => (Some(LAST_LINE.to_owned()), Some(LAST_LINE_SAID)),
+                    text => (text.map(str::to_owned), self.is_upload.then_some(WRITTEN)),
+                },
                 Err(stop) => return Ok(Err(stop)),
             },
         };
@@ -193,6 +205,8 @@ impl Command {
 enum Answer {
     Ok,
     Again(u32),
+    /// It has not repeated the text of the last line, or that was lost.
+    NoText,
     Stop(Stop),
 }
 
@@ -212,17 +226,25 @@ struct Sending<'a, P, W> {
     /// The line under way, and how often it was sent.
     line: u32,
     times: u32,
-    /// How often lines were sent again because the printer was silent. Each may have had two answers, of which the later was taken for
-    /// that to the next line: by so many lines the printer may be behind.
-    repeats: u32,
+    /// The printer repeats the text of M118.
+    repeats_text: bool,
+    /// By how many lines the printer may be behind its answers. A line that was sent again because the printer was silent may have had
+    /// two answers, and so may one that was damaged, where the damage has cut it in two; the later was taken for that to the next
+    /// line. One that the printer calls unknown, in other words than ours, was damaged and answered.
+    may_lack: u32,
     /// How many answers may still come to lines sent before: one for each line that was sent again because the printer was silent, as
     /// it may only have been slow.
     owed: u32,
 }
 
 impl<P: Port, W: Watch> Sending<'_, P, W> {
-    /// Sends a line and waits for the printer's answer, with the line that it `expects`.
-    fn ask(&mut self, line: &str, expects: Option<&str>) -> Result<Answer, SendError> {
+    /// Sends a command with its number, and waits for the printer's answer, with the line that it `expects`.
+    fn ask(&mut self, number: u32, command: &str, expects: Option<&str>) -> Result<Answer, SendError> {
+        let line = &numbered(number, command);
+        // An `ok` to the last line without its text is that to an earlier one. Where the printer repeats no texts, a silence shows that
+        // none is owed.
+        let waits_for_text = expects == Some(LAST_LINE_SAID) && self.repeats_text;
+        let mut may_be_earlier = expects == Some(LAST_LINE_SAID);
         self.port.send(&self.packing.bytes(line))?;
         let (mut heard_at, mut asked_at) = (self.port.now(), self.port.now());
         // The last sign that the printer works on a line.
@@ -242,6 +264,9 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                     return Err(SendError::Silent(vec![format!("(nothing after {:?})", line.trim_end())]));
                 }
                 if now.duration_since(asked_at.max(at_work)) >= self.patience.repeat && !self.is_held {
+                    if waits_for_text {
+                        return Ok(Answer::NoText);
+                    }
                     if is_answered {
                         // That was all.
                         self.owed = 0;
@@ -249,8 +274,9 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                     }
                     // The line, or its answer, was lost. A printer that has executed it only answers.
                     asked_at = now;
-                    self.owed += 1;
-                    (self.times, self.repeats) = (self.times.saturating_add(1), self.repeats.saturating_add(1));
+                    self.owed = if may_be_earlier { 0 } else { self.owed.saturating_add(1) };
+                    may_be_earlier = false;
+                    (self.times, self.may_lack) = (self.times.saturating_add(1), self.may_lack.saturating_add(1));
                     self.port.send(&self.packing.bytes(line))?;
                 }
                 continue;
@@ -259,7 +285,9 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
             if !is_report(&said) {
                 at_work = heard_at;
             }
-            self.watch.hear(&said);
+            if !said.starts_with(LAST_LINE_SAID) {
+                self.watch.hear(&said);
+            }
             if self.said.len() < MAX_SAID {
                 self.said.push(said.clone());
             }
@@ -269,15 +297,18 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
             if let Some(number) = resend(&said) {
                 again = Some(number);
             }
+            if unknown(&said).is_some_and(|quoted| !command.starts_with(quoted)) {
+                self.may_lack = self.may_lack.saturating_add(1);
+            }
             if said.starts_with("ok") {
                 self.is_known = true;
                 if again.is_none() && self.beside > 0 {
                     self.beside -= 1;
                     continue;
                 }
-                if again.is_none() && self.owed > 0 && !self.has_said(expects) {
-                    self.owed -= 1;
-                    is_answered = true;
+                if again.is_none() && (self.owed > 0 || may_be_earlier) && !self.has_said(expects) {
+                    self.owed = self.owed.saturating_sub(1);
+                    is_answered = !may_be_earlier;
                     continue;
                 }
                 return Ok(again.map_or(Answer::Ok, Answer::Again));
@@ -312,14 +343,15 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
 
     /// The line to send after the printer has asked for one: that under way, one that it may have missed, or the next where it has had
     /// both copies of the present one. Any other means that the printer counts from another number.
-    fn line_asked_for(&self, asked: u32) -> Result<u32, Stop> {
-        let behind = self.line.checked_sub(asked);
-        let is_expected = match behind {
-            Some(behind) => behind <= self.repeats,
-            None => asked == self.line.saturating_add(1) && self.times > 1,
-        };
-        if !is_expected {
-            return Err(Stop::OtherCount(asked, self.line));
+    fn line_asked_for(&mut self, asked: u32) -> Result<u32, Stop> {
+        let other_count = Err(Stop::OtherCount(asked, self.line));
+        match self.line.checked_sub(asked) {
+            Some(behind) => {
+                let Some(left) = self.may_lack.checked_sub(behind) else { return other_count };
+                self.may_lack = left.saturating_add(1);
+            }
+            None if asked == self.line.saturating_add(1) && self.times > 1 => {}
+            None => return other_count,
         }
         if self.times >= MOST_TIMES { Err(Stop::NeverArrives(self.line)) } else { Ok(asked) }
     }
@@ -388,9 +420,10 @@ fn send_each(
     let mut source =
         Source { next: &mut next, opening, closing, file_line: 0, number: 0, sent: 0, is_upload: frame.is_upload };
     let mut outcome = Outcome { file_line: 0, sent: 0, resends: 0, stop: None };
-    if meet(port, packing, patience, watch)? == Met::EndWanted {
-        return Ok(Outcome { stop: Some(Stop::Asked), ..outcome });
-    }
+    let repeats_text = match meet(port, packing, patience, watch)? {
+        Met::Printer { repeats_text } => repeats_text,
+        Met::EndWanted => return Ok(Outcome { stop: Some(Stop::Asked), ..outcome }),
+    };
     let mut sending = Sending {
         port,
         packing,
@@ -402,20 +435,21 @@ fn send_each(
         beside: 0,
         line: 0,
         times: 0,
-        repeats: 0,
+        repeats_text,
+        may_lack: 0,
         owed: 0,
     };
     loop {
-        match sending.ask(&numbered(0, "M110 N0"), None)? {
+        match sending.ask(0, "M110 N0", None)? {
             Answer::Ok => break,
-            Answer::Again(_) => outcome.resends += 1,
+            Answer::Again(_) | Answer::NoText => outcome.resends += 1,
             Answer::Stop(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),
         }
     }
     sending.said.clear();
     let mut kept: VecDeque<Command> = VecDeque::with_capacity(KEPT_LINES);
     // The line to send next: one of those kept, or a new one.
-    let mut number = 1;
+    let (mut number, mut last_lines) = (1, 0);
     loop {
         if let Some(stop) = sending.wait_while_held()? {
             return Ok(Outcome { stop: Some(stop), ..outcome });
@@ -430,10 +464,6 @@ fn send_each(
                 },
             };
             let Some(command) = next else {
-                // What was taken for the last answer may have been an earlier one.
-                if sending.owed > 0 && !frame.is_upload {
-                    meet(sending.port, packing, patience, sending.watch)?;
-                }
                 return Ok(outcome);
             };
             outcome.sent = source.sent;
@@ -450,11 +480,11 @@ fn send_each(
         }
         sending.times = if sending.line == number { sending.times.saturating_add(1) } else { 1 };
         sending.line = number;
-        match sending.ask(&numbered(number, &command.text), command.expects)? {
+        match sending.ask(number, &command.text, command.expects)? {
             Answer::Ok => {
                 let has_said = sending.has_said(command.expects);
                 let said = std::mem::take(&mut sending.said);
-                if !has_said {
+                if !has_said && command.expects != Some(LAST_LINE_SAID) {
                     let said = said.into_iter().filter(|said| said != "ok").collect();
                     let stop = match command.expects {
                         Some(WRITING) => Stop::NotWriting(command.text.clone(), said),
@@ -464,6 +494,16 @@ fn send_each(
                 }
                 outcome.file_line = outcome.file_line.max(command.file_line);
                 sending.watch.sent(command.file_line, &command.text);
+                number += 1;
+            }
+            Answer::NoText => {
+                last_lines += 1;
+                if last_lines > MOST_LAST_LINES {
+                    return Err(SendError::Silent(vec![format!("(nothing after {LAST_LINE:?})")]));
+                }
+                // Sent again with its number, it might be answered by `ok` alone.
+                source.closing = LAST.iter();
+                sending.may_lack = sending.may_lack.saturating_add(1);
                 number += 1;
             }
             Answer::Again(wanted) => {
@@ -478,5 +518,7 @@ fn send_each(
     }
 }
 
+#[cfg(test)]
+mod conversations;
 #[cfg(test)]
 mod tests;

@@ -13,7 +13,10 @@ const UNKNOWN: &str = "\"M118\"";
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Met {
     /// The printer has answered everything.
-    Printer,
+    Printer {
+        /// It has repeated the text of M118.
+        repeats_text: bool,
+    },
     /// [`Watch::wants_end`] has asked for it.
     EndWanted,
 }
@@ -44,6 +47,7 @@ pub(super) fn meet(
         // The last sign that the printer is at work on lines of any host.
         let mut at_work = port.now();
         let (mut is_named, mut has_answered, mut wants_again) = (false, false, false);
+        let mut repeats_text = false;
         loop {
             if watch.wants_end() {
                 return Ok(Met::EndWanted);
@@ -59,7 +63,7 @@ pub(super) fn meet(
                     continue;
                 }
                 if has_answered && !wants_again {
-                    return Ok(Met::Printer);
+                    return Ok(Met::Printer { repeats_text });
                 }
                 break;
             };
@@ -71,6 +75,7 @@ pub(super) fn meet(
             }
             if said.contains(&name) || said.contains(UNKNOWN) {
                 is_named = true;
+                repeats_text |= said.starts_with(&name);
                 continue;
             }
             watch.hear(&said);
@@ -78,7 +83,7 @@ pub(super) fn meet(
             wants_again |= resend(&said).is_some() || said == "start";
             has_answered |= is_ok;
             if is_ok && is_named {
-                return Ok(Met::Printer);
+                return Ok(Met::Printer { repeats_text });
             }
         }
     }
@@ -106,7 +111,7 @@ mod tests {
             let answer = |line: &str, _| {
                 echo(line).unwrap_or_else(|| [vec!["ok T:20.0 /0.0".to_owned(); earlier], ok()].concat())
             };
-            assert!(matches!(met(answer), (Ok(Met::Printer), 0, 2)), "{earlier} answers");
+            assert!(matches!(met(answer), (Ok(Met::Printer { .. }), 0, 2)), "{earlier} answers");
         }
     }
 
@@ -119,7 +124,7 @@ mod tests {
                 true => unknown.iter().map(|&line| line.to_owned()).collect(),
                 false => ok(),
             };
-            assert!(matches!(met(answer), (Ok(Met::Printer), 0, 2)), "{unknown:?}");
+            assert!(matches!(met(answer), (Ok(Met::Printer { .. }), 0, 2)), "{unknown:?}");
         }
     }
 
@@ -134,7 +139,7 @@ mod tests {
                     _ => echo(line).unwrap_or_else(ok),
                 }
             };
-            assert!(matches!(met(answer), (Ok(Met::Printer), 0, 4)), "{lost:?}");
+            assert!(matches!(met(answer), (Ok(Met::Printer { .. }), 0, 4)), "{lost:?}");
         }
     }
 

@@ -17,6 +17,12 @@ pub fn is_transfer_error(said: &str) -> bool {
     lower.starts_with("error:") && TRANSFER_ERRORS.iter().any(|text| lower.contains(text))
 }
 
+/// The command, or its beginning, that a printer says it does not know.
+pub(super) fn unknown(said: &str) -> Option<&str> {
+    let quoted = said.split_once("Unknown command")?.1.split_once('"')?.1;
+    Some(quoted.trim_end_matches(['"', '.']))
+}
+
 /// The line that a printer asks for.
 pub(super) fn resend(said: &str) -> Option<u32> {
     let rest = said.strip_prefix("Resend:").or_else(|| said.strip_prefix("rs "))?;

@@ -271,8 +271,7 @@ fn a_host_writes_a_file() {
     );
 }
 
-/// A line whose N was damaged has no number, so its checksum is not compared: in a print it is an unknown command, in
-/// a file it would stay.
+/// A line whose N was damaged is asked for again; in a file it would stay.
 #[test]
 fn a_line_without_its_number_is_not_written_by_a_host_that_numbers_its_lines() {
     let setup = setup();
@@ -283,7 +282,7 @@ fn a_line_without_its_number_is_not_written_by_a_host_that_numbers_its_lines() {
     let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
     let said = setup.converse(&mut printer, &lines, &mut nothing);
     let asked: Vec<&str> = said.iter().map(String::as_str).filter(|line| !line.starts_with("ok")).skip(2).collect();
-    assert_eq!(asked, ["Error:checksum mismatch, Last Line: 2", "Resend: 3"], "{said:?}");
+    assert_eq!(asked, ["Error:No Line Number with checksum, Last Line: 2", "Resend: 3"], "{said:?}");
     // A person may end it.
     assert_eq!(setup.converse(&mut printer, &["M29"], &mut nothing), ["Done saving file.", "ok"]);
     assert_eq!(read(&setup, "UP.GCO"), "G28\nG1 X5\n");
