@@ -217,9 +217,9 @@ mod tests {
             ("N10 G28*1\n".into(), WrongChecksum),
             ("N3 M110 N3\n".into(), NoChecksum),
             ("N3 M110 N3*1\n".into(), WrongChecksum),
-            (format!("N11 G1 {}\n", "x".repeat(300)), WrongChecksum),
-            (format!("N11 G1 {}*1\n", "x".repeat(300)), WrongChecksum),
-            (with_checksum(&format!("N12 G1 {}", "x".repeat(300))), WrongNumber),
+            (format!("N11 {}\n", "x".repeat(300)), WrongChecksum),
+            (format!("N11 {}*1\n", "x".repeat(300)), WrongChecksum),
+            (with_checksum(&format!("N12 {}", "x".repeat(300))), WrongNumber),
             ("N11 G28\u{1}*1\n".into(), WrongChecksum),
         ] {
             assert_eq!(judge(&mut numbers, &text), [Verdict::Resend(reason, 10)], "{text:?}");
