@@ -81,15 +81,15 @@ pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
         let (used, _) = reader.feed(rest);
         rest = rest.get(used.max(1)..).unwrap_or_default();
     }
+    let command = line.split(|&byte| byte == b';').next().unwrap_or_default();
     let whole = || {
-        let command = line.split(|&byte| byte == b';').next().unwrap_or_default();
         let command = String::from_utf8_lossy(command).trim().to_owned();
         Ok((!command.is_empty()).then_some(command))
     };
     match reader.finish() {
         None => Ok(None),
         // The reader keeps the beginning of what has no effect here.
-        Some(Ok(kept)) if kept.number.is_none() && line.len() > LINE_CAPACITY => whole(),
+        Some(Ok(kept)) if kept.number.is_none() && command.len() > LINE_CAPACITY => whole(),
         Some(Ok(line)) => match line.checksum {
             Checksum::Absent | Checksum::Right if line.text.is_empty() => Ok(None),
             Checksum::Absent | Checksum::Right => {
@@ -148,6 +148,8 @@ mod tests {
         ] {
             assert_eq!(command_of(line.as_bytes()).unwrap().as_deref(), expected, "{line}");
         }
+        let commented = format!("M110 N0 ; {}", "x".repeat(300));
+        assert_eq!(command_of(commented.as_bytes()).unwrap(), None);
         let says = command_of(b"N3 T0*56").unwrap_err().to_string();
         assert_eq!(says, "\"T0\": checksum mismatch: the line says 56, expected 57");
         assert!(command_of(b"N3 T0*57*1").is_err());
