@@ -183,7 +183,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             Waiting::Stop(Stop::Emergency) => return self.emergency_stop(),
             Waiting::Stop(Stop::Restart) => self.restart()?,
-            Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
+            Waiting::Pause(reason, words) => self.pause_command(reason, &words).await?,
             Waiting::LoadFilament { loads, length, rise } => self.load_filament(loads, length, rise).await?,
             Waiting::ResumePrint => self.start_print(None).await?,
             Waiting::MotionChoice { interpolation, acceleration } => {

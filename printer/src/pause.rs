@@ -40,16 +40,16 @@ impl<P: Ports> Printer<'_, P> {
     /// # Errors
     /// Motion was stopped; the print is not paused then.
     pub async fn pause(&mut self, reason: PauseReason) -> Result<(), CommandError> {
-        self.pause_at(reason, PauseWords::default()).await
+        self.pause_at(reason, &PauseWords::default()).await
     }
 
-    async fn pause_at(&mut self, reason: PauseReason, words: PauseWords<'_>) -> Result<(), CommandError> {
+    async fn pause_at(&mut self, reason: PauseReason, words: &PauseWords<'_>) -> Result<(), CommandError> {
         if self.is_paused() {
             return Ok(());
         }
         let park_10nm = self.park_place_10nm(&words.park)?;
         let [unload_100pm, load_100pm] = match reason {
-            PauseReason::FilamentChange => self.filament_to_change_100pm(&words)?,
+            PauseReason::FilamentChange => self.filament_to_change_100pm(words)?,
             PauseReason::Stop | PauseReason::Pause => [0; 2],
         };
         if unload_100pm != 0 {
@@ -162,7 +162,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn pause_command(
         &mut self,
         reason: PauseReason,
-        words: PauseWords<'_>,
+        words: &PauseWords<'_>,
     ) -> Result<(), CommandError> {
         self.pause_at(reason, words).await?;
         match self.source {
