@@ -15,6 +15,13 @@ pub struct AxisWords {
     pub e: Option<Decimal>,
 }
 
+impl AxisWords {
+    /// Whether there is an E and nothing else.
+    pub const fn is_e_alone(&self) -> bool {
+        self.e.is_some() && self.x.is_none() && self.y.is_none() && self.z.is_none()
+    }
+}
+
 /// Which axes a line names, with or without a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AxisFlags {

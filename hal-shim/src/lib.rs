@@ -195,6 +195,8 @@ pub trait StepQueue {
     fn start(&mut self);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
+    /// Steps of X, Y, Z (A, B, Z) and the extruder that it holds and the motors have not made, forwards minus backwards.
+    fn unplayed_steps(&self) -> [i32; 4];
     /// Stops all motors before their next step; [`Self::drop_all`] must follow.
     fn request_stop(&mut self);
     /// After a stop: forgets the entries that have not been played, and returns their steps. Motion may start again.

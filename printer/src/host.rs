@@ -60,5 +60,5 @@ impl Host {
 
 /// Whether a line is M29, which a person may write without a number.
 pub(crate) fn is_end_of_file(text: &str) -> bool {
-    parse(text) == Ok(Command::Card(CardCommand::EndWrite))
+    matches!(parse(text), Ok(Command::Card(CardCommand::EndWrite)))
 }

@@ -44,6 +44,13 @@ pub(crate) struct AskedMove {
     extrusion: AdaptiveExtrusion,
 }
 
+impl AskedMove {
+    /// The same for a nozzle too cold to push any: E counts, the motors stay.
+    pub fn without_filament(self) -> Self {
+        Self { request: Move { filament_100pm: 0, ..self.request }, displaces: false, ..self }
+    }
+}
+
 /// The target of a line.
 #[derive(Clone, Copy, Debug)]
 struct Target {

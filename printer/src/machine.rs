@@ -307,6 +307,15 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.ledger.motor_steps()
     }
 
+    /// Steps that the motors have made so far, counted as [`Self::motor_steps`].
+    pub fn made_steps(&self) -> [i64; 4] {
+        let mut made = self.motor_steps();
+        for (made, unplayed) in made.iter_mut().zip(self.feeder.queue.unplayed_steps()) {
+            *made -= i64::from(unplayed);
+        }
+        made
+    }
+
     /// Slots of the step queue filled so far, modulo 2^32.
     pub fn slots_queued(&self) -> u32 {
         self.feeder.queue.queued()

@@ -20,9 +20,16 @@ impl<P: Ports> Printer<'_, P> {
         axes: &AxisWords,
         feed: Option<Decimal>,
     ) -> Result<(), CommandError> {
-        let asked = self.interpreter.linear(rapid, axes, feed, self.line)?;
+        let mut asked = self.interpreter.linear(rapid, axes, feed, self.line)?;
         if asked.request.filament_100pm != 0 {
-            self.check_extrusion_temperature()?;
+            match self.check_extrusion_temperature() {
+                Err(error @ CommandError::ColdExtrusion { .. }) if axes.is_e_alone() && self.is_meant_cold() => {
+                    let line = self.line;
+                    self.replies.say(format_args!("echo:line {line}: {error}; the filament stays"));
+                    asked = asked.without_filament();
+                }
+                checked => checked?,
+            }
         }
         if asked.displaces {
             self.motion.add(asked.request).await?;
@@ -71,6 +78,13 @@ impl<P: Ports> Printer<'_, P> {
             return Ok(());
         }
         Err(CommandError::ColdExtrusion { celsius, minimum_celsius })
+    }
+
+    /// Whether commands themselves have left the nozzle without a target at which filament is pushed. Filament that is to move alone then
+    /// stays, as in Marlin: start code of some makers does so after its purge. Nothing is displaced by it.
+    fn is_meant_cold(&self) -> bool {
+        let meant_celsius = self.targets_celsius.get(self.nozzle().index()).copied().unwrap_or_default();
+        meant_celsius < self.interpreter.modal.min_extrusion_celsius
     }
 
     /// Says how a move was to leave the travel of some axes; an arc may do so on its way, which `reach_10nm` knows.

@@ -73,7 +73,7 @@ pub trait Motion {
     fn position_10nm(&self) -> [i64; 3];
     /// Sets the machine's position, at standstill.
     fn set_position(&mut self, position_10nm: [i64; 3]);
-    /// Live step counters of X, Y, Z (A, B, Z) and the extruder.
+    /// Steps that X, Y, Z (A, B, Z) and the extruder have made so far, in motion, too.
     fn motor_steps(&self) -> [i64; 4];
     /// Digests and counters of all motion handed to the motors so far.
     fn figures(&self) -> MotionFigures;

@@ -302,7 +302,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             let dropped_100pm = self.motion.take_dropped_100pm();
             self.reckon_stop(dropped_100pm);
         }
-        if self.signals.is_halted() && *command != Command::Restart {
+        if self.signals.is_halted() && !matches!(command, Command::Restart) {
             self.cancel();
             self.stop_print_clock(false);
             // Ask what has happened now: the planner task may not have followed the stop yet.

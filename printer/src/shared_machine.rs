@@ -190,7 +190,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     fn motor_steps(&self) -> [i64; 4] {
-        self.machine.with(|machine| machine.motor_steps())
+        self.machine.with(|machine| machine.made_steps())
     }
 
     fn figures(&self) -> MotionFigures {

@@ -248,7 +248,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn read_of_tower<'l>(&mut self, line: &'l str) -> Option<Command<'l>> {
         let mut remarks = Remarks::NONE;
         let read: Result<_, ParseError> = parse_with_remarks(line, &mut remarks);
-        if read == Ok(Command::Accepted) {
+        if matches!(read, Ok(Command::Accepted)) {
             self.fail_tower(line, &remarks);
             return None;
         }

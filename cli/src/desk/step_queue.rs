@@ -189,6 +189,14 @@ impl<O: Observer> VirtualStepQueue<O> {
         Some((now, later))
     }
 
+    /// The entries that have not been played, from 0.
+    fn left(&self) -> StepLedger {
+        let mut left = StepLedger::default();
+        left.play(StepEntry::directions(self.motors.ledger.directions()), &mut ());
+        self.entries.iter().for_each(|entry| left.play(*entry, &mut ()));
+        left
+    }
+
     fn play_entry(&mut self, entry: StepEntry) {
         let before = self.motors.ledger.first_tick(entry).saturating_sub(1);
         self.tell_move_ends(before);
@@ -246,14 +254,17 @@ impl<O: Observer> StepQueue for VirtualStepQueue<O> {
         &self.link
     }
 
+    fn unplayed_steps(&self) -> [i32; 4] {
+        self.left().motor_steps().map(|steps| steps as i32)
+    }
+
     fn request_stop(&mut self) {
         self.link.request_stop();
     }
 
     fn drop_all(&mut self) -> DroppedSteps {
-        let mut left = StepLedger::default();
-        left.play(StepEntry::directions(self.motors.ledger.directions()), &mut ());
-        self.entries.drain(..).for_each(|entry| left.play(entry, &mut ()));
+        let left = self.left();
+        self.entries.clear();
         // As on a board, the direction signals change at once.
         self.motors.ledger.play(StepEntry::directions(left.directions()), &mut ());
         self.step_z_motors(u8::MAX);

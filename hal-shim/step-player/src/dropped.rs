@@ -26,3 +26,21 @@ impl DroppedSteps {
         }
     }
 }
+
+/// Events that have not been played.
+#[derive(Default)]
+pub(super) struct Left {
+    pub(super) dropped: DroppedSteps,
+    /// Both edges: the motors with an odd number of them, whose signals are at the other level.
+    pub(super) odd_axes: u8,
+}
+
+impl Left {
+    /// Both edges: adds `count` events that step these motors.
+    pub(super) fn add_edges(&mut self, axes: u8, directions: u8, count: u32) {
+        self.dropped.add(axes, directions, count);
+        if count & 1 == 1 {
+            self.odd_axes ^= axes;
+        }
+    }
+}

@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use ferrostep_planner::{StepEntry, StepKind};
 
-use super::dropped::DroppedSteps;
+use super::dropped::{DroppedSteps, Left};
 use super::held_event::{Following, Newest, StepWords, Usual};
 use super::pins::{Pin, PinMap};
 use super::player::{MIN_GAP_TICKS, StepPlayer, Stepping};
@@ -304,35 +304,66 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
     }
 
+    /// The steps that the queue holds and the motors have not made, forwards minus backwards, a motor each. Of the steps that the
+    /// interrupt makes meanwhile each counts as made or as not made.
+    pub fn unplayed_steps(&self) -> [i32; 4] {
+        self.left().dropped.signed
+    }
+
     /// After a stop, while the interrupt is masked: drops everything that has not been played.
     ///
     /// Afterwards the caller stores [`Self::rest_words`] to the ports, and the interrupt may run again.
     pub fn drop_all(&mut self) -> DroppedSteps {
-        let mut dropped = DroppedSteps::default();
-        // From the end, where the directions are known.
-        let mut directions = self.directions;
-        if M::EVENTS_A_STEP == 1 {
-            self.drop_edges(self.newest.held, directions, 1, &mut dropped);
-        }
-        let unplayed = self.unplayed();
-        for number in 1..=unplayed {
-            let number = self.filled.wrapping_sub(number);
-            let events = self.player.slot_of(number).head().events();
-            self.drop_events(number, events, true, &mut directions, &mut dropped);
-        }
-        let in_play = self.player.left().events();
-        if in_play > 0 {
-            let number = self.filled.wrapping_sub(unplayed).wrapping_sub(1);
-            let before = self.player.slot_of(number.wrapping_sub(1)).head().number();
-            let all = self.player.left().number().wrapping_sub(before) & MAX_EVENTS;
-            self.drop_events(number, in_play, in_play == all.into(), &mut directions, &mut dropped);
-        }
+        let Left { mut dropped, odd_axes } = self.left();
+        self.newest.turn(self.words_of(odd_axes));
         dropped.requested = self.player.forget(self.filled);
         self.directions = self.turning.unwrap_or(self.directions);
         self.player.note_directions(self.directions);
         self.turn(None);
         self.newest.held = [0; PORTS];
         dropped
+    }
+
+    /// The events that have not been played.
+    fn left(&self) -> Left {
+        // From the end, where the directions are known.
+        let mut directions = self.directions;
+        let mut left = Left::default();
+        if M::EVENTS_A_STEP == 1 {
+            left.add_edges(self.pins.stepping(self.newest.held), directions, 1);
+        }
+        let (next, in_play) = self.next_and_in_play();
+        let unplayed = self.filled.wrapping_sub(next);
+        for number in 1..=unplayed {
+            let number = self.filled.wrapping_sub(number);
+            self.add_events(number, self.events_of(number), true, &mut directions, &mut left);
+        }
+        if in_play > 0 {
+            let number = next.wrapping_sub(1);
+            self.add_events(number, in_play, in_play == self.events_of(number), &mut directions, &mut left);
+        }
+        left
+    }
+
+    /// All events of a slot, also of one that has been begun: its head no longer says them.
+    fn events_of(&self, number: u32) -> u32 {
+        let [before, upto] = [number.wrapping_sub(1), number].map(|number| self.player.slot_of(number).head().number());
+        (upto.wrapping_sub(before) & MAX_EVENTS).into()
+    }
+
+    /// The next slot to be begun, and what is left of the events of the one in play, as of one moment.
+    fn next_and_in_play(&self) -> (u32, u32) {
+        let mut next = self.player.next_number();
+        // The interrupt begins a slot more seldom than this loop turns; a bound holds whatever it does.
+        for _ in 0..4 {
+            let in_play = self.player.left().events();
+            let again = self.player.next_number();
+            if next == again {
+                return (next, in_play);
+            }
+            next = again;
+        }
+        (next, 0)
     }
 
     /// The words that put the signals where this side believes them to be after [`Self::drop_all`].
@@ -345,37 +376,20 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         words
     }
 
-    /// Counts the last `events` of a slot as dropped; after them the motors have these directions. Whether the first one
-    /// is among them.
-    fn drop_events(
-        &mut self,
-        number: u32,
-        events: u32,
-        first_too: bool,
-        directions: &mut u8,
-        dropped: &mut DroppedSteps,
-    ) {
+    /// Adds the last `events` of a slot; before them the motors have these directions. Whether the first one is among them.
+    fn add_events(&self, number: u32, events: u32, first_too: bool, directions: &mut u8, left: &mut Left) {
         let slot = self.player.slot_of(number);
         let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
-        let then = core::array::from_fn(|port| slot.then(port));
+        let then = self.pins.stepping(core::array::from_fn(|port| slot.then(port)));
         if M::EVENTS_A_STEP == 2 {
             // Every second event, the last one included, is the start of a pulse; the first ends one that has stepped.
-            dropped.add(self.pins.stepping(then), *directions, events.div_ceil(2));
+            left.dropped.add(then, *directions, events.div_ceil(2));
         } else {
-            self.drop_edges(then, *directions, events.saturating_sub(first_too.into()), dropped);
-            self.drop_edges(first, *directions, first_too.into(), dropped);
+            left.add_edges(then, *directions, events.saturating_sub(first_too.into()));
+            left.add_edges(self.pins.stepping(first), *directions, first_too.into());
         }
         if first_too {
             *directions ^= self.pins.turning(first);
-        }
-    }
-
-    /// Both edges: counts this many events with these words as dropped.
-    fn drop_edges(&mut self, words: [u32; PORTS], directions: u8, count: u32, dropped: &mut DroppedSteps) {
-        let axes = self.pins.stepping(words);
-        dropped.add(axes, directions, count);
-        if count & 1 == 1 {
-            self.newest.turn(self.words_of(axes));
         }
     }
 

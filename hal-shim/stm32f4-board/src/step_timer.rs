@@ -371,6 +371,10 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
         self.feeder.link()
     }
 
+    fn unplayed_steps(&self) -> [i32; 4] {
+        self.feeder.unplayed_steps()
+    }
+
     fn request_stop(&mut self) {
         stop(self.feeder.link());
     }

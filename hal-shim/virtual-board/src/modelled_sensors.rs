@@ -57,6 +57,10 @@ impl<Q: StepQueue> StepQueue for ModelledSensors<Q> {
         self.queue.link()
     }
 
+    fn unplayed_steps(&self) -> [i32; 4] {
+        self.queue.unplayed_steps()
+    }
+
     fn request_stop(&mut self) {
         self.queue.request_stop();
     }

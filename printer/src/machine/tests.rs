@@ -193,6 +193,9 @@ impl StepQueue for Queue<'_> {
     fn link(&self) -> &StepLink {
         self.player.link()
     }
+    fn unplayed_steps(&self) -> [i32; 4] {
+        self.feeder.unplayed_steps()
+    }
     fn request_stop(&mut self) {
         self.timer.mask();
         self.link().request_stop();

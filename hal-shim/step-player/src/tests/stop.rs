@@ -26,11 +26,6 @@ fn assert_stopped<M: Stepping + 'static>(entries: &[StepEntry], updates: usize) 
         feeder.seal();
     }
     board.start(&mut feeder);
-    for _ in 0..updates {
-        board.update();
-    }
-    board.stop();
-    assert!(board.player.link().is_stopping());
     let made = |ports: &[Edges; 1]| {
         let mut made = [0i64; 4];
         for (_, level, changed) in ports[0].changes() {
@@ -41,6 +36,16 @@ fn assert_stopped<M: Stepping + 'static>(entries: &[StepEntry], updates: usize) 
         }
         made
     };
+    for update in 0..updates {
+        board.update();
+        if update % 64 == 0 {
+            let [queued, unplayed] = [all.motor_steps(), feeder.unplayed_steps().map(i64::from)];
+            let made_so_far: [i64; 4] = std::array::from_fn(|motor| queued[motor] - unplayed[motor]);
+            assert_eq!(made_so_far, made(&board.ports), "while it plays");
+        }
+    }
+    board.stop();
+    assert!(board.player.link().is_stopping());
     let dropped = feeder.drop_all();
     assert!(!board.player.link().is_stopping());
     all.take_back(dropped.signed, dropped.issued);

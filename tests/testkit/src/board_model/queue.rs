@@ -73,6 +73,10 @@ impl<M: Stepping> StepQueue for Queue<'_, M> {
         self.feeder.link()
     }
 
+    fn unplayed_steps(&self) -> [i32; 4] {
+        self.feeder.unplayed_steps()
+    }
+
     fn request_stop(&mut self) {
         self.interrupts.stop();
     }
