@@ -91,7 +91,7 @@ fn commands_that_must_not_be_skipped_stop_the_job() {
 fn impossible_commands_stop_the_job() {
     for (line, says) in [
         ("G1 X20 E5", ["G1 X20 E5", "cold extrusion prevented, the nozzle is at 22.0 C, expected at least 170 C"]),
-        ("G1 E-1", ["G1 E-1", "cold extrusion prevented"]),
+        ("G1 Z1 E-1", ["G1 Z1 E-1", "cold extrusion prevented"]),
         ("G10", ["\"G10\"", "cold extrusion prevented"]),
         ("G2 X20 Y20 I5 J0 E1", ["G2 X20", "cold extrusion prevented"]),
         ("G1 X20 Y5000.001", ["G1 X20 Y5000.001", "expected coordinates within 5 m"]),

@@ -130,6 +130,28 @@ fn the_text_of_m1_reaches_the_person() {
     assert!(!said.concat().contains("no effect"), "{said:?}");
 }
 
+/// Start code of some makers pushes filament alone after it has let the nozzle cool; Marlin goes on without it.
+#[test]
+fn filament_that_moves_alone_stays_where_a_file_has_left_the_nozzle_cold() {
+    let start = "G28\nM104 S140\nM83\nM109 S25\n";
+    let end = "G1 X20 F3000\nM109 S200\nG1 X40 E2\n";
+    let outcome = print_on("cartesian", &format!("{start}G1 E10 F300\n{end}"));
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    assert!(outcome.stderr.contains("line 5: E: cold extrusion prevented"), "{outcome:#?}");
+    let (without, _) = printed("cartesian", &format!("{start}{end}"));
+    for figure in ["order_digest", "step_digest", "filament_mm"] {
+        assert_eq!(outcome.json()[figure], without[figure], "{figure}");
+    }
+    assert_eq!(outcome.json()["position_mm"]["e"], 12.0, "E counts on");
+
+    // A nozzle that is to be hot and is not has not been left cold: its print would lack what is not pushed.
+    for line in ["M104 S200\nG1 E1 F300", "M104 S100\nG1 X5 E1 F300", "M104 S100\nG1 Z5 E-1 F300", "G10"] {
+        let outcome = print_on("cartesian", &format!("G28\nM83\n{line}\n"));
+        assert_eq!(outcome.status, Some(1), "{line}: {outcome:#?}");
+        assert!(outcome.stderr.contains("cold extrusion prevented"), "{line}: {outcome:#?}");
+    }
+}
+
 #[test]
 fn m106_with_words_of_a_preset_leaves_the_fan() {
     let machine = machine(&profile("cartesian"));

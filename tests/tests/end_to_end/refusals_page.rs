@@ -103,7 +103,7 @@ const LINES: &[&str] = &[
     "M914 X999",
     // The machine is not ready for it.
     "G1 X20 E5",
-    "G1 E-1",
+    "G1 Z1 E-1",
     "G10",
     "M112\\nG1 X5",
     "M790 S10",

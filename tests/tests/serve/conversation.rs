@@ -161,6 +161,31 @@ fn time_passes_at_its_speed() {
     assert!(took_s > 1.9, "{took_s}");
 }
 
+/// M114 counts the steps that a motor has made, in the middle of a move of ten seconds, too.
+#[test]
+fn motors_are_counted_where_they_are() {
+    let printer = Printer::at_pty(&["--speed", "1"]);
+    let mut host = printer.connect();
+    host.say("M155 S1");
+    host.say("G28");
+    host.say("G1 X100 F600");
+    let mut steps = [0; 3];
+    for (at, steps) in steps.iter_mut().enumerate() {
+        if at > 0 {
+            host.hear_until(|line| line.starts_with(" T:"));
+            host.hear_until(|line| line.starts_with(" T:"));
+        }
+        let said = host.say("M114");
+        let said = said.iter().find(|line| line.starts_with("X:100.00 ")).unwrap_or_else(|| panic!("{said:?}"));
+        let (_, count) = said.split_once(" Count X:").unwrap();
+        *steps = count.split(' ').next().unwrap().parse::<i64>().unwrap();
+    }
+    // 80 steps a mm at 10 mm/s; between the reports passes a second at least.
+    assert!(steps.is_sorted() && steps[2] < 8_000 && steps[2] - steps[0] > 1_000, "{steps:?}");
+    host.say("M410");
+    printer.end();
+}
+
 #[test]
 fn damaged_lines_are_asked_for_again() {
     let lines = part();
