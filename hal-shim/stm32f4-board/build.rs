@@ -32,11 +32,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::write(out.join("board.rs"), constants::rust(&board))?;
     // Cargo lets the linker of an image look here, as in the folder in which cortex-m-rt puts link.x.
-    fs::copy("memory.x", out.join("memory.x"))?;
+    fs::copy("../../memory.x", out.join("memory.x"))?;
     let measures = env::var_os("CARGO_FEATURE_MEASURING_STACK").is_some();
     let stack_kib = if measures { constants::MEASURING_STACK_KIB } else { constants::STACK_KIB };
     fs::write(out.join("memories.x"), constants::memories(&board, stack_kib))?;
     println!("cargo:rustc-link-search={}", out.display());
-    println!("cargo:rerun-if-changed=memory.x");
+    println!("cargo:rerun-if-changed=../../memory.x");
     Ok(())
 }

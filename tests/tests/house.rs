@@ -1,4 +1,4 @@
-//! What manifests switch off is not there: no test and no example is left out without a word.
+//! The house: which folder uses which, and nothing that manifests switch off without a word.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fs;
@@ -77,6 +77,72 @@ fn faults(package: &Path) -> Vec<String> {
         }
     }
     faults
+}
+
+/// Folders of the top level that packages of a folder may use, beside their own. `tests` and `xtask` may use all.
+const USES: [(&str, &[&str]); 7] = [
+    ("planner", &[]),
+    ("hal-shim", &["planner"]),
+    ("printer", &["planner", "hal-shim"]),
+    ("config", &["planner", "hal-shim", "printer"]),
+    ("papers", &["planner"]),
+    ("app", &["planner", "hal-shim", "printer", "config", "papers"]),
+    ("desk", &["planner", "hal-shim", "printer", "config", "papers"]),
+];
+
+/// Arrows that lead elsewhere. None may join them; one that is gone leaves the list.
+const AGAINST_THE_RULE: [(&str, &str); 9] = [
+    ("config/profiles", "papers"),
+    ("desk/cli", "tests/oracle"),
+    ("desk/simulator", "tests/oracle"),
+    ("hal-shim/stm32f4-board", "config/boards"),
+    ("hal-shim/stm32f4-board", "printer/black-box"),
+    ("hal-shim/stm32f4-usb", "printer/gcode"),
+    ("hal-shim/stm32f4-usb", "printer/host-port"),
+    ("papers", "printer"),
+    ("papers", "printer/gpre"),
+];
+
+/// The folders of the packages of ours that a package's library or build script uses, by the workspace's names.
+fn used(package: &Path, of_workspace: &Table) -> Vec<PathBuf> {
+    let manifest: Table = fs::read_to_string(package.join("Cargo.toml")).unwrap().parse().unwrap();
+    let tables = ["dependencies", "build-dependencies"].map(|table| manifest.get(table).and_then(toml::Value::as_table));
+    let ours = tables.into_iter().flatten().flatten().filter_map(|(name, value)| {
+        match value.get("path").and_then(toml::Value::as_str) {
+            Some(path) => Some(package.join(path)),
+            None => Some(repository().join(of_workspace.get(name)?.get("path")?.as_str()?)),
+        }
+    });
+    ours.map(|folder| fs::canonicalize(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()))).collect()
+}
+
+#[test]
+fn folders_use_those_below_them() {
+    let root = fs::canonicalize(repository()).unwrap();
+    let manifest: Table = fs::read_to_string(root.join("Cargo.toml")).unwrap().parse().unwrap();
+    let of_workspace = manifest["workspace"]["dependencies"].as_table().unwrap();
+    let mut found = Vec::new();
+    packages(&root, &mut found);
+    let top = |folder: &Path| folder.components().next().unwrap().as_os_str().to_str().unwrap().to_owned();
+    let mut against = Vec::new();
+    let mut arrows = 0;
+    for package in &found {
+        let from = package.strip_prefix(&root).unwrap();
+        let Some((_, may_use)) = USES.iter().find(|(folder, _)| *folder == top(from)) else {
+            assert!(["tests", "xtask"].contains(&top(from).as_str()), "{}: a folder without a rule", from.display());
+            continue;
+        };
+        for to in used(package, of_workspace) {
+            let to = to.strip_prefix(&root).unwrap();
+            arrows += 1;
+            if top(to) != top(from) && !may_use.contains(&top(to).as_str()) {
+                against.push((from.to_str().unwrap().to_owned(), to.to_str().unwrap().to_owned()));
+            }
+        }
+    }
+    assert!(arrows > 100, "{arrows}");
+    against.sort();
+    assert_eq!(against, AGAINST_THE_RULE.map(|(from, to)| (from.to_owned(), to.to_owned())));
 }
 
 #[test]

@@ -21,7 +21,7 @@ const CI_PROPTEST_CASES: &str = "4096";
 const MAINBOARD: &str = "ferrostep-mainboard";
 
 /// Image tests that take turns, with what each costs, from the root.
-const SLOW_TESTS: &str = "mainboard/tests/shares.toml";
+const SLOW_TESTS: &str = "tests/mainboard/tests/shares.toml";
 
 /// Arguments of `test`.
 #[derive(Clone, Debug, Default, clap::Args)]

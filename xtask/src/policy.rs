@@ -4,7 +4,7 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The workspaces, by their folders from the root.
-const WORKSPACES: [&str; 2] = [".", "fuzz"];
+const WORKSPACES: [&str; 2] = [".", "tests/fuzz"];
 
 /// Checks spelling by `typos.toml`, and all dependencies by `deny.toml`. It leaves known vulnerabilities
 /// out, since their list is on the network and changes daily; [`advisories`] reads it for a release.

@@ -162,7 +162,7 @@ mod tests {
         };
         assert_eq!(names(&["printer/src/lib.rs"]), "cli printer tests");
         assert_eq!(names(&["tests/testkit/src/lib.rs"]), "testkit");
-        assert_eq!(names(&["gcode/src/lib.rs", "README.md"]), "gcode");
+        assert_eq!(names(&["printer/gcode/src/lib.rs", "README.md"]), "gcode");
         assert_eq!(names(&["Cargo.lock"]).split(' ').count(), packages.len());
         assert_eq!(names(&[]), "");
     }

@@ -1,4 +1,4 @@
-//! The board that this is built for: its file (`boards/`) as constants and as stores to registers.
+//! The board that this is built for: its file (`config/boards/`) as constants and as stores to registers.
 
 use ferrostep_step_player::{MotorPins, Pin, PinMap, StepLink};
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
@@ -86,7 +86,7 @@ impl BoardPins {
     /// sensors that axes home with inputs (by the stores of [`SensorLines::start`]).
     pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3], set_up: &[Store]) -> Self {
         // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
-        // motors, fans, thermistors and the serial line; `boards/src/registers.rs` makes and tests them.
+        // motors, fans, thermistors and the serial line; `config/boards/src/registers.rs` makes and tests them.
         unsafe { stores::apply(&PINS) };
         // SAFETY: pins that the board's file gives to sensors, and the EXTI, which no other code has;
         // `hal-shim/stm32f4/src/sensor_lines.rs` makes the stores and tests them.

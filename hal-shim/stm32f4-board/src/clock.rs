@@ -21,7 +21,7 @@ const MAX_LOOKS: u32 = 50_000;
 /// The HAL's own start waits for crystal and PLL without a bound, leaves the voltage scale, the second PLLs and the buses' resets
 /// as a boot loader had them, and does not turn clock security on (hazards 1.6, 3.1 and 3.2 in `docs/src/hazards.md`). So this
 /// starts the clock first: the HAL's `freeze` then finds every flag set and stores the values that the registers already hold
-/// (`boards/src/clock.rs` tests that its search finds the same PLL). The HAL's drivers need the value it returns.
+/// (`config/boards/src/clock.rs` tests that its search finds the same PLL). The HAL's drivers need the value it returns.
 pub fn start(rcc: RCC, _flash: &FLASH) -> (Clock, Rcc) {
     let settings = ClockSettings {
         family: FAMILY,
@@ -31,7 +31,7 @@ pub fn start(rcc: RCC, _flash: &FLASH) -> (Clock, Rcc) {
         flash_wait_states: FLASH_WAIT_STATES,
     };
     // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which is used before this only.
-    // The numbers are within the limits of the manual (`boards/src/clock.rs` makes and tests them).
+    // The numbers are within the limits of the manual (`config/boards/src/clock.rs` makes and tests them).
     let registers = unsafe { Volatile::new() };
     let source = clock_tree::start_best(&mut ClockRegisters::start_internal(registers, settings));
     let with_pll =

@@ -32,7 +32,7 @@ pub fn start(used_fans: [bool; FanOutput::COUNT], _converters: Converters, clock
     }
     let clocks = PwmClocks { slow_hz: clock.slow_timers.raw(), fast_hz: clock.fast_timers.raw() };
     // SAFETY: the converters and the stream were given up to this. The timers are those that the board's file gives to
-    // heaters and fans, which are none that the firmware uses otherwise (`boards/src/signals.rs`); their pins are
+    // heaters and fans, which are none that the firmware uses otherwise (`config/boards/src/signals.rs`); their pins are
     // theirs alone. Clocks are switched on before any task runs. The panic and fault handlers take the pins away when
     // nothing else runs any more.
     let registers = unsafe { Volatile::new() };

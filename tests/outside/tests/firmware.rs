@@ -1,5 +1,5 @@
 //! The content of the firmware's images: layout, code and files. Their behaviour is tested on the virtual mainboard, in
-//! `mainboard/tests`.
+//! `tests/mainboard/tests`.
 //!
 //! `cargo xtask test` builds the images first and names them in `FERROSTEP_FIRMWARE` and `FERROSTEP_IMAGES`; without them the
 //! tests build them.

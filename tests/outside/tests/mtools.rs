@@ -26,7 +26,7 @@ fn path(text: &str) -> LongPath {
 }
 
 fn mounted(name: &str) -> Card {
-    let gz = std::fs::File::open(repository().join(format!("card/tests/images/{name}.img.gz"))).unwrap();
+    let gz = std::fs::File::open(repository().join(format!("printer/card/tests/images/{name}.img.gz"))).unwrap();
     let mut image = Vec::new();
     flate2::read::GzDecoder::new(gz).read_to_end(&mut image).unwrap();
     let card = Card::new(VirtualCard::new(image));

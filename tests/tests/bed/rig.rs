@@ -24,7 +24,7 @@ pub fn round(mesh: &str) -> Profile {
 }
 
 fn machine(mesh: &str, is_round: bool) -> Profile {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../profiles/cartesian.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/profiles/cartesian.toml");
     let mut text = std::fs::read_to_string(path).unwrap();
     // All of the bed is measured, to its ends, unless the table says otherwise.
     let whole = "[mesh]\narea_mm = { x = [0, 200], y = [0, 200] }\n";

@@ -88,7 +88,7 @@ pub fn gunzip(path: &str) -> Vec<u8> {
 
 /// The card that mkfs.fat and mtools have made.
 pub fn image() -> Vec<u8> {
-    gunzip("card/tests/images/fat16.img.gz")
+    gunzip("printer/card/tests/images/fat16.img.gz")
 }
 
 /// A printer with a card, and its replies.

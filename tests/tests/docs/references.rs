@@ -161,7 +161,7 @@ fn root() -> &'static Path {
 
 /// The book and the pages beside it; the changelog may name removed things.
 fn pages() -> Vec<Page> {
-    let mut paths = ["README.md", "CONTRIBUTING.md", "SECURITY.md", "examples/README.md", "fuzz/README.md"]
+    let mut paths = ["README.md", "CONTRIBUTING.md", "SECURITY.md", "examples/README.md", "tests/fuzz/README.md"]
         .map(str::to_owned)
         .to_vec();
     let mut folders = vec!["docs/src".to_owned()];

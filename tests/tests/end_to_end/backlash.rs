@@ -16,7 +16,7 @@ const TABLE: &str = "[backlash]\nplay_mm = { x = 0.15, y = 0.1, z = 0.05 }\n";
 /// A print of a file on the cartesian profile with further keys, and its trace.
 fn print(job: &Path, keys: &str, trace: &Path) -> Outcome {
     let directory = directory();
-    let text = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let profile = file(&directory, "profile.toml", format!("{text}\n{keys}"));
     let arguments = ["print", "--json", "--profile", profile.to_str().unwrap(), "--trace", trace.to_str().unwrap()];
     let outcome = ferrostep(arguments.into_iter().chain([job.to_str().unwrap()]));
@@ -108,7 +108,7 @@ fn prints_are_where_they_are_to_be() {
 #[test]
 fn a_machine_that_shares_motors_has_no_play_of_one_axis() {
     let directory = directory();
-    let text = fs::read_to_string(repository().join("profiles/corexy.toml")).unwrap();
+    let text = fs::read_to_string(repository().join("config/profiles/corexy.toml")).unwrap();
     let profile = file(&directory, "profile.toml", format!("{text}\n{TABLE}"));
     let job = file(&directory, "job.gcode", "G28\n");
     let outcome = ferrostep(["print", job.to_str().unwrap(), "--profile", profile.to_str().unwrap()]);

@@ -257,7 +257,7 @@ fn unknown_options_are_refused() {
 #[test]
 fn wrong_profiles_are_refused() {
     let directory = directory();
-    let cartesian = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let cartesian = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let with = |profile: &Path| {
         ferrostep(["print".as_ref(), "examples/cube.gcode".as_ref(), "--profile".as_ref(), profile.as_os_str()])
     };
@@ -331,7 +331,7 @@ fn unknown_commands_are_listed_once_and_skipped() {
 fn misspelt_names_are_answered_with_the_likeliest() {
     let directory = directory();
     let job = file(&directory, "job.gcode", "G28\n");
-    let text = fs::read_to_string(repository().join("profiles/corexy.toml")).unwrap();
+    let text = fs::read_to_string(repository().join("config/profiles/corexy.toml")).unwrap();
     let profile = file(&directory, "mine.toml", text.replace("\nsteps_per_mm", "\nstep_per_mm"));
     for (profile, expected) in [
         (profile.to_str().unwrap(), "unknown key \"step_per_mm\": did you mean \"steps_per_mm\"?"),

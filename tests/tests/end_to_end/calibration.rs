@@ -44,7 +44,7 @@ fn a_record_becomes_keys_that_a_profile_takes() {
     let uncertainty_hz = json["mode"]["frequency_uncertainty_hz"].as_f64().unwrap();
     assert!((frequency_hz - 60.0).abs() < uncertainty_hz.min(2.0), "{json:#}");
     let (_, keys) = outcome.stdout.split_once("In the profile:\n\n").unwrap();
-    let profile = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let profile = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let own = file(&directory, "own.toml", format!("{profile}\n{keys}"));
     let job = file(&directory, "job.gcode", "G28\nG1 X50 F6000\n");
     let printed = ferrostep(["print", job.to_str().unwrap(), "--profile", own.to_str().unwrap()]);
@@ -159,7 +159,7 @@ fn a_tube_has_the_flows_it_names_on_every_machine() {
         let words = ["--profile", profile, "-o", tube, "--from", "3", "--step", "0.5", "--bands", "20"];
         let written = ferrostep(["calibrate", "flow"].into_iter().chain(words));
         assert_eq!(written.status, Some(0), "{written:#?}");
-        let text = fs::read_to_string(repository().join("profiles").join(format!("{profile}.toml"))).unwrap();
+        let text = fs::read_to_string(repository().join("config/profiles").join(format!("{profile}.toml"))).unwrap();
         for (melts, status) in [("13.05", 0), ("12.9", 1)] {
             let own = file(&directory, "own.toml", format!("max_volumetric_flow_mm3_per_s = {melts}\n{text}"));
             let printed = ferrostep(["print", tube, "--profile", own.to_str().unwrap(), "--strict"]);

@@ -10,7 +10,7 @@ use crate::end_to_end::command::{directory, example, ferrostep, file, repository
 
 /// The cartesian profile with motors A and C, of equal steps, for X and Z.
 fn machine() -> String {
-    let cartesian = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let cartesian = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let mut text = cartesian.clone();
     for (from, to) in [("kinematics = \"cartesian\"", "kinematics = \"corexz\""), ("y = 80, z = 400", "y = 80, z = 80")]
     {

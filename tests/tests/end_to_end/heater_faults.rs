@@ -16,7 +16,7 @@ const KILLED: &str = "Error:Printer halted. kill() called!";
 /// Runs a job on the cartesian machine with other values for its nozzle.
 #[track_caller]
 fn print_with_nozzle(values: &[(&str, &str)], job: &str) -> Outcome {
-    let text = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let text = std::fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let (before, nozzle) = text.split_once("[nozzle]\n").unwrap();
     let mut text = format!("{before}[nozzle]\n");
     let mut replaced = 0;

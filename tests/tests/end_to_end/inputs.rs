@@ -105,7 +105,7 @@ fn a_job_is_prepared_from_standard_input_and_from_binary_gcode() {
 fn a_prepared_job_keeps_the_picture_of_binary_gcode() {
     let directory = directory();
     let out = directory.path().join("ring.gpre");
-    let ring = repository().join("binary-gcode/tests/data/ring-32.bgcode");
+    let ring = repository().join("desk/binary-gcode/tests/data/ring-32.bgcode");
     let outcome = ferrostep(["preprocess".as_ref(), ring.as_os_str(), "-o".as_ref(), out.as_os_str()]);
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
     let inspected = ferrostep(["inspect".as_ref(), out.as_os_str()]);
@@ -114,7 +114,7 @@ fn a_prepared_job_keeps_the_picture_of_binary_gcode() {
 
 #[test]
 fn inspect_shows_what_the_slicer_says_in_binary_gcode() {
-    let ring = repository().join("binary-gcode/tests/data/ring-32.bgcode");
+    let ring = repository().join("desk/binary-gcode/tests/data/ring-32.bgcode");
     let inspected = ferrostep(["inspect".as_ref(), ring.as_os_str()]);
     assert_eq!((inspected.status, inspected.stderr.as_str()), (Some(0), ""), "{inspected:#?}");
     assert!(

@@ -9,7 +9,7 @@ use crate::end_to_end::desk::{profile, rehearse_traced};
 
 /// The text of a built-in profile with some of its text replaced.
 fn changed(name: &str, changes: &[(&str, &str)]) -> String {
-    let mut text = fs::read_to_string(repository().join(format!("profiles/{name}.toml"))).unwrap();
+    let mut text = fs::read_to_string(repository().join(format!("config/profiles/{name}.toml"))).unwrap();
     for (from, to) in changes {
         assert!(text.contains(from), "{from}");
         text = text.replacen(from, to, 1);

@@ -41,7 +41,7 @@ const CORE_XY: [Bounds; 5] = [
 fn print(name: &str, machine: &str, profile: &ReferenceProfile, bounds: &Bounds) -> TraceReport {
     let text = example(name);
     let directory = directory();
-    let builtin = fs::read_to_string(repository().join("profiles").join(format!("{machine}.toml"))).unwrap();
+    let builtin = fs::read_to_string(repository().join("config/profiles").join(format!("{machine}.toml"))).unwrap();
     let chosen = file(&directory, "profile.toml", format!("interpolation = \"{}\"\n{builtin}", bounds.method));
     let trace = directory.path().join("trace");
     let path = format!("examples/{name}");

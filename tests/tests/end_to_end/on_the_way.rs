@@ -34,7 +34,7 @@ fn profiles(directory: &TempDir, name: &str, text: &str) -> [PathBuf; 2] {
 }
 
 fn profile(name: &str) -> String {
-    fs::read_to_string(repository().join(format!("profiles/{name}.toml"))).unwrap()
+    fs::read_to_string(repository().join(format!("config/profiles/{name}.toml"))).unwrap()
 }
 
 /// The same machine with 600 mm/s and 5000 mm/s^2 of X and Y.

@@ -184,7 +184,7 @@ fn a_trace_goes_through_a_pipe() {
 fn an_output_equal_to_the_input_is_refused_under_any_name() {
     let directory = directory();
     let job = file(&directory, "job.gcode", SQUARE);
-    let machine = fs::read(crate::end_to_end::command::repository().join("profiles/cartesian.toml")).unwrap();
+    let machine = fs::read(crate::end_to_end::command::repository().join("config/profiles/cartesian.toml")).unwrap();
     let machine_path = file(&directory, "machine.toml", &machine);
     let hard_link = directory.path().join("hard");
     fs::hard_link(&job, &hard_link).unwrap();

@@ -226,7 +226,7 @@ fn content_decides_what_a_file_is() {
 #[test]
 fn a_prepared_job_sets_filters_where_the_gcode_does() {
     let directory = directory();
-    let plain = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let plain = std::fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let shaper =
         "[input_shaper]\nx = { kind = \"mzv\", frequency_hz = 50 }\ny = { kind = \"ei\", frequency_hz = 38 }\n";
     let profiles = [plain.clone(), format!("{plain}\n{shaper}")];
@@ -406,7 +406,7 @@ fn too_much_flow_ends_the_job_at_rest() {
 
 #[test]
 fn the_benchmarked_jobs_are_of_the_current_planner() {
-    let folder = repository().join("bench/src/gyroid");
+    let folder = repository().join("tests/bench/src/gyroid");
     let gcode = std::fs::read(folder.join("job.gcode")).unwrap();
     for (name, encoding) in [("compact.gpre", Encoding::Compact), ("wide.gpre", Encoding::Wide)] {
         let job = prepared(&profile("cartesian"), &gcode, encoding).unwrap();

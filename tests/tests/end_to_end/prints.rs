@@ -178,7 +178,7 @@ fn without_limits(text: &[u8]) -> Vec<u8> {
 #[test]
 fn estimates_match_the_reference_planner() {
     let directory = directory();
-    let cartesian = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let cartesian = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let changed = cartesian.replace("junction_deviation_mm = 0.1\n", "junction_deviation_mm = 0.0995\n");
     assert_ne!(changed, cartesian);
     let profile = file(&directory, "profile.toml", changed);

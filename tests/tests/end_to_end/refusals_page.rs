@@ -244,7 +244,7 @@ fn profiles(page: &mut String) {
     let folder = temporary.path().to_str().unwrap();
     table(page, "Profiles", "change of a built-in profile");
     for (profile, from, to) in PROFILES {
-        let text = fs::read_to_string(repository().join("profiles").join(format!("{profile}.toml"))).unwrap();
+        let text = fs::read_to_string(repository().join("config/profiles").join(format!("{profile}.toml"))).unwrap();
         assert!(text.contains(from), "{profile} has no {from:?}");
         let changed = file(&temporary, "own.toml", text.replacen(from, to, 1));
         let says = answer(&["print", "examples/cube.gcode", "--profile", changed.to_str().unwrap()], folder);

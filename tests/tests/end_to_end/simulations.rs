@@ -178,7 +178,7 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
     let cut = named("cut.trace", &bytes[..header + 12 * 100 + 5]);
     let text = String::from_utf8(bytes[..header].to_vec()).unwrap();
     let delta = named("delta.trace", text.replace("cartesian", "delta").as_bytes());
-    let profile = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let profile = std::fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let skew = named("skew.toml", format!("{profile}\n[skew]\nxy = {{ factor = 0.01 }}\n").as_bytes());
     let rows: [(&[&str], &str); 21] = [
         (&[&cut], "trace ends inside the record at byte"),

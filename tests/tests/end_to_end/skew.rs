@@ -54,7 +54,7 @@ const CARTESIAN_STEPS_PER_MM: [f64; 3] = [80.0, 80.0, 400.0];
 /// Where the motors of the cartesian profile, with further keys, stand after some lines: mm.
 fn motors_mm(keys: &str, lines: &str) -> [f64; 3] {
     let directory = directory();
-    let text = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let profile = file(&directory, "profile.toml", format!("{text}\n{keys}"));
     let job = file(&directory, "job.gcode", format!("G28\n{lines}\n"));
     let arguments = ["print", job.to_str().unwrap(), "--profile", profile.to_str().unwrap(), "--json"];
@@ -118,7 +118,7 @@ fn the_squares_diagonals_are_equal() {
 fn the_limits_are_those_of_the_axes() {
     let time_s = |factor: f64| {
         let directory = directory();
-        let text = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+        let text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
         let profile = file(&directory, "profile.toml", format!("{text}\n[skew]\nxy.factor = {factor}\n"));
         let job = file(&directory, "job.gcode", "G28\nM203 X2\nM205 X0.1\nG1 Y180 F9000\n");
         let arguments = ["print", job.to_str().unwrap(), "--profile", profile.to_str().unwrap(), "--json"];
@@ -139,7 +139,7 @@ fn the_limits_are_those_of_the_axes() {
 fn no_skew_is_as_ever() {
     let digest = |keys: &str, before: &str| {
         let directory = directory();
-        let text = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+        let text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
         let profile = file(&directory, "profile.toml", format!("{text}\n{keys}"));
         let cube = fs::read_to_string(repository().join("examples/cube.gcode")).unwrap();
         let job = file(&directory, "job.gcode", format!("{before}{cube}"));
@@ -158,7 +158,7 @@ fn no_skew_is_as_ever() {
 #[test]
 fn no_job_is_prepared_for_skew_axes() {
     let directory = directory();
-    let text = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let straight = file(&directory, "straight.toml", &text);
     let skew = file(&directory, "skew.toml", format!("{text}\n[skew]\nyz.factor = 0.001\n"));
     let (straight, skew) = (straight.to_str().unwrap(), skew.to_str().unwrap());
@@ -179,7 +179,7 @@ fn no_job_is_prepared_for_skew_axes() {
 #[test]
 fn a_profile_says_what_is_wrong_with_its_skew() {
     let directory = directory();
-    let text = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     for (keys, says) in [
         ("xy.factor = 0.06", "skew.xy.factor"),
         ("xy.ac_mm = 141.4", "either factor, or ac_mm, bd_mm and ad_mm"),

@@ -15,7 +15,7 @@ fn a_sweep_is_an_estimate_for_each_value() {
     let (left_out, kept): (Vec<&str>, Vec<&str>) =
         text.lines().partition(|line| limits.iter().any(|code| line.starts_with(code)));
     let job = file(&directory, "job.gcode", kept.join("\n"));
-    let profile = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let profile = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     let estimate = |acceleration: &str| {
         let edited = profile
             .replace("{ print = 1000, travel = 1000,", &format!("{{ print = {acceleration}, travel = {acceleration},"))

@@ -21,7 +21,7 @@ fn folder() -> TempDir {
 
 /// A machine that knows its frame.
 fn profile(folder: &TempDir) -> PathBuf {
-    let mut text = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let mut text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     for (axis, frequency_hz) in ["x", "y"].into_iter().zip(FRAME_HZ) {
         text +=
             &format!("\n[frame.{axis}]\nfrequency_hz = {frequency_hz}\nfrequency_uncertainty_hz = 1\ndamping = 0.06\n");

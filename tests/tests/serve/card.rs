@@ -12,7 +12,7 @@ use tempfile::TempDir;
 /// The image of a card that mkfs.fat and mtools have made, as a file in a folder.
 pub fn image(folder: &TempDir) -> PathBuf {
     let image = folder.path().join("card.img");
-    let gz = std::fs::File::open(repository().join("card/tests/images/fat16.img.gz")).unwrap();
+    let gz = std::fs::File::open(repository().join("printer/card/tests/images/fat16.img.gz")).unwrap();
     let mut bytes = Vec::new();
     flate2::read::GzDecoder::new(gz).read_to_end(&mut bytes).unwrap();
     std::fs::write(&image, &bytes).unwrap();
@@ -125,7 +125,7 @@ fn a_sensor_pauses_the_print(
     let expected = print_of_lines(&lines);
     let folder = folder_with_part(&lines);
     let profile = folder.path().with_extension("toml");
-    let text = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let text = std::fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();
     std::fs::write(&profile, format!("{text}\n[filament_sensor]\n{sensor}\n")).unwrap();
     let faults = faults.map(|fault| ["--fault", fault]).concat();
     let machine = ["--speed", "max", "--profile", profile.to_str().unwrap(), "--card", path(&folder)];

@@ -70,7 +70,7 @@ fn two_files_and_two_profiles_are_compared() {
 #[test]
 fn what_cannot_be_compared_is_refused() {
     let folder = job(PART);
-    std::fs::copy(repository().join("profiles/cartesian.toml"), folder.path().join("mine.toml")).unwrap();
+    std::fs::copy(repository().join("config/profiles/cartesian.toml"), folder.path().join("mine.toml")).unwrap();
     let refused = |arguments: &[&str], reason: &str| {
         let output = compare(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

@@ -253,8 +253,8 @@ impl Program {
     fn source(self) -> &'static str {
         match self {
             Self::Firmware => "app/src/main.rs",
-            Self::Bench | Self::Tally => "bench/src/bin/bench/main.rs",
-            Self::OnTarget => "bench/src/bin/on_target/main.rs",
+            Self::Bench | Self::Tally => "tests/bench/src/bin/bench/main.rs",
+            Self::OnTarget => "tests/bench/src/bin/on_target/main.rs",
         }
     }
 

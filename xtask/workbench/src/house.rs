@@ -19,7 +19,7 @@ use layout::{Layout, ROOM};
 const PICTURE: &str = "docs/src/images/packages.svg";
 
 /// Manifests of the workspaces, from the root.
-const WORKSPACES: [&str; 2] = ["Cargo.toml", "fuzz/Cargo.toml"];
+const WORKSPACES: [&str; 2] = ["Cargo.toml", "tests/fuzz/Cargo.toml"];
 
 /// Height of the line that explains the colours, pixels.
 const LEGEND: f64 = 40.0;
@@ -39,12 +39,12 @@ enum Kind {
 
 /// Folders of tests and tools, from the root.
 const TOOLS: [&str; 9] = [
-    "fuzz",
-    "image-code",
-    "mainboard/log",
-    "random-cases",
     "tests",
+    "tests/fuzz",
+    "tests/image-code",
+    "tests/mainboard/log",
     "tests/outside",
+    "tests/random-cases",
     "tests/testkit",
     "xtask",
     "xtask/workbench",
@@ -243,7 +243,7 @@ mod tests {
     fn the_drawing_has_every_package_and_is_current() {
         let kept = std::fs::read_to_string(picture_path()).unwrap();
         assert!(kept == picture().unwrap(), "{PICTURE} is not current: `cargo xtask refresh` draws it anew");
-        for folder in ["gcode", "show", "web", "calibration", "mainboard", "fuzz", "stm32f4-usb", "xtask"] {
+        for folder in ["printer/gcode", "desk/show", "desk/web", "tests/mainboard", "tests/fuzz", "hal-shim/stm32f4-usb", "xtask"] {
             assert!(kept.contains(&format!(">{folder}/</text>")), "{folder}");
         }
     }

@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn a_panic_counts_only_with_its_place_in_the_log() {
         let ended = "the program panicked or faulted: a hard fault at 0x08001234";
-        let logged = "log: error panicked at bench/src/bin/on_target/main.rs:5:9:";
+        let logged = "log: error panicked at tests/bench/src/bin/on_target/main.rs:5:9:";
         assert_eq!(panicked(Err(format!("{logged}\n{ended}"))).unwrap(), logged);
         assert!(panicked(Err(ended.to_owned())).is_err());
         assert!(panicked(Err(logged.to_owned())).is_err());

@@ -41,12 +41,12 @@ const DESK: [Writer; 9] = [
     Writer {
         what: "keys of profiles",
         arguments: &["test", "-p", "ferrostep-profiles", "--test", "profiles", "book"],
-        sources: &["profiles/tests/profiles/book.rs"],
+        sources: &["config/profiles/tests/profiles/book.rs"],
     },
     Writer {
         what: "keys of boards",
         arguments: &["test", "-p", "ferrostep-boards", "--test", "boards", "book"],
-        sources: &["boards/tests/boards/book.rs"],
+        sources: &["config/boards/tests/boards/book.rs"],
     },
     Writer {
         what: "play of drives",
@@ -197,7 +197,7 @@ mod tests {
         let known: Vec<&str> = DESK.iter().chain([&MASKED]).flat_map(|writer| writer.sources).copied().collect();
         for source in found
             .iter()
-            .filter(|source| !matches!(source.as_str(), "checked-toml/src/book.rs" | "xtask/workbench/src/refresh.rs"))
+            .filter(|source| !matches!(source.as_str(), "config/checked-toml/src/book.rs" | "xtask/workbench/src/refresh.rs"))
         {
             assert!(known.contains(&source.as_str()), "{source} writes, but `cargo xtask refresh` does not run it");
         }

@@ -25,7 +25,7 @@ fn now_s(machine: &Machine) -> f64 {
 /// A card with one file.
 fn card(text: &str) -> Card {
     let mut image = Vec::new();
-    let file = std::fs::File::open(repository().join("card/tests/images/fat16.img.gz")).unwrap();
+    let file = std::fs::File::open(repository().join("printer/card/tests/images/fat16.img.gz")).unwrap();
     flate2::read::GzDecoder::new(file).read_to_end(&mut image).unwrap();
     let card = Card::new(VirtualCard::new(image));
     let ask = |request: Request| {

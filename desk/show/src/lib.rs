@@ -1,0 +1,34 @@
+//! One self-contained page that shows a print as it is executed: the path in space, coloured by what the steps do.
+//!
+//! [`Recorder`] takes the steps as they are made, the ends of moves, waits and temperatures, and keeps [`Node`]s of the path: few
+//! where the motion is even, more where it changes. [`SourceText`] reads what slicers say in comments. [`write_page`] puts the page together: data in
+//! columns, deflated, and the page's own programs (`desk/show/page/`), which fetch nothing.
+
+mod columns;
+mod commanded;
+mod comment_reader;
+mod comparison;
+mod lines;
+mod marks;
+mod motor;
+mod node;
+mod page;
+mod path;
+mod recorder;
+mod reduce;
+mod sampler;
+mod source;
+mod temperatures;
+mod totals;
+
+pub use commanded::PlannedMove;
+pub use comment_reader::CommentReader;
+pub use comparison::{Row, write_comparison};
+pub use lines::LineState;
+pub use marks::{Mark, Marks};
+pub use node::{Kind, Node};
+pub use page::{Finding, Job, write_page};
+pub use recorder::{Machine, Recorder, Recording};
+pub use source::{SourceText, Text};
+pub use temperatures::{Chamber, Temperature};
+pub use totals::{Extreme, Totals};
