@@ -1,10 +1,8 @@
 //! Li's table of frequencies.
 
 use crate::curve_error::{CurveError, is_in_range};
+use ferrostep_planner::SCurveTableSettings;
 use ferrostep_planner::square_root::square_root;
-
-/// Most slices of a table.
-const MAX_SLICES: f64 = 65_536.0;
 
 /// Li's table (Li 2017, sect. 1.2): the S-curve from a start frequency f0 to a highest one, in slices of T = 2/f0, each at
 /// a constant frequency, and the pulses made up to each of them, F.
@@ -64,7 +62,7 @@ impl FrequencyTable {
         // Li 2017, eq. 4.
         let half_time_s = square_root((top_hz - start_hz) / jerk_hz_per_s2);
         let slices = 2.0 * half_time_s / slice_s;
-        if slices.is_nan() || slices > MAX_SLICES {
+        if slices.is_nan() || slices > f64::from(SCurveTableSettings::MAX_SLICES) {
             return Err(CurveError::TooManySlices);
         }
         // No slice for what rounding leaves of the last.

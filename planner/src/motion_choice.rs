@@ -4,6 +4,7 @@
 use crate::limits::Limits;
 use crate::pressure_advance::PressureAdvance;
 use crate::shaping::{AxisShaper, Shaping};
+use crate::square_root::square_root;
 use crate::tolerance::PathTolerance;
 
 /// How the motors' steps follow a straight line.
@@ -88,6 +89,17 @@ pub struct SCurveTableSettings {
     pub top_hz: u32,
     /// Jerk, steps/s^3, above zero.
     pub jerk_hz_per_s2: u32,
+}
+
+impl SCurveTableSettings {
+    /// Most slices of the table.
+    pub const MAX_SLICES: u32 = 65_536;
+
+    /// Slices of 2/f0 in the ramp from f0 to the highest frequency (Li 2017, eq. 4), a last part included.
+    pub fn slices(&self) -> f64 {
+        let [start_hz, top_hz, jerk_hz_per_s2] = [self.start_hz, self.top_hz, self.jerk_hz_per_s2].map(f64::from);
+        square_root((top_hz - start_hz) / jerk_hz_per_s2) * start_hz
+    }
 }
 
 /// The methods in use and their parameters.

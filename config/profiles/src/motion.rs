@@ -1,7 +1,6 @@
 //! The methods that make the steps.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_papers::table::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, AxisShaper, DualRatePeriods, EvenSpacing, Interpolation, MotionChoice, PATH_TOLERANCE_MM,
     PressureAdvance, SCurveTableSettings, SMOOTH_TIME_S, SecondSlope, ShaperError, ShaperKind, TICKS_PER_SECOND,
@@ -236,9 +235,11 @@ fn s_curve_table(keys: &Section<'_>) -> SCurveTableSettings {
         .number("jerk_hz_per_s2", TABLE_JERK)
         .required("large enough that the ramp has at most 65 536 slices of 2/`start_hz`")
         .round();
-    if FrequencyTable::new(start_hz, top_hz, jerk).is_err() {
+    let settings =
+        SCurveTableSettings { start_hz: start_hz as u32, top_hz: top_hz as u32, jerk_hz_per_s2: jerk as u32 };
+    if settings.slices() > f64::from(SCurveTableSettings::MAX_SLICES) {
         let expected = "a table of at most 65536 slices of 2/start_hz: a larger jerk or a lower start_hz";
         table.refuse("jerk_hz_per_s2", expected);
     }
-    SCurveTableSettings { start_hz: start_hz as u32, top_hz: top_hz as u32, jerk_hz_per_s2: jerk as u32 }
+    settings
 }

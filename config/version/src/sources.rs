@@ -99,13 +99,27 @@ mod tests {
     fn what_the_tool_and_the_images_are_made_from_counts() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let tool = of_package(&root, "desk/cli").unwrap();
-        for folder in
-            ["desk/binary-gcode", "printer/card", "config/checked-toml", "desk/cli", "tests/oracle", "papers", "config/version"]
-        {
+        for folder in [
+            "desk/binary-gcode",
+            "printer/card",
+            "config/checked-toml",
+            "desk/cli",
+            "tests/oracle",
+            "papers",
+            "config/version",
+        ] {
             assert!(tool.iter().any(|source| source == folder), "{folder}: {tool:?}");
         }
         let image = of_package(&root, "app").unwrap();
-        for folder in ["app", "config/boards", "printer/card", "hal-shim/stm32f4-board", "papers", "planner/square-root", "printer/host-port"] {
+        for folder in [
+            "app",
+            "config/boards",
+            "printer/card",
+            "hal-shim/stm32f4-board",
+            "papers",
+            "planner/square-root",
+            "printer/host-port",
+        ] {
             assert!(image.iter().any(|source| source == folder), "{folder}: {image:?}");
         }
         // Nothing that is not there.

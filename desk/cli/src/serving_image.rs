@@ -71,6 +71,7 @@ fn names(home: &Path) -> Vec<String> {
 /// The checkout around the working folder, or around this program.
 fn home() -> Option<PathBuf> {
     let starts = [std::env::current_dir().ok(), std::env::current_exe().ok()];
-    let is_home = |folder: &&Path| folder.join("tests/mainboard/Cargo.toml").is_file() && folder.join("config/boards").is_dir();
+    let is_home =
+        |folder: &&Path| folder.join("tests/mainboard/Cargo.toml").is_file() && folder.join("config/boards").is_dir();
     starts.into_iter().flatten().find_map(|start| start.ancestors().find(is_home).map(Path::to_owned))
 }

@@ -92,8 +92,8 @@ fn an_estimate_waits_as_long_as_a_print() {
 #[test]
 fn an_estimate_notices_a_failed_heater() {
     let directory = crate::end_to_end::command::directory();
-    let text =
-        std::fs::read_to_string(crate::end_to_end::command::repository().join("config/profiles/cartesian.toml")).unwrap();
+    let text = std::fs::read_to_string(crate::end_to_end::command::repository().join("config/profiles/cartesian.toml"))
+        .unwrap();
     let weak = text.replacen("\nproportional = 0.1\nintegral = 0.004\n", "\nproportional = 0.0001\nintegral = 0\n", 1);
     assert_ne!(weak, text);
     let machine = crate::end_to_end::command::file(&directory, "weak.toml", weak);

@@ -39,7 +39,15 @@ impl Served {
         let port = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
         let mut process = Command::new(env!("CARGO_BIN_EXE_ferrostep-mainboard"))
             .current_dir(root())
-            .args(["serve", "--board", "config/boards/bench.toml", "--profile", "config/profiles/cartesian.toml", "--via", "uart"])
+            .args([
+                "serve",
+                "--board",
+                "config/boards/bench.toml",
+                "--profile",
+                "config/profiles/cartesian.toml",
+                "--via",
+                "uart",
+            ])
             .arg("--image")
             .arg(image_of("bench"))
             .args(["--speed", SPEED, "--pty"])
