@@ -31,6 +31,7 @@ mod idle_heaters;
 mod import_cases;
 mod import_parts;
 mod import_refusals;
+mod import_running;
 mod import_tools;
 mod import_z_motors;
 mod imports;

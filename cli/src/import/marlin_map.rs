@@ -122,7 +122,7 @@ impl<'a> Reading<'a> {
         Row {
             file: definition.file.clone(),
             line: definition.line,
-            key: definition.name.clone(),
+            key: definition.key(),
             value: shown(&definition.value),
             kept: None,
             why: why.to_owned(),
@@ -205,6 +205,10 @@ impl<'a> Reading<'a> {
                 let row = self.row(definition, reason(&definition.name));
                 self.draft.add(row);
             }
+        }
+        for definition in &self.definitions.replaced {
+            let row = self.row(definition, "the running printer says otherwise");
+            self.draft.add(row);
         }
     }
 }
