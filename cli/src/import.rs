@@ -7,6 +7,7 @@ mod c_macros;
 mod c_tokens;
 mod condition;
 mod draft;
+mod effort;
 mod expression;
 mod glob;
 mod http;
@@ -19,6 +20,7 @@ mod marlin_report;
 mod moonraker;
 mod nearest;
 mod paths;
+mod rows;
 mod sensor;
 mod text;
 

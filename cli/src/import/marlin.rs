@@ -87,6 +87,7 @@ impl Definitions {
 
     /// The definition of a name that holds.
     pub fn get(&self, name: &str) -> Option<&Definition> {
+        super::effort::count();
         self.all.iter().rev().find(|definition| definition.name == name)
     }
 }

@@ -1,5 +1,12 @@
 //! What a running Marlin says of itself (M115, M503), as the definitions of its configuration.
 
+mod command;
+mod reasons;
+
+pub(super) use reasons::reason;
+
+use command::{Command, command, value_of};
+
 use super::marlin::{Definition, Definitions, Running};
 
 /// Names of the answers, where a file has its name.
@@ -11,33 +18,6 @@ const AXES: [char; 4] = ['X', 'Y', 'Z', 'E'];
 
 /// Stands in a list where the printer has said no number.
 const NOT_SAID: &str = "not_said";
-
-/// A command of the report.
-struct Command<'a> {
-    line: usize,
-    /// Its letter and number.
-    code: &'a str,
-    /// All after the code, without its comment.
-    rest: &'a str,
-}
-
-impl Command<'_> {
-    /// The number after a letter.
-    fn number(&self, letter: char) -> Option<f64> {
-        let mut words = self.rest.split_whitespace();
-        let text = words.find_map(|word| word.strip_prefix(letter))?;
-        text.parse().ok().filter(|number: &f64| number.is_finite())
-    }
-
-    fn has(&self, letter: char) -> bool {
-        self.rest.split_whitespace().any(|word| word.starts_with(letter))
-    }
-
-    /// Whether it is of the first extruder, heater or motor, by the letter that says which.
-    fn is_of_first(&self, letters: &[char]) -> bool {
-        letters.iter().all(|letter| !self.has(*letter) || self.number(*letter) == Some(0.0))
-    }
-}
 
 /// Takes in the answers to M115 and M503. They hold over a file's definitions that are there.
 ///
@@ -88,28 +68,6 @@ fn refuse_others(name: &str) -> Result<(), String> {
         Some((_, cure)) => Err(format!("the printer says that it is {}, not Marlin: {cure}", super::shown(name))),
         None => Ok(()),
     }
-}
-
-/// What stands after a key in the answer to M115, up to the next key.
-fn value_of(about: &[String], key: &str) -> Option<String> {
-    let is_key = |word: &&str| {
-        let key = word.split(':').next().unwrap_or_default();
-        word.contains(':') && key.len() > 2 && key.bytes().all(|byte| byte.is_ascii_uppercase() || byte == b'_')
-    };
-    let rest = about.iter().find_map(|line| line.split_once(key).map(|(_, rest)| rest))?;
-    let words: Vec<&str> = rest.split_whitespace().take_while(|word| !is_key(word)).collect();
-    Some(words.join(" ")).filter(|value| !value.is_empty())
-}
-
-/// The command of a line, if it is one: `echo:  M92 X80.00 ...`.
-fn command(line: usize, text: &str) -> Option<Command<'_>> {
-    let text = ["echo:", "Config:"].iter().find_map(|start| text.trim().strip_prefix(start)).unwrap_or(text).trim();
-    let text = text.split(';').next().unwrap_or_default().trim();
-    let (code, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
-    let digits = code.strip_prefix(['M', 'G'])?;
-    let is_code = !digits.is_empty() && digits.len() < 5 && digits.bytes().all(|byte| byte.is_ascii_digit());
-    // The printer repeats the command where it echoes.
-    (is_code && code != M503).then_some(Command { line, code, rest: rest.trim() })
 }
 
 /// The definitions to which a report is added.
@@ -377,148 +335,6 @@ pub(super) fn running(about: &[String]) -> Running {
     Running { has_probe: about.iter().any(|line| line.trim() == "Cap:Z_PROBE:1") }
 }
 
-/// Why a profile has no place for a command of a report; `None` for a definition.
-pub(super) fn reason(name: &str) -> Option<&'static str> {
-    let (code, _) = name.split_once(' ').filter(|(code, _)| code.starts_with(['M', 'G']))?;
-    Some(match code {
-        "G21" | "M149" => "units of the report: a profile has millimetres and degrees Celsius",
-        "M92" | "M203" | "M201" => "a second extruder's: write its steps as tools.t1.steps_per_mm",
-        "M200" => "volumetric extrusion: a job sets it, M200",
-        "M145" => "presets of a screen's menu",
-        "M206" => "the travel of M115 and M211 has it in it already: a profile's origin is where G-code has it",
-        "M211" => "a profile's soft limits are always on",
-        "M217" | "M603" | "M600" => "moves of filament changes: the printer's own",
-        "M301" | "M306" | "M900" => "another extruder's",
-        "M412" | "M591" => "which level says that filament is missing is not told: write filament_sensor by hand",
-        "M420" | "M421" => "the bed is measured by G29",
-        "M493" | "M494" => "Marlin's motion by fixed times: write input_shaper by hand",
-        "M569" => "the kind of driver and its microsteps are not told: write drivers by hand",
-        "M906" | "M913" | "M914" => "of a further motor",
-        _ => return None,
-    })
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
-mod tests {
-    use super::*;
-
-    fn report(settings: &[&str]) -> Result<Definitions, String> {
-        let mut definitions = Definitions::default();
-        let settings: Vec<String> = settings.iter().map(|line| (*line).to_owned()).collect();
-        add(
-            &["FIRMWARE_NAME:Marlin 2.1.2 (Jan  1 2024 10:00:00) MACHINE_TYPE:My printer EXTRUDER_COUNT:1".to_owned()],
-            &settings,
-            &mut definitions,
-        )
-        .map(|()| definitions)
-    }
-
-    #[track_caller]
-    fn says(settings: &[&str], expected: &[(&str, &str)]) {
-        let definitions = report(settings).unwrap();
-        for (name, value) in expected {
-            assert_eq!(definitions.get(name).map(|definition| definition.value.as_str()), Some(*value), "{name}");
-        }
-    }
-
-    #[test]
-    fn reports_of_all_ages_are_read() {
-        says(
-            &[
-                "echo:Steps per unit:",
-                "echo:  M92 X80.00 Y80.00 Z400.50 E94.30",
-                "echo:  M203 X450.00 Y450.00 Z5.00 E25.00",
-                "echo:Acceleration: S=acceleration, T=retract acceleration",
-                "echo:  M204 S1000.00 T800.00",
-                "echo:  M205 S0.00 T0.00 B20000 X8.00 Z0.40 E1.00",
-                "echo:   M301 P33.41 I1.47 D189.27",
-                "echo:   M851 Z-1.56",
-            ],
-            &[
-                ("DEFAULT_AXIS_STEPS_PER_UNIT", "{ 80, 80, 400.5, 94.3 }"),
-                ("DEFAULT_MAX_FEEDRATE", "{ 450, 450, 5, 25 }"),
-                ("DEFAULT_ACCELERATION", "1000"),
-                ("DEFAULT_TRAVEL_ACCELERATION", "1000"),
-                ("DEFAULT_RETRACT_ACCELERATION", "800"),
-                ("DEFAULT_XJERK", "8"),
-                ("CLASSIC_JERK", ""),
-                ("DEFAULT_KP", "33.41"),
-                ("NOZZLE_TO_PROBE_OFFSET", "{ not_said, not_said, -1.56 }"),
-                ("CUSTOM_MACHINE_NAME", "My printer"),
-            ],
-        );
-        says(
-            &[
-                "G21    ; Units in mm (mm)",
-                "  M92 X80.00 Y80.00 Z400.00",
-                "  M92 T0 E93.00",
-                "  M92 T1 E94.00",
-                "  M204 P500.00 R1000.00 T1500.00",
-                "  M205 B20000.00 S0.00 T0.00 J0.01 E5.00",
-                "  M211 S1 ; ON",
-                "  Min:  X-1.00 Y0.00 Z0.00   Max:  X235.00 Y230.00 Z250.00",
-                "  M301 E0 P21.73 I1.54 D76.55",
-                "  M301 E1 P30.00 I1.00 D70.00",
-                "  M593 X F40.00 D0.15",
-                "  M593 Y F37.50 D0.10",
-                "  M906 X580 Y580 Z580",
-                "  M906 T0 E650",
-                "  M906 I1 Z600",
-                "  M207 S3.00 W13.00 F2700.00 Z0.20",
-                "  M218 T1 X18.20 Y0.10 Z0.00",
-            ],
-            &[
-                ("DEFAULT_AXIS_STEPS_PER_UNIT", "{ 80, 80, 400, 93 }"),
-                ("DEFAULT_TRAVEL_ACCELERATION", "1500"),
-                ("JUNCTION_DEVIATION_MM", "0.01"),
-                ("DEFAULT_EJERK", "5"),
-                ("X_MIN_POS", "-1"),
-                ("Z_MAX_POS", "250"),
-                ("DEFAULT_KI", "1.54"),
-                ("SHAPING_FREQ_X", "40"),
-                ("SHAPING_ZETA_Y", "0.1"),
-                ("Z_CURRENT", "580"),
-                ("E0_CURRENT", "650"),
-                ("RETRACT_FEEDRATE", "45"),
-                ("HOTEND_OFFSET_X", "{ 0.0, 18.2 }"),
-            ],
-        );
-    }
-
-    #[test]
-    fn the_travel_is_that_of_m115_before_that_of_m211() {
-        let mut definitions = Definitions::default();
-        let area = "area:{full:{min:{x:-3.0000,y:0.0000,z:0.0000},max:{x:220.0000,y:221.5000,z:250.0000}},work:{min:{x:0,y:0,z:0},max:{x:1,y:1,z:1}}}";
-        let lines = |lines: &[&str]| lines.iter().map(|line| (*line).to_owned()).collect::<Vec<_>>();
-        let settings = lines(&["M92 X80 Y80 Z400 E93", "Min: X1 Y1 Z1   Max: X9 Y9 Z9"]);
-        add(&lines(&["FIRMWARE_NAME:Marlin", area]), &settings, &mut definitions).unwrap();
-        let value = |name: &str| definitions.get(name).unwrap().value.clone();
-        assert_eq!(
-            (value("X_MIN_POS"), value("Y_MAX_POS"), value("Z_MAX_POS")),
-            ("-3".into(), "221.5".into(), "250".into())
-        );
-    }
-
-    #[test]
-    fn what_is_no_report_is_refused() {
-        for (settings, expected) in [
-            (&["echo:Unknown command: \"M503\""][..], "DISABLE_M503"),
-            (&[], "no steps per millimetre (M92), 0 lines"),
-            (&["T:20.0 /0.0"], "no steps per millimetre"),
-            (&["  G20 ; Units in inches", "  M92 X2032.00 Y2032.00 Z2.00 E2.00"], "send it G21"),
-        ] {
-            let error = report(settings).unwrap_err();
-            assert!(error.contains(expected), "{settings:?}: {error}");
-        }
-        for (name, expected) in [
-            ("Klipper", "--moonraker"),
-            ("RepRapFirmware for Duet 2 WiFi/Ethernet", "config.g"),
-            ("Ferrostep 0.2", "its image was built from a profile"),
-        ] {
-            let about = [format!("FIRMWARE_NAME:{name} FIRMWARE_VERSION: 3.4")];
-            let error = add(&about, &[], &mut Definitions::default()).unwrap_err();
-            assert!(error.contains(expected) && error.contains(name), "{error}");
-        }
-    }
-}
+mod tests;

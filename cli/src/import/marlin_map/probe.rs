@@ -47,10 +47,9 @@ impl Reading<'_> {
             self.draft.gap("homing.z.sensor", Some(row), what);
         }
         let Some(name) = switch.or_else(|| other.map(|definition| definition.name.as_str())) else {
-            let home = self.get("USE_PROBE_FOR_Z_HOMING").filter(|_| self.flag("USE_PROBE_FOR_Z_HOMING") == Some(true));
-            if let Some(definition) = home {
-                let row = self.row(definition, "");
-                self.draft.gap("homing.z.sensor", Some(row), "Z homes by a probe, and none of a known kind is defined");
+            // Marlin homes Z by a probe where it has one.
+            for home in homes {
+                self.lose(home, "no probe is defined: Z homes by its switch, as Marlin has it");
             }
             return;
         };
