@@ -76,6 +76,9 @@ impl Source {
     /// An error with the source's name, where it does not name a file, which may be an included one.
     fn named(&self, error: &ImportError) -> String {
         match error {
+            ImportError::Identity(..) if matches!(self, Self::Marlin(_, _, None)) => {
+                format!("{self}: {error}; or give the printer's Configuration.h before --marlin, which says them")
+            }
             ImportError::Unknown | ImportError::Profile(_) | ImportError::Identity(..) => format!("{self}: {error}"),
             ImportError::Read(..) | ImportError::Line(..) | ImportError::Machine(..) => error.to_string(),
         }

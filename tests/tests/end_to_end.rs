@@ -39,6 +39,7 @@ mod inputs;
 mod interruptions;
 mod job_remarks;
 mod json_output;
+mod klipper_times;
 mod methods;
 mod odd_lines;
 mod on_the_way;

@@ -258,12 +258,34 @@ fn what_cannot_be_kept_takes_no_identity_with_it() {
     assert_eq!(table["homing"]["z"]["sensor"].as_str(), Some("probe"));
     assert_eq!(table["bltouch"]["stow_each_touch"].as_bool(), Some(true));
     assert!(imported.refused().any(|row| row.key == "[bltouch] stow_on_each_sample"), "{:#?}", imported.rows);
+    // A pin may be turned in a file that was not read.
+    for (line, expected) in [
+        ("dir_pin: PA4\n", "driver.inverted: [stepper_y] has no dir_pin"),
+        ("dir_pin: PB1\n", "driver.inverted: [extruder] has no dir_pin"),
+    ] {
+        let text = klipper.replace(line, "") + "[include rest.cfg]\n";
+        let error = of(&text).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(expected) && error.contains("[include rest.cfg] was not read"), "{error}");
+    }
+    let probe = read("k06-bltouch-3-mm/printer.cfg");
+    let place = probe.find("[bltouch]").unwrap();
+    let (before, after) = probe.split_at(place);
+    let after: String =
+        after.lines().filter(|line| !line.starts_with("sensor_pin")).map(|line| format!("{line}\n")).collect();
+    let error = of(&format!("{before}{after}[include rest.cfg]\n")).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("homing.z.triggers_low: [bltouch] has no sensor_pin"), "{error}");
     // Marlin homes Z by a probe only where one is defined.
     let marlin = read("m24-control-plain/Configuration.h") + "#define USE_PROBE_FOR_Z_HOMING\n";
     let imported = import::of_text("Configuration.h", &marlin, &mut |_| Err("none".to_owned())).unwrap();
     let table: toml::Table = imported.profile.parse().unwrap();
     assert_eq!(table["homing"]["z"]["sensor"].as_str(), Some("end-stop"));
     let row = imported.rows.iter().find(|row| row.key == "USE_PROBE_FOR_Z_HOMING").unwrap();
+    // A chamber does not take the second nozzle's connector.
+    let both = read("m24-control-plain/Configuration.h")
+        + "#define EXTRUDERS 2\n#define TEMP_SENSOR_1 1\n#define INVERT_E1_DIR true\n#define TEMP_SENSOR_CHAMBER 1\n";
+    let both = import::of_text("Configuration.h", &both, &mut |_| Err("none".to_owned())).unwrap();
+    let both: toml::Table = both.profile.parse().unwrap();
+    assert_eq!((both["tools"]["t1"]["inverted"].as_bool(), both.get("chamber")), (Some(true), None));
     assert!(row.kept.is_none() && row.why.starts_with("no probe is defined"), "{row:#?}");
 }
 
