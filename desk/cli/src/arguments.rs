@@ -8,6 +8,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+use ferrostep::import::Url;
 use ferrostep::printer_line::Address;
 #[cfg(unix)]
 use ferrostep::serve::{Fault, Speed};
@@ -161,7 +162,18 @@ pub enum Command {
     /// each setting, and why not.
     Import {
         /// The configuration; files that it includes, and Configuration_adv.h, are looked for beside it.
-        file: PathBuf,
+        #[arg(required_unless_present_any = ["moonraker", "marlin"], conflicts_with = "moonraker")]
+        file: Option<PathBuf>,
+        /// Asks a running Klipper for its configuration, by its server Moonraker: http://HOST or http://HOST:PORT.
+        #[arg(long, value_name = "URL", conflicts_with = "marlin")]
+        moonraker: Option<Url>,
+        /// Asks a running Marlin for its settings (M115, M503) at a serial port or tcp:HOST:PORT. They hold over those of FILE, its
+        /// Configuration.h, which says what a printer does not tell.
+        #[arg(long, value_name = "PATH|tcp:HOST:PORT")]
+        marlin: Option<Address>,
+        /// Speed of the port; without effect over USB.
+        #[arg(long, value_name = "BAUD", default_value_t = 115_200, requires = "marlin")]
+        baud: u32,
         /// The profile to write; without it only the list is printed.
         #[arg(short, value_name = "PROFILE.toml")]
         out: Option<PathBuf>,

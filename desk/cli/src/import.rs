@@ -1,4 +1,4 @@
-//! A profile from another firmware's configuration: Klipper's `printer.cfg` or Marlin's `Configuration.h`.
+//! A profile from another firmware's configuration: Klipper's `printer.cfg` or Marlin's `Configuration.h`, or what a running one says of itself.
 //!
 //! Every setting of the file ends up in a [`Row`]: what the profile keeps of it, or why it has no place there. Keys that a profile needs
 //! and the file does not say come from the built-in profile `cartesian` and are named ([`Imported::assumed`]).
@@ -7,22 +7,29 @@ mod c_macros;
 mod c_tokens;
 mod condition;
 mod draft;
+mod effort;
 mod expression;
 mod glob;
+mod http;
 mod klipper;
 mod klipper_map;
 mod mark;
 mod marlin;
 mod marlin_map;
+mod marlin_report;
+mod moonraker;
 mod nearest;
 mod paths;
+mod rows;
 mod sensor;
 mod text;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+pub use http::Url;
 pub use mark::is_untouched;
+pub use moonraker::read_moonraker;
 
 /// Most included files.
 const MAX_INCLUDES: usize = 100;
@@ -60,7 +67,7 @@ pub struct Gap {
 impl fmt::Display for Gap {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.place {
-            Some((file, line)) => write!(out, "{file}:{line}: {}", self.what),
+            Some((name, line)) => write!(out, "{}: {}", place(name, *line), self.what),
             None => write!(out, "{}: {}", self.path, self.what),
         }
     }
@@ -120,7 +127,9 @@ impl fmt::Display for ImportError {
                 "neither Klipper's printer.cfg (it has a section [printer]) nor Marlin's Configuration.h (it defines \
                  DEFAULT_AXIS_STEPS_PER_UNIT)"
             ),
-            Self::Line(file, line, what) | Self::Machine(file, line, what) => write!(out, "{file}:{line}: {what}"),
+            Self::Line(name, line, what) | Self::Machine(name, line, what) => {
+                write!(out, "{}: {what}", place(name, *line))
+            }
             Self::Identity(gaps, unread) => {
                 write!(out, "no profile can be made of it, for another machine's values would stand in:")?;
                 for gap in gaps {
@@ -141,16 +150,60 @@ impl fmt::Display for ImportError {
 
 impl std::error::Error for ImportError {}
 
+/// A file's name with a line. The settings of a running Klipper have no lines that a person could look up.
+#[must_use]
+pub fn place(name: &str, line: usize) -> String {
+    if name.starts_with("http://") { name.to_owned() } else { format!("{name}:{line}") }
+}
+
 /// Makes a profile of a file, and of those that it includes; `assume` lets the built-in profile stand in for what the machine is.
 ///
 /// # Errors
 /// See [`ImportError`]; nothing is made then.
 pub fn read(path: &Path, assume: bool) -> Result<Imported, ImportError> {
-    let name = path.file_name().map_or_else(|| crate::input::name(path), |name| crate::terminal::name(Path::new(name)));
+    let name = name_of(path);
     let text = text::of_file(path).map_err(|error| ImportError::Read(crate::input::name(path), error))?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
     let imported = of_text_with(&name, &text, &mut |include| files(&folder, include), assume)?;
     Ok(imported)
+}
+
+/// Makes a profile of what a running Marlin says to M115 and to M503. With a file of its configuration, that says what the printer does not,
+/// and the printer's numbers hold.
+///
+/// # Errors
+/// It is not Marlin or does not report its settings; or as [`read`].
+pub fn of_running_marlin(
+    name: &str,
+    about: &[String],
+    settings: &[String],
+    file: Option<&Path>,
+    assume: bool,
+) -> Result<Imported, ImportError> {
+    let mut definitions = match file {
+        Some(path) => definitions_of(path)?,
+        None => marlin::Definitions::of_running(marlin_report::running(about)),
+    };
+    let added = marlin_report::add(about, settings, &mut definitions);
+    added.map_err(|error| ImportError::Read(name.to_owned(), error))?;
+    marlin_map::map(&definitions, assume)
+}
+
+/// The definitions of a file of Marlin's, and of those that it includes.
+fn definitions_of(path: &Path) -> Result<marlin::Definitions, ImportError> {
+    let (name, folder) = (name_of(path), path.parent().map_or_else(PathBuf::new, Path::to_path_buf));
+    let text = text::of_file(path).map_err(|error| ImportError::Read(crate::input::name(path), error))?;
+    let text = text::with_line_ends(&text);
+    if !marlin::is_one(&name, &text) {
+        let what = "beside a running Marlin, its Configuration.h is expected".to_owned();
+        return Err(ImportError::Read(crate::input::name(path), what));
+    }
+    marlin::parse(&name, text.trim_start_matches('\u{feff}'), &mut |include| files(&folder, include))
+}
+
+/// The name of a file in rows and messages.
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(|| crate::input::name(path), |name| crate::terminal::name(Path::new(name)))
 }
 
 /// A file's name and its text, or why it cannot be read.

@@ -1,13 +1,16 @@
 //! `ferrostep import`.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ferrostep::import::{self, ImportError, Imported, Row, is_untouched};
+use ferrostep::import::{self, ImportError, Imported, Row, Url, is_untouched, place};
 use ferrostep::input;
 use ferrostep::output::{Accepted, Output, Protected};
+use ferrostep::printer_line::{Address, PrinterLine};
+use ferrostep::send::{self, Patience};
 use ferrostep::terminal::{name, one_line};
 
 use crate::outcome::result;
@@ -18,10 +21,85 @@ const ASSUMED: u8 = 3;
 /// Examples that the list has of a reason for which settings are not kept.
 const EXAMPLES: usize = 3;
 
+/// Where a configuration comes from.
+pub enum Source {
+    /// A file.
+    File(PathBuf),
+    /// A running Klipper.
+    Moonraker(Url),
+    /// A running Marlin at a port with a speed, and a file of its configuration.
+    Marlin(Address, u32, Option<PathBuf>),
+}
+
+impl Source {
+    /// The source that arguments name.
+    ///
+    /// # Errors
+    /// They name none.
+    pub fn of(
+        file: Option<PathBuf>,
+        moonraker: Option<Url>,
+        marlin: Option<Address>,
+        baud: u32,
+    ) -> Result<Self, String> {
+        match (file, moonraker, marlin) {
+            (file, None, Some(address)) => Ok(Self::Marlin(address, baud, file)),
+            (None, Some(url), None) => Ok(Self::Moonraker(url)),
+            (Some(file), None, None) => Ok(Self::File(file)),
+            _ => Err("expected a file, --moonraker or --marlin".to_owned()),
+        }
+    }
+
+    fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(file) | Self::Marlin(_, _, Some(file)) => Some(file),
+            Self::Moonraker(_) | Self::Marlin(_, _, None) => None,
+        }
+    }
+
+    fn import(&self, assume: bool) -> Result<Imported, String> {
+        match self {
+            Self::File(file) => import::read(file, assume).map_err(|error| self.named(&error)),
+            Self::Moonraker(url) => import::read_moonraker(url, assume).map_err(|error| self.named(&error)),
+            Self::Marlin(address, baud, file) => {
+                let mut line = PrinterLine::open(address, *baud).map_err(|error| format!("{address}: {error}"))?;
+                let answers = send::ask(&mut line, Patience::DEFAULT, &["M115", "M503"]);
+                let answers = answers.map_err(|error| format!("{address}: {error}"))?;
+                let [about, settings] = answers.as_slice() else { return Err(format!("{address}: no answers")) };
+                let imported =
+                    import::of_running_marlin(&address.to_string(), about, settings, file.as_deref(), assume);
+                imported.map_err(|error| self.named(&error))
+            }
+        }
+    }
+
+    /// An error with the source's name, where it does not name a file, which may be an included one.
+    fn named(&self, error: &ImportError) -> String {
+        match error {
+            ImportError::Identity(..) if matches!(self, Self::Marlin(_, _, None)) => {
+                format!("{self}: {error}; or give the printer's Configuration.h before --marlin, which says them")
+            }
+            ImportError::Unknown | ImportError::Profile(_) | ImportError::Identity(..) => format!("{self}: {error}"),
+            ImportError::Read(..) | ImportError::Line(..) | ImportError::Machine(..) => error.to_string(),
+        }
+    }
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(file) => out.write_str(&input::name(file)),
+            Self::Moonraker(url) => url.fmt(out),
+            Self::Marlin(address, _, None) => address.fmt(out),
+            Self::Marlin(address, _, Some(file)) => write!(out, "{} and {address}", input::name(file)),
+        }
+    }
+}
+
 /// Arguments of the command.
 pub struct Arguments<'a> {
     /// The configuration.
-    pub file: &'a Path,
+    pub source: Source,
     /// The profile to write.
     pub out: Option<&'a Path>,
     /// Everything as JSON.
@@ -35,18 +113,13 @@ pub struct Arguments<'a> {
 /// Makes a profile, writes it, and lists what was kept.
 ///
 /// # Errors
-/// The file is no configuration or of a machine that profiles do not know, or the profile cannot be written.
+/// It is no configuration or of a machine that profiles do not know, a printer does not answer, or the profile cannot be written.
 pub fn run(arguments: &Arguments<'_>) -> Result<ExitCode, String> {
-    let Arguments { file, out, json, .. } = *arguments;
-    let imported = import::read(file, arguments.assume).map_err(|error| match error {
-        ImportError::Unknown | ImportError::Profile(_) | ImportError::Identity(..) => {
-            format!("{}: {error}", input::name(file))
-        }
-        // These name the file that they mean, which may be an included one.
-        ImportError::Read(..) | ImportError::Line(..) | ImportError::Machine(..) => error.to_string(),
-    })?;
+    let Arguments { ref source, out, json, .. } = *arguments;
+    let imported = source.import(arguments.assume)?;
     if let Some(path) = out {
-        let protected = [Protected { path: file, what: "the configuration" }];
+        let protected: Vec<Protected<'_>> =
+            source.file().into_iter().map(|path| Protected { path, what: "the configuration" }).collect();
         let is_edited = std::fs::read_to_string(path).is_ok_and(|text| !text.is_empty() && !is_untouched(&text));
         if is_edited {
             return Err(format!(
@@ -64,7 +137,7 @@ pub fn run(arguments: &Arguments<'_>) -> Result<ExitCode, String> {
 
 /// The list, for people: what needs a look first.
 fn text(arguments: &Arguments<'_>, imported: &Imported) -> String {
-    let Arguments { file, out, all, .. } = *arguments;
+    let Arguments { ref source, out, all, .. } = *arguments;
     let mut text = String::new();
     let lines = |values: &[String]| values.iter().map(|value| format!("  {value}\n")).collect::<String>();
     if !imported.unread.is_empty() {
@@ -79,7 +152,7 @@ fn text(arguments: &Arguments<'_>, imported: &Imported) -> String {
     if !refused.is_empty() {
         text += &format!("refused, {} settings, and what stands there:\n", refused.len());
         for row in &refused {
-            text += &format!("  {}:{}: {} = {}: {}\n", row.file, row.line, row.key, one_line(&row.value), row.why);
+            text += &format!("  {}: {} = {}: {}\n", place(&row.file, row.line), row.key, one_line(&row.value), row.why);
         }
     }
     text += &format!("assumed of homing and sensors, {} values; look at each:\n", imported.homing.len());
@@ -89,8 +162,8 @@ fn text(arguments: &Arguments<'_>, imported: &Imported) -> String {
     text += &format!("kept, {} settings:\n", kept.len());
     for row in &kept {
         let why = if row.why.is_empty() { String::new() } else { format!(" ({})", row.why) };
-        let place = row.kept.as_deref().unwrap_or_default();
-        text += &format!("  {}:{}: {} = {} -> {place}{why}\n", row.file, row.line, row.key, one_line(&row.value));
+        let kept = row.kept.as_deref().unwrap_or_default();
+        text += &format!("  {}: {} = {} -> {kept}{why}\n", place(&row.file, row.line), row.key, one_line(&row.value));
     }
     text += &format!("not kept, {} settings{}:\n", lost.len(), if all { "" } else { ", by reason; each with --all" });
     text += &if all { each(&lost) } else { by_reason(&lost) };
@@ -104,12 +177,9 @@ fn text(arguments: &Arguments<'_>, imported: &Imported) -> String {
         text += &lines(&imported.assumed);
     }
     text += &match out {
-        Some(path) => format!(
-            "{} was made of {}; try it: `ferrostep print FILE --profile {}`\n",
-            name(path),
-            name(file),
-            name(path)
-        ),
+        Some(path) => {
+            format!("{} was made of {source}; try it: `ferrostep print FILE --profile {}`\n", name(path), name(path))
+        }
         None => "nothing was written: -o PROFILE.toml writes the profile\n".to_owned(),
     };
     let look = [imported.unread.len(), imported.by_permission.len(), refused.len(), imported.homing.len()];
@@ -123,7 +193,7 @@ fn text(arguments: &Arguments<'_>, imported: &Imported) -> String {
 
 fn each(rows: &[&Row]) -> String {
     let line =
-        |row: &&Row| format!("  {}:{}: {} = {}: {}\n", row.file, row.line, row.key, one_line(&row.value), row.why);
+        |row: &&Row| format!("  {}: {} = {}: {}\n", place(&row.file, row.line), row.key, one_line(&row.value), row.why);
     rows.iter().map(line).collect()
 }
 

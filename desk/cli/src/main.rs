@@ -88,8 +88,10 @@ fn main() -> ExitCode {
         Command::Show(arguments) => showing::run(&arguments),
         Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Calibrate { calibration } => calibrating::run(&calibration),
-        Command::Import { file, out, json, all, assume } => {
-            importing::run(&importing::Arguments { file: &file, out: out.as_deref(), json, all, assume })
+        Command::Import { file, moonraker, marlin, baud, out, json, all, assume } => {
+            importing::Source::of(file, moonraker, marlin, baud).and_then(|source| {
+                importing::run(&importing::Arguments { source, out: out.as_deref(), json, all, assume })
+            })
         }
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { out } => manual::pages(out.as_deref()),

@@ -189,7 +189,7 @@ impl PrinterLine {
 }
 
 /// Tries all addresses of a host.
-fn connect(host: &str) -> io::Result<TcpStream> {
+pub(crate) fn connect(host: &str) -> io::Result<TcpStream> {
     use std::net::ToSocketAddrs;
     let mut failed = io::Error::from(io::ErrorKind::AddrNotAvailable);
     for address in host.to_socket_addrs()? {

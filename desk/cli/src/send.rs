@@ -1,5 +1,6 @@
 //! Sends a prepared job, or G-code, to a board.
 
+mod ask;
 mod begin_packing;
 mod black_box;
 mod cool_down;
@@ -13,6 +14,7 @@ mod protocol;
 mod scripted;
 mod watch;
 
+pub use ask::{AskError, ask};
 pub use begin_packing::begin_packing;
 pub use black_box::{FetchError, fetch_black_box};
 pub use cool_down::{CooledDown, cool_down};

@@ -229,3 +229,114 @@ fn macros_of_plain_lines_are_kept() {
     let purge = imported.rows.iter().find(|row| row.key == "[gcode_macro PURGE] gcode").unwrap();
     assert!(purge.kept.is_none() && purge.why.contains("expects what is in it: G1"), "{purge:#?}");
 }
+
+/// A key that cannot be kept takes no table with it that says what the machine is: it moves, or the file is refused.
+#[test]
+fn what_cannot_be_kept_takes_no_identity_with_it() {
+    let read = |name: &str| {
+        std::fs::read_to_string(ferrostep_testkit::program::repository().join("tests/cases/import").join(name)).unwrap()
+    };
+    let klipper = read("k23-control-plain/printer.cfg");
+    let of = |text: &str| import::of_text("printer.cfg", text, &mut |_| Err("none".to_owned()));
+    let keys = |text: &str| of(text).map(|imported| imported.profile.parse::<toml::Table>().unwrap());
+    // Homing by stalls more slowly than the driver can measure: both approaches, and the speed up to which it is quiet, move.
+    let slow = klipper.replace("endstop_pin: ^PA2", "endstop_pin: tmc2209_stepper_x:virtual_endstop").replacen(
+        "[stepper_x]",
+        "[tmc2209 stepper_x]\nrun_current: 0.6\ndriver_sgthrs: 80\nstealthchop_threshold: 0\n[stepper_x]\nhoming_speed: 16",
+        1,
+    );
+    let table = keys(&slow).unwrap();
+    let homing = &table["homing"]["x"];
+    assert_eq!(homing["sensor"].as_str(), Some("stall"));
+    assert_eq!((homing["fast_mm_per_s"].as_float(), homing["slow_mm_per_s"].as_float()), (Some(40.0), Some(40.0)));
+    assert_eq!(table["drivers"]["x"]["spread_cycle_above_mm_per_s"].as_integer(), Some(50));
+    // A pin that would stay on the bed for too long is drawn in before each touch.
+    let text = read("k06-bltouch-3-mm/printer.cfg")
+        + "[bltouch]\nstow_on_each_sample: false\n[stepper_z]\nhoming_retract_dist: 10\n";
+    let imported = of(&text).unwrap();
+    let table: toml::Table = imported.profile.parse().unwrap();
+    assert_eq!(table["homing"]["z"]["sensor"].as_str(), Some("probe"));
+    assert_eq!(table["bltouch"]["stow_each_touch"].as_bool(), Some(true));
+    assert!(imported.refused().any(|row| row.key == "[bltouch] stow_on_each_sample"), "{:#?}", imported.rows);
+    // A pin may be turned in a file that was not read.
+    for (line, expected) in [
+        ("dir_pin: PA4\n", "driver.inverted: [stepper_y] has no dir_pin"),
+        ("dir_pin: PB1\n", "driver.inverted: [extruder] has no dir_pin"),
+    ] {
+        let text = klipper.replace(line, "") + "[include rest.cfg]\n";
+        let error = of(&text).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(expected) && error.contains("[include rest.cfg] was not read"), "{error}");
+    }
+    let probe = read("k06-bltouch-3-mm/printer.cfg");
+    let place = probe.find("[bltouch]").unwrap();
+    let (before, after) = probe.split_at(place);
+    let after: String =
+        after.lines().filter(|line| !line.starts_with("sensor_pin")).map(|line| format!("{line}\n")).collect();
+    let error = of(&format!("{before}{after}[include rest.cfg]\n")).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("homing.z.triggers_low: [bltouch] has no sensor_pin"), "{error}");
+    // Marlin homes Z by a probe only where one is defined.
+    let marlin = read("m24-control-plain/Configuration.h") + "#define USE_PROBE_FOR_Z_HOMING\n";
+    let imported = import::of_text("Configuration.h", &marlin, &mut |_| Err("none".to_owned())).unwrap();
+    let table: toml::Table = imported.profile.parse().unwrap();
+    assert_eq!(table["homing"]["z"]["sensor"].as_str(), Some("end-stop"));
+    let row = imported.rows.iter().find(|row| row.key == "USE_PROBE_FOR_Z_HOMING").unwrap();
+    // A chamber does not take the second nozzle's connector.
+    let both = read("m24-control-plain/Configuration.h")
+        + "#define EXTRUDERS 2\n#define TEMP_SENSOR_1 1\n#define INVERT_E1_DIR true\n#define TEMP_SENSOR_CHAMBER 1\n";
+    let both = import::of_text("Configuration.h", &both, &mut |_| Err("none".to_owned())).unwrap();
+    let both: toml::Table = both.profile.parse().unwrap();
+    assert_eq!((both["tools"]["t1"]["inverted"].as_bool(), both.get("chamber")), (Some(true), None));
+    assert!(row.kept.is_none() && row.why.starts_with("no probe is defined"), "{row:#?}");
+}
+
+/// Marlin's numbers of sensors, at temperatures of its own tables: the reading there is a degree off at most, where a hot end or a bed is used.
+#[test]
+fn marlins_sensors_read_as_its_tables_do() {
+    let marlin = ferrostep_testkit::program::repository().join("tests/cases/import/m24-control-plain/Configuration.h");
+    let marlin = std::fs::read_to_string(marlin).unwrap();
+    for (number, pull_up_ohm, lines, most_off) in [
+        // Readings of 1024, and degrees.
+        (2, 4700.0, [(46.0, 270.0), (148.0, 200.0), (708.0, 100.0), (955.0, 50.0)], 1.0),
+        (7, 4700.0, [(109.0, 216.0), (181.0, 183.0), (397.0, 132.0), (793.0, 72.0)], 1.3),
+        (14, 4700.0, [(358.0, 120.0), (519.0, 100.0), (742.0, 75.0), (895.0, 50.0)], 1.0),
+        (67, 4700.0, [(50.0, 400.0), (143.0, 300.0), (453.0, 200.0), (910.0, 100.0)], 1.1),
+        (75, 4700.0, [(455.65, 120.0), (602.19, 100.0), (745.85, 80.0), (906.97, 50.0)], 0.1),
+        (99, 10_000.0, [(268.82, 120.0), (397.44, 100.0), (558.03, 80.0), (797.93, 50.0)], 0.1),
+    ] {
+        let text = marlin.replace("TEMP_SENSOR_0 1\n", &format!("TEMP_SENSOR_0 {number}\n"));
+        let imported = import::of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap();
+        let table: toml::Table = imported.profile.parse().unwrap();
+        let nozzle = &table["nozzle"];
+        let own = nozzle.get("pull_up_ohm").and_then(|ohm| ohm.as_float()).unwrap_or(4700.0);
+        assert!((own - pull_up_ohm).abs() < 1e-9, "{number}: {own}");
+        for (reading, celsius) in lines {
+            let ohm = pull_up_ohm * reading / (1024.0 - reading);
+            let off = temperature(&nozzle["sensor"], ohm) - celsius;
+            assert!(off.abs() <= most_off, "{number} at {celsius}: {off}");
+        }
+    }
+    for number in [504, 505] {
+        let text = marlin.replace("TEMP_SENSOR_0 1\n", &format!("TEMP_SENSOR_0 {number}\n"));
+        let error = import::of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap_err().to_string();
+        assert!(error.contains(&format!("TEMP_SENSOR_0 = {number}: no sensor that a profile knows")), "{error}");
+    }
+}
+
+/// The temperature at a resistance by a profile's sensor: by beta, or by Steinhart and Hart's equation through three points.
+fn temperature(sensor: &toml::Value, ohm: f64) -> f64 {
+    const KELVIN: f64 = 273.15;
+    let number = |value: &toml::Value| value.as_float().unwrap();
+    if let Some(beta) = sensor.get("beta_k") {
+        let r25 = number(&sensor["r25_ohm"]);
+        return 1.0 / (1.0 / (25.0 + KELVIN) + (ohm / r25).ln() / number(beta)) - KELVIN;
+    }
+    let list = |key: &str| sensor[key].as_array().unwrap().iter().map(number).collect::<Vec<f64>>();
+    let (celsius, ohms) = (list("celsius"), list("ohm"));
+    let x: Vec<f64> = ohms.iter().map(|ohm| ohm.ln()).collect();
+    let y: Vec<f64> = celsius.iter().map(|celsius| 1.0 / (celsius + KELVIN)).collect();
+    let slope = |i: usize| (y[i] - y[0]) / (x[i] - x[0]);
+    let c = (slope(2) - slope(1)) / (x[2] - x[1]) / (x[0] + x[1] + x[2]);
+    let b = slope(1) - c * (x[0] * x[0] + x[0] * x[1] + x[1] * x[1]);
+    let a = y[0] - b * x[0] - c * x[0].powi(3);
+    1.0 / (a + b * ohm.ln() + c * ohm.ln().powi(3)) - KELVIN
+}

@@ -6,6 +6,7 @@ use toml::{Table, Value};
 
 use super::nearest::nearest;
 use super::paths::{get, is_identity, number, rounded, set, values};
+use super::rows::Rows;
 use super::{Gap, ImportError, Imported, Row};
 
 /// The built-in profile whose values stand in.
@@ -30,7 +31,7 @@ pub struct Draft {
     sets: BTreeMap<usize, Vec<(String, Value)>>,
     /// Keys whose value the other firmware would have taken by itself.
     own_defaults: BTreeSet<String>,
-    rows: Vec<Row>,
+    rows: Rows,
     gaps: Vec<Gap>,
     unread: Vec<String>,
     substituted: Vec<String>,
@@ -47,7 +48,7 @@ impl Draft {
             set_by: BTreeMap::new(),
             sets: BTreeMap::new(),
             own_defaults: BTreeSet::new(),
-            rows: Vec::new(),
+            rows: Rows::default(),
             gaps: Vec::new(),
             unread: Vec::new(),
             substituted: Vec::new(),
@@ -67,9 +68,9 @@ impl Draft {
 
     /// Says about a setting why not all of it is kept: adds its row, or to its row.
     pub fn note(&mut self, row: Row) {
-        match self.row_of(&row).and_then(|index| self.rows.get_mut(index)) {
+        match self.rows.find(&row).and_then(|index| self.rows.get_mut(index)) {
             Some(other) => other.why = row.why,
-            None => self.rows.push(row),
+            None => self.add(row),
         }
     }
 
@@ -94,22 +95,20 @@ impl Draft {
         self.unread.push(what);
     }
 
-    /// The row of the same setting.
-    fn row_of(&self, row: &Row) -> Option<usize> {
-        self.rows.iter().position(|other| (&other.file, other.line, &other.key) == (&row.file, row.line, &row.key))
-    }
-
     /// Sets a key, said by a setting: adds its row.
     pub fn keep(&mut self, path: &str, value: impl Into<Value>, row: Row) {
         let value = rounded(value.into());
         self.put(path, value.clone());
         self.own_defaults.remove(path);
-        let index = self.row_of(&row).unwrap_or(self.rows.len());
-        match self.rows.get_mut(index) {
-            Some(other) if other.why.is_empty() => other.why = row.why,
-            Some(_) => {}
+        let index = match self.rows.find(&row) {
+            Some(index) => {
+                if let Some(other) = self.rows.get_mut(index).filter(|other| other.why.is_empty()) {
+                    other.why = row.why;
+                }
+                index
+            }
             None => self.rows.push(row),
-        }
+        };
         if let Some(row) = self.rows.get_mut(index) {
             row.kept.get_or_insert_with(String::new);
         }
@@ -159,7 +158,8 @@ impl Draft {
             if self.move_into_range(&key, &reason) || self.let_lesser_go(&key, &reason) {
                 continue;
             }
-            if let Some(path) = self.identity_of(&key, &reason) {
+            let identity = self.identity_of(&key, &reason).or_else(|| self.identity_lost_with(&key));
+            if let Some(path) = identity {
                 let row = self.set_by.get(&path).and_then(|index| self.rows.get(*index)).cloned();
                 self.gap(&path, row, &reason);
                 if !assume {
@@ -188,6 +188,28 @@ impl Draft {
             return Some("homing.z.sensor".to_owned());
         }
         is_identity(key).then(|| key.to_owned())
+    }
+
+    /// The key of the machine's identity that goes with the table that giving up a key would replace.
+    fn identity_lost_with(&self, key: &str) -> Option<String> {
+        let table = self.given_up_with(key).filter(|path| *path != key)?;
+        let under = format!("{table}.");
+        let is_lost = |path: &&String| {
+            path.starts_with(&under) && is_identity(path) && get(&self.table, path) != get(&self.base, path)
+        };
+        values(&self.table).iter().find(is_lost).cloned()
+    }
+
+    /// The nearest part of the profile around a key that differs from the base's.
+    fn given_up_with<'k>(&self, key: &'k str) -> Option<&'k str> {
+        let mut path = key;
+        loop {
+            let (base, now) = (get(&self.base, path), get(&self.table, path));
+            if now != base {
+                return Some(path);
+            }
+            path = path.rsplit_once('.')?.0;
+        }
     }
 
     /// Puts the nearest value of its range in the place of a refused number; `false` if that has no end.
@@ -236,18 +258,12 @@ impl Draft {
     /// Puts the base's value in the place of a refused one, or removes an optional table; `false` if nothing changes.
     fn give_up(&mut self, key: &str, reason: &str) -> bool {
         let identity = self.identity_of(key, reason);
-        let mut path = identity.as_deref().unwrap_or(key);
-        loop {
-            let base = get(&self.base, path).cloned();
-            if get(&self.table, path) != base.as_ref() && (base.is_some() || get(&self.table, path).is_some()) {
-                self.change(path, base, reason);
-                return true;
-            }
-            match path.rsplit_once('.') {
-                Some((parent, _)) => path = parent,
-                None => return false,
-            }
-        }
+        let Some(path) = self.given_up_with(identity.as_deref().unwrap_or(key)).map(str::to_owned) else {
+            return false;
+        };
+        let base = get(&self.base, &path).cloned();
+        self.change(&path, base, reason);
+        true
     }
 
     /// Sets or removes what a check has refused, and says so in the rows that had said it. The first reason of a row stays.
@@ -291,8 +307,7 @@ impl Draft {
         let built_in: Vec<String> = not_said.iter().filter(is_built_in).filter_map(shown).collect();
         let homing = |path: &&String| path.starts_with("homing.") || path.contains("sensor") || is_identity(path);
         let homing: Vec<String> = not_said.iter().filter(homing).filter_map(shown).collect();
-        let mut rows = self.rows;
-        rows.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
+        let rows = self.rows.into_sorted();
         let by_permission = self.gaps.iter().map(ToString::to_string).collect();
         let mut substituted = self.substituted;
         substituted.dedup();

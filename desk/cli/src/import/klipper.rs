@@ -37,6 +37,7 @@ pub struct Section {
 impl Section {
     /// The setting of a key that holds: the last one, of what SAVE_CONFIG has written only if there is no other.
     pub fn entry(&self, key: &str) -> Option<&Entry> {
+        super::effort::count();
         self.entries.get(*self.holding.get(key)?)
     }
 
@@ -63,6 +64,7 @@ pub struct Config {
 impl Config {
     /// The section of a name.
     pub fn section(&self, name: &str) -> Option<&Section> {
+        super::effort::count();
         self.sections.get(*self.places.get(name)?)
     }
 }

@@ -4,6 +4,9 @@ use toml::{Table, Value};
 
 use super::paths::{get, number};
 
+/// The speed that spreadCycle begins at for a driver that homes by stalls, as a share of the homing speed: the signal must last until then.
+pub(super) const QUIET_UNTIL: f64 = 1.25;
+
 /// The keys to change, with the values that the check would take; none where it expects no range.
 pub(super) fn nearest(table: &Table, key: &str, reason: &str) -> Vec<(String, Value)> {
     if reason.starts_with("missing key") || reason.starts_with("unknown key") {
@@ -13,7 +16,13 @@ pub(super) fn nearest(table: &Table, key: &str, reason: &str) -> Vec<(String, Va
     if let Some(changes) = slower(table, key, expected) {
         return changes;
     }
+    if let Some(changes) = faster_homing(table, key, expected) {
+        return changes;
+    }
     let Some(value) = get(table, key) else { return Vec::new() };
+    if value.as_bool() == Some(false) && expected.starts_with("true, or ") {
+        return vec![(key.to_owned(), Value::Boolean(true))];
+    }
     if let (Some(ends), Some([from, to])) = (value.as_array(), ends_of(expected.trim_start_matches("within "))) {
         let moved: Vec<Value> =
             ends.iter().filter_map(number).map(|end| Value::Float(end.clamp(from, to.max(from)))).collect();
@@ -29,6 +38,8 @@ pub(super) fn nearest(table: &Table, key: &str, reason: &str) -> Vec<(String, Va
         now.max(least)
     } else if let Some(most) = place("at most ").or_else(|| value_after(expected, "at most ")) {
         now.min(most)
+    } else if let Some(speed) = value_after(expected, "0 or above ") {
+        (speed * QUIET_UNTIL).ceil()
     } else if let Some(most) = value_after(expected, "less than ") {
         now.min(most - 1.0)
     } else if let Some(least) = leading_number(expected).filter(|_| expected.contains(" at least")) {
@@ -64,6 +75,17 @@ fn slower(table: &Table, key: &str, expected: &str) -> Option<Vec<(String, Value
         Some((path.to_owned(), Value::Float((feed * share * 100.0).floor() / 100.0)))
     };
     Some(both.into_iter().filter_map(slow).collect())
+}
+
+/// Homing speeds that a driver can measure the load at. The first approach is as fast as the second one at least.
+fn faster_homing(table: &Table, key: &str, expected: &str) -> Option<Vec<(String, Value)>> {
+    let axis = key.strip_suffix(".slow_mm_per_s")?;
+    let least = expected.strip_prefix("at least ").filter(|rest| rest.contains("\"stall\"")).and_then(first_number)?;
+    let slower = |path: String| {
+        let speed = get(table, &path).and_then(number)?;
+        (speed < least).then_some((path, Value::Float(least)))
+    };
+    Some(["fast_mm_per_s", "slow_mm_per_s"].into_iter().filter_map(|name| slower(format!("{axis}.{name}"))).collect())
 }
 
 /// The ends of a range: `0.01 to 50 mm/s, at most fast_mm_per_s`.
@@ -110,6 +132,12 @@ mod tests {
         moves("a = 300.0", "a", "a = 300: expected less than nozzle.max_celsius = 260", "a=259.0");
         moves("a = [20.0, 185.0]", "a", "a: expected within -40 to 180 mm, and 1 mm wide", "a=[20.0, 180.0]");
         moves("a = [190.0, 195.0]", "a", "a: expected within -40 to 180 mm, and 1 mm wide", "");
+        moves("a = false", "a", "a = false: expected true, or b at most 3 mm", "a=true");
+        let stall = "homing.x.slow_mm_per_s = 16: expected at least 40.0 mm/s for \"stall\", 200 full steps a second";
+        let homing = "homing.x.fast_mm_per_s=40.0 homing.x.slow_mm_per_s=40.0";
+        moves("homing.x = { fast_mm_per_s = 30, slow_mm_per_s = 16 }", "homing.x.slow_mm_per_s", stall, homing);
+        let quiet = "a = 38: expected 0 or above homing.x.fast_mm_per_s = 40: in spreadCycle no stall signal comes";
+        moves("a = 38", "a", quiet, "a=50");
         moves("a = 1", "b", "missing key \"b\", expected 2 to 15 points", "");
         moves("a = \"x\"", "a", "a = x: expected one of y, z", "");
         let text = "kinematics = \"corexy\"\nmax_feed_mm_per_s = { x = 400.0, y = 300.0 }";

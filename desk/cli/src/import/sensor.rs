@@ -2,6 +2,10 @@
 
 use toml::{Table, Value};
 
+/// Why a chamber beside a second nozzle is not kept.
+pub(super) const CONNECTOR_TAKEN: &str =
+    "the second nozzle is at the board's nozzle1: write a table chamber by hand, with a connector that is free";
+
 /// Three points of a data sheet, from the coldest on.
 pub(super) fn points(mut points: [(f64, f64); 3]) -> Value {
     points.sort_by(|(colder, _), (hotter, _)| colder.total_cmp(hotter));

@@ -4,6 +4,7 @@ use toml::Value;
 
 use super::Reading;
 use crate::import::klipper::Entry;
+use crate::import::nearest::QUIET_UNTIL;
 
 /// Klipper's own values of keys that a file leaves out (its Configuration reference).
 const HOMING_SPEED: f64 = 5.0;
@@ -11,8 +12,6 @@ const HOMING_RETRACT_DIST: f64 = 5.0;
 const MICROSTEPS: f64 = 16.0;
 const FULL_STEPS: f64 = 200.0;
 const PIN_MOVE_MS: f64 = 680.0;
-/// The speed that spreadCycle begins at for a driver that homes by stalls, as a share of the homing speed: the signal must last until then.
-const QUIET_UNTIL: f64 = 1.25;
 /// Klipper's thresholds above any speed mean stealthChop at all speeds; a profile says that with 0.
 const ANY_SPEED: f64 = 2000.0;
 

@@ -3,7 +3,7 @@
 use toml::Value;
 
 use super::{Entry, FULL_POWER, Reading};
-use crate::import::sensor::{beta_table, points};
+use crate::import::sensor::{CONNECTOR_TAKEN, beta_table, points};
 
 /// Kelvins at 0 degrees Celsius.
 const KELVIN: f64 = 273.15;
@@ -157,6 +157,12 @@ impl Reading<'_> {
             self.config.section(&format!("thermistor {}", entry.value)).is_some() || sensor(&entry.value).is_some()
         };
         if !self.entry(section, "sensor_type").is_some_and(known) {
+            return;
+        }
+        if self.entry("extruder1", "heater_pin").is_some() {
+            for key in ["sensor_type", "sensor_pin", "heater_pin"] {
+                self.lose(section, key, CONNECTOR_TAKEN);
+            }
             return;
         }
         // Klipper's thermometers need no limits.

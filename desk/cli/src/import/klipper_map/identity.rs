@@ -35,11 +35,33 @@ impl Reading<'_> {
             }
         }
         self.steps_are_said("steps_per_mm.e", "extruder");
+        self.signals_are_said();
         if !self.draft.says("nozzle.sensor") {
             self.gap("nozzle.sensor", "extruder", "sensor_type", "expected a thermistor that is known");
         }
         if self.section("heater_bed").is_some() && !self.draft.says("bed.sensor") {
             self.gap("bed.sensor", "heater_bed", "sensor_type", "expected a thermistor that is known");
+        }
+    }
+
+    /// A pin whose line was not found may be turned by a `!` in a file that was not read.
+    fn signals_are_said(&mut self) {
+        if self.config.missing.is_empty() {
+            return;
+        }
+        for section in ["stepper_x", "stepper_y", "stepper_z", "extruder"] {
+            if self.entry(section, "dir_pin").is_none() {
+                let what = "expected the pin of the direction, with ! where the motor runs the other way round";
+                self.gap("driver.inverted", section, "dir_pin", what);
+            }
+        }
+        let probe = [("bltouch", "sensor_pin"), ("probe", "pin"), ("smart_effector", "pin")]
+            .into_iter()
+            .find(|(section, _)| self.section(section).is_some());
+        if let Some((section, key)) = probe.filter(|_| self.draft.word("homing.z.sensor") == Some("probe"))
+            && self.entry(section, key).is_none()
+        {
+            self.gap("homing.z.triggers_low", section, key, "expected the probe's pin, with ! where it triggers low");
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::sensor::{NO_SENSOR, is_dummy};
 use super::{NO_NUMBER, Reading};
+use crate::import::sensor::CONNECTOR_TAKEN;
 
 /// By how much Marlin's highest targets are below the highest temperatures without a definition, degrees.
 const HOTEND_OVERSHOOT: f64 = 15.0;
@@ -122,6 +123,11 @@ impl Reading<'_> {
         let Some(value) = self.sensor_of(number, "CHAMBER", "chamber") else {
             return self.lose("TEMP_SENSOR_CHAMBER", "no sensor that a profile knows: set it by hand");
         };
+        let has_second =
+            self.number("EXTRUDERS").is_some_and(|count| count >= 2.0) && self.get("SINGLENOZZLE").is_none();
+        if has_second && self.number("TEMP_SENSOR_1").is_some_and(|number| number != 0.0) {
+            return self.lose("TEMP_SENSOR_CHAMBER", CONNECTOR_TAKEN);
+        }
         self.keep(
             "TEMP_SENSOR_CHAMBER",
             "chamber.sensor",

@@ -1,7 +1,12 @@
 //! Why a profile has no place for a definition of Marlin's.
 
+use crate::import::marlin_report;
+
 /// Why a profile has no place for a definition.
 pub(super) fn reason(name: &str) -> &'static str {
+    if let Some(why) = marlin_report::reason(name) {
+        return why;
+    }
     match name {
         _ if name.ends_with("_PIN") || ["MOTHERBOARD", "SERIAL_PORT", "BAUDRATE", "SERIAL_PORT_2"].contains(&name) => {
             "the board's"
