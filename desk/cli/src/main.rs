@@ -295,7 +295,7 @@ fn inspect(file: &Path, shown: Shown) -> Result<ExitCode, String> {
 }
 
 /// Shows the machine's messages: errors always, notices up to a maximum.
-fn replies(progress: &Progress) -> JobReplies<impl Fn(&str)> {
+fn replies(progress: &Progress) -> JobReplies<'_> {
     let shown = Cell::new(0);
     JobReplies::new(move |text: &str| {
         shown.set(shown.get() + 1);
@@ -322,10 +322,10 @@ fn strict(job: &JobArguments, remarks: &[Remark]) -> ExitCode {
 }
 
 /// Runs the job, a prepared one from a frame on, and prints its summary.
-fn run<D: Desk, F: Fn(&str)>(
+fn run<D: Desk>(
     job: &JobArguments,
     mut input: Input,
-    session: &Session<D, JobReplies<F>>,
+    session: &Session<D, JobReplies<'_>>,
     progress: &Progress,
     from: u32,
 ) -> ExitCode {

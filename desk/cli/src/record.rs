@@ -9,12 +9,14 @@ pub use trace::TraceWriter;
 pub use vcd::VcdWriter;
 pub use window::{Bound, Window};
 
+use std::any::Any;
+
 use ferrostep_planner::{Move, StepObserver};
 
 use crate::output::OutputError;
 
 /// Observes every step and every event of the motion.
-pub trait Observer: StepObserver {
+pub trait Observer: StepObserver + Any {
     /// A move was queued. If the source line's move ends with it, [`Self::move_ended`] follows when it has been executed.
     /// `slowed_moves`: how many of all moves were slowed so far because the board could not keep up with them.
     fn planned(&mut self, _taken: &Move, _slowed_moves: u64) {}
@@ -23,6 +25,9 @@ pub trait Observer: StepObserver {
     /// A move has ended.
     fn move_ended(&mut self, tick: u64, line: u32);
 }
+
+/// Whoever watches a machine on the desk: its code is the same for all of them.
+pub type AnyObserver = Box<dyn Observer>;
 
 impl Observer for () {
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}

@@ -33,8 +33,8 @@ const MAX_UNKNOWN_COMMANDS: usize = 100;
 /// A printer whose commands move `M`.
 type PrinterOf<'a, M, R> = Printer<'a, (M, DeskHeating<'a>, VirtualDelay<'a>, R)>;
 
-/// A printer that makes every step, seen by `O`.
-pub type DeskPrinter<'a, O, R> = PrinterOf<'a, SharedMotion<DeskMachine<'a, O>>, R>;
+/// A printer that makes every step. Who watches them is no part of the type: the printer's code is large, and compiled anew for each.
+pub type DeskPrinter<'a, R> = PrinterOf<'a, SharedMotion<DeskMachine<'a>>, R>;
 
 /// A session that makes every step, seen by `O`.
 pub type PrintSession<O, R> = Session<Rehearsal<O>, R>;
@@ -118,7 +118,7 @@ impl<R: Replies> PlanSession<R> {
     }
 }
 
-impl<O: Observer, D: Desk<State = RefCell<QueueMachine<O>>>, R> Session<D, R> {
+impl<D: Desk<State = RefCell<QueueMachine>>, R> Session<D, R> {
     /// Lets the sensor with which X (0), Y (1) or Z (2) homes fail, or mends it.
     pub fn set_end_stop_failure(&self, axis: usize, failure: Option<EndStopFailure>) {
         self.desk.state().borrow_mut().queue_mut().motors_mut().set_end_stop_failure(axis, failure);
@@ -429,16 +429,16 @@ impl<D: Desk, R: Replies> Session<D, R> {
 }
 
 /// Replies of a job from a file: lines for a person, and entries of the summary.
-pub struct JobReplies<F> {
+pub struct JobReplies<'a> {
     unknown: RefCell<BTreeSet<String>>,
     remarks: RemarkList,
-    notice: F,
+    notice: Box<dyn Fn(&str) + 'a>,
 }
 
-impl<F: Fn(&str)> JobReplies<F> {
+impl<'a> JobReplies<'a> {
     /// Sends each line that a person should read to `notice`.
-    pub fn new(notice: F) -> Self {
-        Self { unknown: RefCell::default(), remarks: RemarkList::default(), notice }
+    pub fn new(notice: impl Fn(&str) + 'a) -> Self {
+        Self { unknown: RefCell::default(), remarks: RemarkList::default(), notice: Box::new(notice) }
     }
 
     /// The different unknown commands so far, in alphabetical order.
@@ -452,7 +452,7 @@ impl<F: Fn(&str)> JobReplies<F> {
     }
 }
 
-impl<F: Fn(&str)> Replies for JobReplies<F> {
+impl Replies for JobReplies<'_> {
     fn send(&self, reply: Reply<'_>) {
         match reply {
             Reply::Text(text) => (self.notice)(text),

@@ -145,7 +145,7 @@ pub fn record(
     profile: Profile,
     input: &mut Input,
     max_nodes: usize,
-    replies: JobReplies<impl Fn(&str)>,
+    replies: JobReplies<'_>,
     look: impl FnMut(&JobProgress, &Figures),
 ) -> Result<Shown, NozzleError> {
     record_without(&Dropped::new(Vec::new()), profile, input, max_nodes, replies, look)
@@ -157,7 +157,7 @@ pub(crate) fn record_without(
     profile: Profile,
     input: &mut Input,
     max_nodes: usize,
-    replies: JobReplies<impl Fn(&str)>,
+    replies: JobReplies<'_>,
     mut look: impl FnMut(&JobProgress, &Figures),
 ) -> Result<Shown, NozzleError> {
     let recorder = Recorder::new(machine(&profile, max_nodes))?;
@@ -166,7 +166,7 @@ pub(crate) fn record_without(
     let mut done = JobProgress::default();
     let mut watch = Watch::new(session.profile(), session.replies().remarks());
     let heats = RefCell::new(None);
-    let between = |session: &PrintSession<ShowObserver, JobReplies<_>>| note_time(session, *heats.borrow());
+    let between = |session: &PrintSession<ShowObserver, JobReplies<'_>>| note_time(session, *heats.borrow());
     let look = |done: &JobProgress| look(done, &session.figures());
     let (outcome, text) = if input.is_prepared() {
         let played = gpre::play_from(0, input, session.profile(), &mut printer, &mut done, look);

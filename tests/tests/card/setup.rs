@@ -23,7 +23,7 @@ pub type Slot = VirtualCard<Vec<u8>>;
 pub type Card = LocalCard<Slot>;
 type Desk = PrintSession<StepLog, Said>;
 pub type DeskPrinter<'a> =
-    Printer<'a, (SharedMotion<DeskMachine<'a, StepLog>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
+    Printer<'a, (SharedMotion<DeskMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
 
 /// What the motors have done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,7 +15,7 @@ use crate::end_to_end::repeats::Seeded;
 /// A port with its printer.
 struct Port<'a> {
     machine: &'a Machine,
-    printer: DeskPrinter<'a, (), Collector>,
+    printer: DeskPrinter<'a, Collector>,
     incoming: Incoming,
     ring: PortBuffers,
     lines: Lines,

@@ -25,7 +25,7 @@ const FLUSH_AFTER_NS: u64 = 100_000_000;
 
 /// A machine that makes every step at its time.
 pub struct LiveDesk {
-    machine: RefCell<QueueMachine<Tap>>,
+    machine: RefCell<QueueMachine>,
     now_ns: Cell<u64>,
     granted_ns: Cell<u64>,
     /// When the command side began to wait for the host.
@@ -42,7 +42,7 @@ impl LiveDesk {
         accelerometer: Option<Rc<DeskAccelerometer>>,
     ) -> Self {
         Self {
-            machine: queue_machine::machine(profile, look_ahead, drivers, Tap(accelerometer.clone())),
+            machine: queue_machine::machine(profile, look_ahead, drivers, Box::new(Tap(accelerometer.clone()))),
             now_ns: Cell::new(0),
             granted_ns: Cell::new(0),
             host_awaited_since_ns: Cell::new(None),
@@ -93,7 +93,7 @@ impl LiveDesk {
     }
 
     /// Runs the planner task until it has nothing more to do.
-    fn plan(&self, machine: &mut QueueMachine<Tap>) {
+    fn plan(&self, machine: &mut QueueMachine) {
         let now_ns = self.now_ns.get();
         let is_silent = |since_ns| now_ns - since_ns >= FLUSH_AFTER_NS;
         let may_flush = self.host_awaited_since_ns.get().is_some_and(is_silent);
@@ -104,7 +104,7 @@ impl LiveDesk {
 impl Desk for LiveDesk {
     type Motion<'a> = SharedMotion<LiveMachine<'a>>;
 
-    type State = RefCell<QueueMachine<Tap>>;
+    type State = RefCell<QueueMachine>;
 
     const MAKES_STEPS: bool = true;
 
@@ -156,7 +156,7 @@ pub struct LiveMachine<'a> {
 
 impl SharedMachine for LiveMachine<'_> {
     type Ring = Vec<Slot>;
-    type Queue = VirtualStepQueue<Tap>;
+    type Queue = VirtualStepQueue;
     type Methods = Papers;
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
@@ -164,7 +164,7 @@ impl SharedMachine for LiveMachine<'_> {
     type Backlash = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
-    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<Tap>) -> T) -> T {
+    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine) -> T) -> T {
         act(&mut self.desk.machine.borrow_mut())
     }
 

@@ -14,18 +14,18 @@ use super::figures::{Figures, seconds};
 use super::session_motion::MotionState;
 use super::step_queue::VirtualStepQueue;
 use super::z_motors::DeskZMotors;
-use crate::record::Observer;
+use crate::record::AnyObserver;
 
-/// Planner, step queue and motors, watched by `O`.
-pub type QueueMachine<O> = Machine<Vec<Slot>, VirtualStepQueue<O>, Papers>;
+/// Planner, step queue and motors.
+pub type QueueMachine = Machine<Vec<Slot>, VirtualStepQueue, Papers>;
 
 /// A machine that has just been switched on, with this many blocks in its look-ahead ring.
-pub(super) fn machine<O: Observer>(
+pub(super) fn machine(
     profile: &Profile,
     look_ahead: usize,
     drivers: Rc<DeskDrivers>,
-    observer: O,
-) -> RefCell<QueueMachine<O>> {
+    observer: AnyObserver,
+) -> RefCell<QueueMachine> {
     let mut motors = profile.virtual_motors();
     motors.set_framed(profile.framed_axes());
     let queue = VirtualStepQueue::new(motors, DeskZMotors::new(profile), drivers, observer);
@@ -38,7 +38,7 @@ pub(super) fn machine<O: Observer>(
     RefCell::new(machine)
 }
 
-impl<O: Observer> MotionState for RefCell<QueueMachine<O>> {
+impl MotionState for RefCell<QueueMachine> {
     fn tick(&self) -> u64 {
         self.borrow().queue().motors().ledger.tick()
     }

@@ -1,7 +1,9 @@
 //! A print on the desk: the machine of a board, with a step queue in virtual time.
 
+use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
+use std::marker::PhantomData;
 use std::rc::Rc;
 use std::task::Poll;
 
@@ -23,7 +25,13 @@ const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
 /// A machine that makes every step, seen by `O`.
 pub struct Rehearsal<O> {
-    machine: RefCell<QueueMachine<O>>,
+    steps: Steps,
+    observer: PhantomData<O>,
+}
+
+/// What of it does not depend on who watches, so that the printer's code is compiled once.
+struct Steps {
+    machine: RefCell<QueueMachine>,
     time: DeskTime,
     /// Whether a command waits for motion.
     awaits_motion: Cell<bool>,
@@ -32,60 +40,70 @@ pub struct Rehearsal<O> {
 impl<O: Observer> Rehearsal<O> {
     /// A machine that has just been switched on, with this many blocks in its look-ahead ring.
     pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>, observer: O) -> Self {
-        Self {
-            machine: queue_machine::machine(profile, look_ahead, drivers, observer),
+        let steps = Steps {
+            machine: queue_machine::machine(profile, look_ahead, drivers, Box::new(observer)),
             time: DeskTime::default(),
             awaits_motion: Cell::new(false),
-        }
+        };
+        Self { steps, observer: PhantomData }
     }
 
     /// Where the tool head truly is, units of 10 nm.
     pub fn true_position_10nm(&self) -> [i64; 3] {
-        self.machine.borrow().queue().motors().true_position_10nm()
+        self.steps.machine.borrow().queue().motors().true_position_10nm()
     }
 
     /// How far the motors have pushed against the frame behind end stops that did not trigger, units of 10 nm.
     pub fn pushed_10nm(&self) -> [i64; 3] {
-        self.machine.borrow().queue().motors().pushed_10nm()
+        self.steps.machine.borrow().queue().motors().pushed_10nm()
     }
 
     /// Step counters of all motors.
     pub fn motor_steps(&self) -> [i64; 4] {
-        self.machine.borrow().motor_steps()
+        self.steps.machine.borrow().motor_steps()
     }
 
     /// Gives access to the observer of the motors.
     pub fn with_observer<T>(&self, act: impl FnOnce(&mut O) -> T) -> T {
-        act(self.machine.borrow_mut().queue_mut().observer_mut())
+        let mut machine = self.steps.machine.borrow_mut();
+        let observer: &mut dyn Any = machine.queue_mut().observer_mut();
+        match observer.downcast_mut() {
+            Some(observer) => act(observer),
+            None => unreachable!("it was made with one of this type"),
+        }
     }
 
     /// The observer of the motors.
     pub fn into_observer(self) -> O {
-        self.machine.into_inner().into_queue().into_observer()
+        let observer: Box<dyn Any> = self.steps.machine.into_inner().into_queue().into_observer();
+        match observer.downcast() {
+            Ok(observer) => *observer,
+            Err(_) => unreachable!("it was made with one of this type"),
+        }
     }
 }
 
 impl<O: Observer> Desk for Rehearsal<O> {
     type Motion<'a>
-        = SharedMotion<DeskMachine<'a, O>>
+        = SharedMotion<DeskMachine<'a>>
     where
         O: 'a;
 
-    type State = RefCell<QueueMachine<O>>;
+    type State = RefCell<QueueMachine>;
 
     const MAKES_STEPS: bool = true;
 
-    fn motion<'a>(&'a self, signals: &'a Signals) -> SharedMotion<DeskMachine<'a, O>> {
-        SharedMotion::new(DeskMachine { desk: self, signals })
+    fn motion<'a>(&'a self, signals: &'a Signals) -> SharedMotion<DeskMachine<'a>> {
+        SharedMotion::new(DeskMachine { steps: &self.steps, signals })
     }
 
     /// Plans and plays until a move fits that did not before, all motion has ended, or the longest leap is over. Then the
     /// waiting command looks, and waits again if it must.
     fn pass_motion(&self) {
-        if !self.awaits_motion.take() {
+        if !self.steps.awaits_motion.take() {
             return;
         }
-        let mut machine = self.machine.borrow_mut();
+        let mut machine = self.steps.machine.borrow_mut();
         let had_room = machine.has_room();
         let tick = machine.queue().motors().ledger.tick();
         machine.queue_mut().set_pause_tick(tick + LONGEST_LEAP_TICKS);
@@ -105,27 +123,27 @@ impl<O: Observer> Desk for Rehearsal<O> {
     }
 
     fn wait_until(&self, wake_ns: u64) {
-        self.time.wait_until(self.machine.tick(), wake_ns);
+        self.steps.time.wait_until(self.steps.machine.tick(), wake_ns);
     }
 
     fn now_ns(&self) -> u64 {
-        self.time.now_ns(self.machine.tick())
+        self.steps.time.now_ns(self.steps.machine.tick())
     }
 
     fn state(&self) -> &Self::State {
-        &self.machine
+        &self.steps.machine
     }
 }
 
 /// The machine, as commands share it with the desk.
-pub struct DeskMachine<'a, O> {
-    desk: &'a Rehearsal<O>,
+pub struct DeskMachine<'a> {
+    steps: &'a Steps,
     signals: &'a Signals,
 }
 
-impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
+impl SharedMachine for DeskMachine<'_> {
     type Ring = Vec<Slot>;
-    type Queue = VirtualStepQueue<O>;
+    type Queue = VirtualStepQueue;
     type Methods = Papers;
     type Servo = ferrostep_printer::Present;
     type ZMotors = ferrostep_printer::Present;
@@ -133,8 +151,8 @@ impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
     type Backlash = ferrostep_printer::Present;
     type SupplySignal = ferrostep_printer::Present;
 
-    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<O>) -> T) -> T {
-        act(&mut self.desk.machine.borrow_mut())
+    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine) -> T) -> T {
+        act(&mut self.steps.machine.borrow_mut())
     }
 
     /// The desk plans when a command waits: only then does time pass.
@@ -150,7 +168,7 @@ impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
             if !std::mem::take(&mut is_first) {
                 return Poll::Ready(());
             }
-            self.desk.awaits_motion.set(true);
+            self.steps.awaits_motion.set(true);
             Poll::Pending
         })
         .await;

@@ -14,7 +14,7 @@ use ferrostep_virtual_board::{EventRate, VirtualMotors};
 use super::drivers::DeskDrivers;
 use super::tools::DeskExtruders;
 use super::z_motors::DeskZMotors;
-use crate::record::Observer;
+use crate::record::{AnyObserver, Observer};
 
 /// Entries that the queue holds, as many as a board's has slots.
 const CAPACITY: usize = 2048;
@@ -23,13 +23,13 @@ const CAPACITY: usize = 2048;
 const KEPT_OF_A_FULL_QUEUE: usize = CAPACITY / 2;
 
 /// Observers of the motors: the digests and the event rate for the report, and the session's own.
-struct Watch<O> {
+struct Watch {
     digests: StepDigests,
     rate: EventRate,
-    observer: O,
+    observer: AnyObserver,
 }
 
-impl<O: StepObserver> StepObserver for Watch<O> {
+impl StepObserver for Watch {
     #[inline]
     fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
         self.digests.stepped(tick, axes, directions);
@@ -39,7 +39,7 @@ impl<O: StepObserver> StepObserver for Watch<O> {
 }
 
 /// The queue, and the motors that it drives.
-pub struct VirtualStepQueue<O> {
+pub struct VirtualStepQueue {
     entries: VecDeque<StepEntry>,
     /// Ends of moves that have not been reached: tick and source line.
     move_ends: VecDeque<(u64, u32)>,
@@ -56,16 +56,16 @@ pub struct VirtualStepQueue<O> {
     pause_tick: u64,
     /// If time passes by itself: the motion clock now. A value before the last event stands for that event.
     now_tick: u64,
-    watch: Watch<O>,
+    watch: Watch,
 }
 
-impl<O: Observer> VirtualStepQueue<O> {
+impl VirtualStepQueue {
     /// An empty queue.
     pub(super) fn new(
         motors: VirtualMotors,
         z_motors: Option<DeskZMotors>,
         drivers: Rc<DeskDrivers>,
-        observer: O,
+        observer: AnyObserver,
     ) -> Self {
         Self {
             entries: VecDeque::with_capacity(CAPACITY),
@@ -105,12 +105,12 @@ impl<O: Observer> VirtualStepQueue<O> {
     }
 
     /// The session's observer.
-    pub fn observer_mut(&mut self) -> &mut O {
-        &mut self.watch.observer
+    pub fn observer_mut(&mut self) -> &mut dyn Observer {
+        &mut *self.watch.observer
     }
 
     /// The session's observer.
-    pub fn into_observer(self) -> O {
+    pub fn into_observer(self) -> AnyObserver {
         self.watch.observer
     }
 
@@ -211,7 +211,7 @@ impl<O: Observer> VirtualStepQueue<O> {
     }
 }
 
-impl<O: Observer> StepQueue for VirtualStepQueue<O> {
+impl StepQueue for VirtualStepQueue {
     fn queued(&self) -> u32 {
         self.queued
     }
@@ -281,7 +281,7 @@ impl<O: Observer> StepQueue for VirtualStepQueue<O> {
     }
 }
 
-impl<O: Observer> HomingSensors for VirtualStepQueue<O> {
+impl HomingSensors for VirtualStepQueue {
     fn is_sensor_triggered(&self, axis: usize) -> bool {
         self.motors.is_triggered(axis)
     }
@@ -307,10 +307,10 @@ impl<O: Observer> HomingSensors for VirtualStepQueue<O> {
 }
 
 /// Planning takes no virtual time.
-impl<O> PlanningClock for VirtualStepQueue<O> {}
+impl PlanningClock for VirtualStepQueue {}
 
 /// Virtual motors hold without current.
-impl<O> MotorEnable for VirtualStepQueue<O> {
+impl MotorEnable for VirtualStepQueue {
     fn set_motors_enabled(&mut self, _motors: u8, _enabled: bool) {}
 
     fn step_z_motors(&mut self, motors: u8) {
@@ -326,12 +326,12 @@ impl<O> MotorEnable for VirtualStepQueue<O> {
 }
 
 /// The motors are watched as they step: after a stop, digests and traces do not contain the steps that were left.
-impl<O> StepObserver for VirtualStepQueue<O> {
+impl StepObserver for VirtualStepQueue {
     #[inline]
     fn stepped(&mut self, _tick: u64, _axes: u8, _directions: u8) {}
 }
 
-impl<O: Observer> MotionWatch for VirtualStepQueue<O> {
+impl MotionWatch for VirtualStepQueue {
     fn digests(&self) -> StepDigests {
         self.watch.digests
     }

@@ -221,11 +221,11 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
 ///
 /// # Errors
 /// See [`PrepareError`]; the content of `out` is then useless.
-pub fn prepare<F: Fn(&str)>(
+pub fn prepare(
     input: &mut impl Read,
     picture: Option<(Thumbnail, Vec<u8>)>,
     profile: Profile,
-    replies: JobReplies<F>,
+    replies: JobReplies<'_>,
     target: Target<impl Write + Seek>,
     mut look: impl FnMut(&JobProgress, &Figures),
 ) -> Result<Prepared, PrepareError> {

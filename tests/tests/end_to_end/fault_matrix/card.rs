@@ -117,7 +117,7 @@ pub fn outcome(profile: &Profile, at: At, prints: bool) -> String {
     }
     let card = card(&text);
     let machine = machine(profile);
-    let mut printer: DeskPrinter<'_, (), Collector> = machine.printer();
+    let mut printer: DeskPrinter<'_, Collector> = machine.printer();
     printer.set_card(&card);
     let mut said = Vec::new();
     for line in at.lines_before().into_iter().chain(["M21"]) {
