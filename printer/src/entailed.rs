@@ -1,6 +1,7 @@
 //! A command, and what it entails: a paused print goes on, a tower sets its value, filament that has run out is changed.
 
-use ferrostep_gcode::{Command, Reply};
+use ferrostep_gcode::{Command, Real, Reply, WaitTarget};
+use ferrostep_hal_shim::Heater;
 
 use crate::axis_names::AXIS_NAMES;
 use crate::command_kind::{moves, sets_modes};
@@ -8,7 +9,7 @@ use crate::error::{CommandError, Failure};
 use crate::fan_commands::PAUSE;
 use crate::filament::{CHANGE_FILAMENT, lays};
 use crate::modal::Modal;
-use crate::ports::{Ports, Replies};
+use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Answer, Printer, Source};
 
 /// An axis' name, where it has one.
@@ -44,6 +45,15 @@ impl<P: Ports> Printer<'_, P> {
             self.replies.send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));
             self.heat_again(self.targets_celsius).await?;
         }
+        if is_of_print
+            && let Some((nozzle, celsius)) = self.cools_print(command)
+            && let Err(error) = self.motion.finish().await
+        {
+            // Off is off, whatever has become of the motion.
+            self.set_temperature(nozzle, celsius)?;
+            return Err(error.into());
+        }
+        let mut has_waited = false;
         let due = self.due_of_tower(command);
         let mut of_tower = due.as_deref().and_then(|line| self.read_of_tower(line));
         let mut command = command;
@@ -58,6 +68,16 @@ impl<P: Ports> Printer<'_, P> {
                 }
                 continue;
             }
+            if is_of_print
+                && !has_waited
+                && matches!(outcome, Err(CommandError::ColdExtrusion { .. }))
+                && !self.is_meant_cold()
+            {
+                has_waited = true;
+                self.tell_cold_start();
+                self.wait_until_hot(self.nozzle()).await?;
+                continue;
+            }
             self.follow_filament(command, is_of_print);
             if !is_of_print || outcome.is_err() || !lays(command) {
                 return outcome;
@@ -68,6 +88,32 @@ impl<P: Ports> Printer<'_, P> {
                 () => return outcome,
             };
         }
+    }
+
+    /// A nozzle, and its new target at which nothing can be pushed any more, where it has one at which filament is pushed. The moves that
+    /// the board knows already, which may take minutes, are to be made with the heat that they were written for.
+    fn cools_print(&self, command: &Command<'_>) -> Option<(Heater, f64)> {
+        let (tool, celsius) = match *command {
+            Command::SetNozzle(tool, Some(celsius))
+            | Command::WaitNozzle(tool, WaitTarget::Heating(celsius) | WaitTarget::HeatingOrCooling(celsius)) => {
+                (tool, celsius.to_f64())
+            }
+            Command::HeatersOff => (None, 0.0),
+            _ => return None,
+        };
+        let nozzle = self.nozzle_of(tool).ok()?;
+        let minimum_celsius = self.interpreter.modal.min_extrusion_celsius;
+        let is_hot = self.targets_celsius.get(nozzle.index()).is_some_and(|target| *target >= minimum_celsius);
+        (is_hot && celsius < f64::from(minimum_celsius)).then_some((nozzle, celsius))
+    }
+
+    /// Reports that a print waits for its nozzle, whose target no line has waited for.
+    fn tell_cold_start(&self) {
+        let status = self.heating.status(self.nozzle());
+        let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
+        let line = self.line;
+        self.replies
+            .say(format_args!("echo:line {line}: the nozzle is at {celsius} C, the print waits for {target} C"));
     }
 
     /// Reports once that the target of a move is uncertain: motors without current may have been turned.

@@ -82,7 +82,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Whether commands themselves have left the nozzle without a target at which filament is pushed. Filament that is to move alone then
     /// stays, as in Marlin: start code of some makers does so after its purge. Nothing is displaced by it.
-    fn is_meant_cold(&self) -> bool {
+    pub(crate) fn is_meant_cold(&self) -> bool {
         let meant_celsius = self.targets_celsius.get(self.nozzle().index()).copied().unwrap_or_default();
         meant_celsius < self.interpreter.modal.min_extrusion_celsius
     }

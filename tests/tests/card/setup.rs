@@ -22,8 +22,7 @@ use ferrostep_virtual_board::{EndStopFailure, VirtualCard, VirtualDelay};
 pub type Slot = VirtualCard<Vec<u8>>;
 pub type Card = LocalCard<Slot>;
 type Desk = PrintSession<StepLog, Said>;
-pub type DeskPrinter<'a> =
-    Printer<'a, (SharedMotion<DeskMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
+pub type DeskPrinter<'a> = Printer<'a, (SharedMotion<DeskMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
 
 /// What the motors have done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -413,6 +413,59 @@ fn heaters_that_went_off_in_a_pause_are_hot_again_before_anything_moves() {
     assert_eq!((print.target(Heater::Nozzle), print.target(Heater::Bed)), (200.0, 60.0));
 }
 
+/// The board knows moves of minutes when a print's end code arrives: they are made with the heat that they were written for.
+#[test]
+fn a_nozzle_stays_hot_until_the_moves_before_are_made() {
+    for off in ["M104 S0", "M104 S150", "M109 R100"] {
+        let machine = machine(&profile("cartesian"));
+        let mut print = Print::begun(&machine);
+        for x in [60, 20].into_iter().cycle().take(60) {
+            print.say(&format!("G1 X{x} E1 F1200"));
+        }
+        let [from, to] = [print.stands_mm(), [20.0, 30.0, 5.0]];
+        let mut coldest = f32::INFINITY;
+        print.number += 1;
+        let line = format!("{}\n", numbered(print.number, off));
+        print.conversation.say_while(line.as_bytes(), |machine| {
+            let [x, ..] = machine.desk().motor_steps();
+            if x != 20 * 80 || machine.heating().status(Heater::Nozzle).target_celsius > 160.0 {
+                coldest = coldest.min(machine.heating().status(Heater::Nozzle).celsius);
+            }
+        });
+        assert_ne!(from, to, "{off}: motion was under way");
+        assert_eq!(print.stands_mm(), to, "{off}");
+        assert!(coldest > 190.0, "{off}: {coldest}");
+        assert!(print.target(Heater::Nozzle) < 160.0, "{off}");
+    }
+    // A person's is not part of the print, and acts at once.
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    for x in [60, 20].into_iter().cycle().take(60) {
+        print.say(&format!("G1 X{x} E1 F1200"));
+    }
+    let before = print.stands_mm();
+    print.conversation.say("M104 S0");
+    assert_eq!((print.target(Heater::Nozzle), print.stands_mm()), (0.0, before));
+}
+
+/// Files that set a target and wait for none are printed when it is there.
+#[test]
+fn a_print_waits_for_a_target_on_its_way() {
+    for line in ["G1 X60 E1 F1200", "G1 E1 F300", "G2 X60 Y30 I20 J0 E1", "G10"] {
+        let machine = machine(&profile("cartesian"));
+        let mut print = Print::new(&machine);
+        for line in ["G28", "M83", "G1 X20 Y30 Z5 F3000", "M104 S200"] {
+            print.say(line);
+        }
+        let replies = print.say(line);
+        assert!(replies[0].contains("the print waits for 200 C"), "{line}: {replies:?}");
+        assert_eq!(replies.last().map(String::as_str), Some("ok"), "{line}: {replies:?}");
+        assert!(machine.heating().status(Heater::Nozzle).celsius > 195.0, "{line}");
+        print.conversation.finish();
+        assert_ne!(machine.desk().motor_steps()[3], 0, "{line}");
+    }
+}
+
 #[test]
 fn a_print_that_is_too_cold_pauses_its_host() {
     let machine = machine(&profile("cartesian"));

@@ -341,8 +341,8 @@ fn a_second_nozzle_has_its_own_heat() {
     assert!(said.contains(" @0:") && said.contains(" @1:"), "{said}");
     // T0 is cold, T1 is not.
     assert!(
-        host.say("G1 E1 F300")[0].contains("the nozzle is too cold")
-            || host.say("G1 E1 F300")[0].starts_with("echo:line")
+        host.say("G1 X1 E1 F300")[0].contains("the nozzle is too cold")
+            || host.say("G1 X1 E1 F300")[0].starts_with("echo:line")
     );
     run(&mut host, "T1\nG92 E0\nG1 E1 F300");
     assert_eq!(steps(&machine).1, [0, 95]);
