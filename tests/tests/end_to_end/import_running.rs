@@ -330,6 +330,10 @@ fn a_running_marlin_says_its_numbers_and_not_what_it_is() {
     assert!(by_permission.iter().any(|part| part.as_str().unwrap().starts_with("kinematics: ")), "{by_permission:#?}");
     // Each command of the report has a row.
     let rows = imported["rows"].as_array().unwrap();
+    for key in ["M851 (NOZZLE_TO_PROBE_OFFSET)", "M906 (E0_CURRENT)", "M420 (DEFAULT_LEVELING_FADE_HEIGHT)"] {
+        let row = rows.iter().find(|row| row["key"] == key).unwrap();
+        assert!(row["kept"].is_null() && row["why"].as_str().unwrap().contains("not told"), "{row}");
+    }
     for (index, line) in SETTINGS.iter().enumerate() {
         let command = line.strip_prefix("echo:  ").and_then(|line| line.split(' ').next());
         let Some(command) = command else { continue };

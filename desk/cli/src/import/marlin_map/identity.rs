@@ -75,6 +75,16 @@ impl Reading<'_> {
             self.draft.gap(&format!("homing.{axis}.triggers_low"), None, &state);
         }
         self.required("bed.sensor", "TEMP_SENSOR_BED");
+        self.lose("NOZZLE_TO_PROBE_OFFSET", "by what Z homes is not told: write homing.probe_offset_mm by hand");
+        for name in ["ENABLE_LEVELING_FADE_HEIGHT", "DEFAULT_LEVELING_FADE_HEIGHT"] {
+            self.lose(name, "points and area of the mesh are not told: write mesh by hand, and measure the bed by G29");
+        }
+        for motor in ["X", "Y", "Z", "E0"] {
+            for what in ["CURRENT", "HYBRID_THRESHOLD", "STALL_SENSITIVITY"] {
+                let why = "the kind of driver and its microsteps are not told: write drivers by hand";
+                self.lose(&format!("{motor}_{what}"), why);
+            }
+        }
         if self.number("EXTRUDERS").is_some_and(|count| count >= 2.0) {
             self.required("tools.t1.nozzle.sensor", "TEMP_SENSOR_1");
             self.required("tools.t1.inverted", "INVERT_E1_DIR");
