@@ -116,7 +116,7 @@ fn is_module(path: &str, module: &str) -> bool {
     let crate_folder = module.strip_prefix("ferrostep_").map(|name| format!("{}/src/", name.replace('_', "-")));
     path.ends_with(&format!("/{module}.rs"))
         || path.contains(&format!("/{module}/"))
-        || crate_folder.is_some_and(|folder| path.starts_with(&folder))
+        || crate_folder.is_some_and(|folder| path.starts_with(&folder) || path.contains(&format!("/{folder}")))
 }
 
 /// Bodies of `struct`, `enum`, `trait`, `mod` and `impl` blocks of `owner`, by the formatter's indentation.

@@ -156,7 +156,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         ),
         Command::SetLineNumber(number) => (110, given([('N', number.map(whole))])),
         Command::KeepAlive(seconds) => (113, given([('S', seconds.map(|value| whole(value.into())))])),
-        Command::ReportSetting(code) => (code.trim_start_matches('M').parse().unwrap(), vec![]),
+        Command::ReportSetting(code) => (code.trim_start_matches('M').parse().unwrap_or_default(), vec![]),
         Command::MaxAcceleration(limits) => (201, axes(limits)),
         Command::StepsPerMm(tool, steps) => (92, [given([('T', number_of(tool))]), axes(steps)].concat()),
         Command::ToolOffset { tool, offset } => (218, [given([('T', number_of(tool))]), axes(offset)].concat()),
