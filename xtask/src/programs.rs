@@ -152,7 +152,7 @@ mod tests {
             ("planner".to_owned(), package("planner", &["libm"])),
             ("printer".to_owned(), package("printer", &["planner"])),
             ("cli".to_owned(), package("cli", &["printer"])),
-            ("gcode".to_owned(), package("gcode", &[])),
+            ("gcode".to_owned(), package("printer/gcode", &[])),
             ("tests".to_owned(), package("tests", &["cli"])),
             ("testkit".to_owned(), package("tests/testkit", &[])),
         ]);

@@ -246,7 +246,7 @@ pub enum Program {
 impl Program {
     /// The folder of its package, from the root of the workspace.
     fn folder(self) -> &'static str {
-        if self == Self::Firmware { "app" } else { "bench" }
+        if self == Self::Firmware { "app" } else { "tests/bench" }
     }
 
     /// Its main source file, from the root of the workspace.

@@ -243,9 +243,7 @@ mod tests {
     fn the_drawing_has_every_package_and_is_current() {
         let kept = std::fs::read_to_string(picture_path()).unwrap();
         assert!(kept == picture().unwrap(), "{PICTURE} is not current: `cargo xtask refresh` draws it anew");
-        for folder in
-            ["printer/gcode", "desk/show", "desk/web", "tests/mainboard", "tests/fuzz", "hal-shim/stm32f4-usb", "xtask"]
-        {
+        for folder in ["gcode", "show", "web", "calibration", "mainboard", "fuzz", "stm32f4-usb", "xtask"] {
             assert!(kept.contains(&format!(">{folder}/</text>")), "{folder}");
         }
     }

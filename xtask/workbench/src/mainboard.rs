@@ -209,8 +209,8 @@ impl<'a> Machine<'a> {
         };
         Ok(Self {
             program,
-            board: file("boards", board),
-            profile: file("profiles", profile.unwrap_or(&loaded.profile)),
+            board: file("config/boards", board),
+            profile: file("config/profiles", profile.unwrap_or(&loaded.profile)),
             image,
         })
     }

@@ -182,7 +182,12 @@ fn collect_images(folder: &Path, version: &str) -> Result<(), Failure> {
 
 /// Packages of which a release has a program, with the target that they are built for.
 fn packages() -> [(&'static str, Option<&'static str>); 2] {
-    [("cli", None), ("app", Some(crate::core_library::TARGET))]
+    [("desk/cli", None), ("app", Some(crate::core_library::TARGET))]
+}
+
+/// A package's own folder, after which its files are named.
+fn name_of(package: &str) -> &str {
+    package.rsplit('/').next().unwrap_or(package)
 }
 
 /// Writes a CycloneDX parts list for the command and the firmware.
@@ -190,7 +195,7 @@ fn parts_lists(folder: &Path) -> Result<(), Failure> {
     system::cargo_program("cargo-cyclonedx", "cyclonedx", &[])?;
     for (package, target) in packages() {
         let manifest = system::root().join(package).join("Cargo.toml");
-        let name = format!("ferrostep-{package}.cdx");
+        let name = format!("ferrostep-{}.cdx", name_of(package));
         let mut list = cargo();
         list.args(["cyclonedx", "--format", "json", "--spec-version", "1.5", "--override-filename", &name]);
         list.arg("--manifest-path").arg(&manifest);
@@ -233,7 +238,7 @@ fn notices(folder: &Path) -> Result<(), Failure> {
         if let Some(target) = target {
             about.args(["--target", target]);
         }
-        about.arg("docs/notices.hbs").arg("--output-file").arg(folder.join(format!("NOTICES-{package}.md")));
+        about.arg("docs/notices.hbs").arg("--output-file").arg(folder.join(format!("NOTICES-{}.md", name_of(package))));
         system::run(&mut about)?;
     }
     Ok(())
