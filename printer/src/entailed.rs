@@ -103,8 +103,7 @@ impl<P: Ports> Printer<'_, P> {
         };
         let nozzle = self.nozzle_of(tool).ok()?;
         let minimum_celsius = self.interpreter.modal.min_extrusion_celsius;
-        let is_hot = self.targets_celsius.get(nozzle.index()).is_some_and(|target| *target >= minimum_celsius);
-        (is_hot && celsius < f64::from(minimum_celsius)).then_some((nozzle, celsius))
+        (self.is_meant_hot(nozzle) && celsius < f64::from(minimum_celsius)).then_some((nozzle, celsius))
     }
 
     /// Reports that a print waits for its nozzle, whose target no line has waited for.

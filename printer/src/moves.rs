@@ -1,6 +1,7 @@
 //! G0 to G4, G10, G11 and G92: the interpreter's moves go to the motors.
 
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real};
+use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{Move, filament_100pm};
 
 use crate::axis_names::AXIS_NAMES;
@@ -80,11 +81,16 @@ impl<P: Ports> Printer<'_, P> {
         Err(CommandError::ColdExtrusion { celsius, minimum_celsius })
     }
 
-    /// Whether commands themselves have left the nozzle without a target at which filament is pushed. Filament that is to move alone then
-    /// stays, as in Marlin: start code of some makers does so after its purge. Nothing is displaced by it.
+    /// Tells whether commands themselves have left the nozzle without a target at which filament is pushed. Filament that is to move alone
+    /// then stays, as in Marlin: start code of some makers does so after its purge. Nothing is displaced by it.
     pub(crate) fn is_meant_cold(&self) -> bool {
-        let meant_celsius = self.targets_celsius.get(self.nozzle().index()).copied().unwrap_or_default();
-        meant_celsius < self.interpreter.modal.min_extrusion_celsius
+        !self.is_meant_hot(self.nozzle())
+    }
+
+    /// Tells whether commands have given a nozzle a target at which filament is pushed.
+    pub(crate) fn is_meant_hot(&self, nozzle: Heater) -> bool {
+        let target_celsius = self.targets_celsius.get(nozzle.index()).copied().unwrap_or_default();
+        target_celsius >= self.interpreter.modal.min_extrusion_celsius
     }
 
     /// Says how a move was to leave the travel of some axes; an arc may do so on its way, which `reach_10nm` knows.

@@ -26,7 +26,7 @@ pub trait Observer: StepObserver + Any {
     fn move_ended(&mut self, tick: u64, line: u32);
 }
 
-/// Whoever watches a machine on the desk: its code is the same for all of them.
+/// An observer of any type: the machine's code is the same for all of them.
 pub type AnyObserver = Box<dyn Observer>;
 
 impl Observer for () {

@@ -14,6 +14,9 @@ use crate::arguments::ServeArguments;
 /// The program, as `cargo xtask mainboard` builds it.
 const PROGRAM: &str = "target/debug/ferrostep-mainboard";
 
+/// Where the built-in boards are, from the checkout's root.
+const BOARDS: &str = "config/boards";
+
 /// Serves until the process is interrupted.
 ///
 /// # Errors
@@ -31,7 +34,7 @@ pub fn run(board: &str, arguments: &ServeArguments) -> Result<ExitCode, String> 
     let Speed::Times(speed) = arguments.speed else {
         return Err("--speed max: an image runs by its own clock; write a number".to_owned());
     };
-    let named = home.join("config/boards").join(format!("{board}.toml"));
+    let named = home.join(BOARDS).join(format!("{board}.toml"));
     let file = if named.is_file() { named } else { PathBuf::from(board) };
     if !file.is_file() {
         let names = names(&home);
@@ -60,7 +63,7 @@ pub fn run(board: &str, arguments: &ServeArguments) -> Result<ExitCode, String> 
 
 /// The names of the built-in boards, separated by commas.
 fn names(home: &Path) -> Vec<String> {
-    let files = std::fs::read_dir(home.join("config/boards")).into_iter().flatten().flatten().map(|entry| entry.path());
+    let files = std::fs::read_dir(home.join(BOARDS)).into_iter().flatten().flatten().map(|entry| entry.path());
     let boards = files.filter(|path| path.extension().is_some_and(|extension| extension == "toml"));
     let mut names: Vec<String> = boards.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())).collect();
     names.retain(|name| name != "Cargo");
@@ -71,7 +74,6 @@ fn names(home: &Path) -> Vec<String> {
 /// The checkout around the working folder, or around this program.
 fn home() -> Option<PathBuf> {
     let starts = [std::env::current_dir().ok(), std::env::current_exe().ok()];
-    let is_home =
-        |folder: &&Path| folder.join("tests/mainboard/Cargo.toml").is_file() && folder.join("config/boards").is_dir();
+    let is_home = |folder: &&Path| folder.join("tests/mainboard/Cargo.toml").is_file() && folder.join(BOARDS).is_dir();
     starts.into_iter().flatten().find_map(|start| start.ancestors().find(is_home).map(Path::to_owned))
 }

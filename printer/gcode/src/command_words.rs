@@ -16,7 +16,7 @@ pub struct AxisWords {
 }
 
 impl AxisWords {
-    /// Whether there is an E and nothing else.
+    /// Tells whether there is an E and nothing else.
     pub const fn is_e_alone(&self) -> bool {
         self.e.is_some() && self.x.is_none() && self.y.is_none() && self.z.is_none()
     }

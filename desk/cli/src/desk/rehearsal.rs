@@ -29,7 +29,7 @@ pub struct Rehearsal<O> {
     observer: PhantomData<O>,
 }
 
-/// What of it does not depend on who watches, so that the printer's code is compiled once.
+/// The machine without its observer's type, so that the printer's code is compiled once.
 struct Steps {
     machine: RefCell<QueueMachine>,
     time: DeskTime,

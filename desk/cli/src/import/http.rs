@@ -15,7 +15,7 @@ const MAX_BYTES: usize = 8 << 20;
 const MAX_HEAD_BYTES: usize = 64 << 10;
 const MAX_HEADERS: usize = 100;
 
-/// How long an answer may take as a whole.
+/// The longest time of a whole answer.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Longest time of one read; a longer wait repeats it.
@@ -74,11 +74,11 @@ impl fmt::Display for Url {
 /// An answer.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Answer {
-    /// Its status, 200 for a good one.
+    /// The status, 200 for a good one.
     pub status: u16,
     /// Where the server sends its client instead.
     pub location: Option<String>,
-    /// Its body, with the parts of a chunked one put together.
+    /// The body, with the parts of a chunked one put together.
     pub body: Vec<u8>,
 }
 

@@ -29,7 +29,7 @@ pub struct Definition {
 }
 
 impl Definition {
-    /// Its name, with the command by which a running printer says it.
+    /// Names it, with the command by which a running printer says it.
     pub fn key(&self) -> String {
         match &self.by {
             Some(by) if self.name.starts_with(by.as_str()) => by.clone(),
@@ -39,7 +39,7 @@ impl Definition {
     }
 }
 
-/// What a running printer says beside its settings.
+/// Abilities that a running printer reports beside its settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Running {
     /// It has a probe of the bed.
@@ -57,7 +57,7 @@ pub struct Definitions {
     pub functions: HashMap<String, (Vec<String>, String)>,
     /// Includes that were not found: file, line, name, why.
     pub missing: Vec<(String, usize, String, String)>,
-    /// Of a file: those in whose place a running printer has said another.
+    /// The file's definitions in whose place a running printer has said another.
     pub replaced: Vec<Definition>,
     /// A running printer's, without a file.
     pub running: Option<Running>,

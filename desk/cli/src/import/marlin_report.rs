@@ -330,7 +330,7 @@ impl Report<'_> {
     }
 }
 
-/// What a running printer says beside its settings.
+/// Reads a running printer's abilities from its answer to M115.
 pub(super) fn running(about: &[String]) -> Running {
     Running { has_probe: about.iter().any(|line| line.trim() == "Cap:Z_PROBE:1") }
 }

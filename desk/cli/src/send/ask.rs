@@ -15,7 +15,7 @@ const BUSY: &str = "echo:busy:";
 /// After this many signs of other work the printer counts as busy.
 const MAX_BUSY: usize = 30;
 
-/// How long an answer may take as a whole, and its most lines.
+/// The longest time of a whole answer, and its most lines.
 const MAX_TIME: Duration = Duration::from_secs(120);
 const MAX_LINES: usize = 5000;
 

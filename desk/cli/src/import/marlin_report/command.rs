@@ -3,7 +3,7 @@
 /// A command of the report.
 pub(super) struct Command<'a> {
     pub(super) line: usize,
-    /// Its letter and number.
+    /// The letter and number.
     pub(super) code: &'a str,
     /// All after the code, without its comment.
     pub(super) rest: &'a str,
@@ -21,13 +21,13 @@ impl Command<'_> {
         self.rest.split_whitespace().any(|word| word.starts_with(letter))
     }
 
-    /// Whether it is of the first extruder, heater or motor, by the letter that says which.
+    /// Tells whether it is of the first extruder, heater or motor, by the letter that says which.
     pub(super) fn is_of_first(&self, letters: &[char]) -> bool {
         letters.iter().all(|letter| !self.has(*letter) || self.number(*letter) == Some(0.0))
     }
 }
 
-/// What stands after a key in the answer to M115, up to the next key.
+/// Returns the text after a key in the answer to M115, up to the next key.
 pub(super) fn value_of(about: &[String], key: &str) -> Option<String> {
     let is_key = |word: &&str| {
         let key = word.split(':').next().unwrap_or_default();
