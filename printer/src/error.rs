@@ -146,11 +146,6 @@ pub enum CommandError {
     ShiftsNoJob,
     /// M290 shifts a homed Z only.
     ShiftsHomedZ,
-    /// M290 moves Z alone.
-    ShiftsZOnly {
-        /// The word's letter.
-        word: char,
-    },
     /// The axis' sensor is triggered away from the end of the axis.
     SensorStuck {
         /// Index of the axis.

@@ -24,9 +24,14 @@ impl<P: Ports> Printer<'_, P> {
         let mut asked = self.interpreter.linear(rapid, axes, feed, self.line)?;
         if asked.request.filament_100pm != 0 {
             match self.check_extrusion_temperature() {
-                Err(error @ CommandError::ColdExtrusion { .. }) if axes.is_e_alone() && self.is_meant_cold() => {
-                    let line = self.line;
-                    self.replies.say(format_args!("echo:line {line}: {error}; the filament stays"));
+                Err(CommandError::ColdExtrusion { minimum_celsius, .. })
+                    if axes.is_e_alone() && self.is_meant_cold() =>
+                {
+                    let least = Real::short(minimum_celsius, 2);
+                    self.replies.note(
+                        self.line,
+                        format_args!("cold extrusion prevented, expected at least {least} C: the filament stays"),
+                    );
                     asked = asked.without_filament();
                 }
                 checked => checked?,

@@ -80,9 +80,10 @@ impl<P: Ports> Printer<'_, P> {
     /// M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes with it unless `keeps_offset` (P0).
     /// The shift is a move of its own, after those taken before.
     pub(crate) async fn shift_z(&mut self, words: &AxisWords, keeps_offset: bool) -> Result<(), CommandError> {
-        let others = [('X', words.x), ('Y', words.y), ('E', words.e)];
-        if let Some((word, _)) = others.into_iter().find(|(_, word)| word.is_some()) {
-            return Err(CommandError::ShiftsZOnly { word });
+        if words.x.is_some() || words.y.is_some() || words.e.is_some() {
+            // Start code of Bambu's X1 has one with a Z that would be no shift either.
+            self.replies.note(self.line, format_args!("M290 shifts Z alone: with X, Y or E it has no effect"));
+            return Ok(());
         }
         if let Some(value) = words.z {
             let by_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;

@@ -20,7 +20,7 @@ enum LayerForm {
     LayerChange,
     /// `; CHANGE_LAYER` (Bambu Studio).
     ChangeLayer,
-    /// `;LAYER:3` (Cura, ideaMaker).
+    /// `;LAYER:3` (Cura, ideaMaker), `;LAYER 3`, `; Layer #3` (generators).
     Number,
     /// `;layer:0.30` (FlashPrint).
     Height,
@@ -96,7 +96,7 @@ fn layer(body: &str) -> Option<(LayerForm, Option<String>)> {
         LayerForm::LayerChange
     } else if body.starts_with("CHANGE_LAYER") {
         LayerForm::ChangeLayer
-    } else if body.strip_prefix("LAYER:").is_some_and(is_number) {
+    } else if ["LAYER:", "LAYER ", "Layer #"].iter().any(|start| body.strip_prefix(start).is_some_and(is_number)) {
         LayerForm::Number
     } else if body.strip_prefix("layer:").is_some_and(is_number) {
         LayerForm::Height
@@ -189,7 +189,15 @@ mod tests {
 
     #[test]
     fn layers_of_slicers() {
-        for mark in [";LAYER_CHANGE", "; CHANGE_LAYER", ";LAYER:3", ";layer:0.30", "; layer 1, Z = 0.20"] {
+        for mark in [
+            ";LAYER_CHANGE",
+            "; CHANGE_LAYER",
+            ";LAYER:3",
+            ";LAYER 3",
+            "; Layer #3",
+            ";layer:0.30",
+            "; layer 1, Z = 0.20",
+        ] {
             assert_eq!(layers(&[mark, ";x", mark]), 2, "{mark}");
         }
         // KISSlicer marks each object of a layer.
@@ -205,6 +213,7 @@ mod tests {
             "; layer 1 of 9",
             ";BEFORE_LAYER_CHANGE",
             ";LAYER:",
+            ";LAYER 1 of 9",
         ];
         assert_eq!(layers(&none), 0);
     }

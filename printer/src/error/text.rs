@@ -139,7 +139,6 @@ impl fmt::Display for CommandError {
             }
             Self::ShiftsNoJob => write!(out, "a prepared job brings its own heights: send M290 before or after it"),
             Self::ShiftsHomedZ => write!(out, "Z is not homed: send G28 before M290"),
-            Self::ShiftsZOnly { word } => write!(out, "{word}: M290 shifts Z alone: send M290 Z"),
             Self::SensorStuck { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(

@@ -45,6 +45,8 @@ fn moves_as_slicers_write_them() {
         reads(text, Command::Linear { rapid: false, axes, feed: None });
     }
     let retract = AxisWords { e: some("-0.8"), ..AxisWords::default() };
+    // Of a web page.
+    reads("M104 S0 \u{a0} ", Command::SetNozzle(None, some("0")));
     reads("G1 E-.8 F2100", Command::Linear { rapid: false, axes: retract, feed: some("2100") });
     let lift = AxisWords { z: some("0.2"), ..AxisWords::default() };
     reads("G00 F4500 Z.2", Command::Linear { rapid: true, axes: lift, feed: some("4500") });

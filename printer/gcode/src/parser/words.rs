@@ -378,6 +378,8 @@ pub(super) fn skip_blanks(bytes: &[u8], mut at: usize) -> usize {
     while let Some(&byte) = bytes.get(at) {
         match byte {
             b' ' | b'\t' => at += 1,
+            // A blank of a page of the web, from which end code was copied.
+            0xC2 if bytes.get(at + 1) == Some(&0xA0) => at += 2,
             b'(' => {
                 let rest = bytes.get(at..).unwrap_or_default();
                 at += rest.iter().position(|&byte| byte == b')').map_or(rest.len(), |end| end + 1);
