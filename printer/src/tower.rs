@@ -4,8 +4,7 @@ use core::fmt;
 use core::fmt::Write as _;
 
 use ferrostep_gcode::{
-    AdvanceWords, Command, Decimal, ParseError, Real, Remarks, ShortText, TowerCourse, TowerWords, parse,
-    parse_with_remarks,
+    Command, Decimal, ParseError, Real, Remarks, ShortText, TowerCourse, TowerWords, parse, parse_with_remarks,
 };
 
 use crate::error::{CommandError, Failure};
@@ -102,9 +101,43 @@ fn is_live(command: &Command<'_>) -> bool {
     )
 }
 
-/// Whether a command of a number says no more than which tool it asks about.
-fn names_a_tool(command: &Command<'_>) -> bool {
-    matches!(command, Command::PressureAdvance(Some(_), words) if *words == AdvanceWords::default())
+/// Whether two commands differ in a value that may change in a print, and not only in the tool that they name. To compare commands of
+/// every kind would take 2 KB of an image.
+fn values_differ(one: &Command<'_>, two: &Command<'_>) -> bool {
+    use Command as C;
+    match (one, two) {
+        (C::SetNozzle(_, one), C::SetNozzle(_, two)) | (C::SetBed(one), C::SetBed(two)) => one != two,
+        (C::FlowPercent(_, one), C::FlowPercent(_, two)) => one != two,
+        (C::Fan { number: 0, power: one }, C::Fan { number: 0, power: two }) => one != two,
+        (C::FeedPercent(one), C::FeedPercent(two)) => one != two,
+        (C::MaxAcceleration(one), C::MaxAcceleration(two)) | (C::MaxFeed(one), C::MaxFeed(two)) => one != two,
+        (
+            C::Acceleration { print, retract, travel, both },
+            C::Acceleration { print: print_2, retract: retract_2, travel: travel_2, both: both_2 },
+        ) => (print, retract, travel, both) != (print_2, retract_2, travel_2, both_2),
+        (
+            C::VelocityLimit { velocity, acceleration, corner },
+            C::VelocityLimit { velocity: velocity_2, acceleration: acceleration_2, corner: corner_2 },
+        ) => (velocity, acceleration, corner) != (velocity_2, acceleration_2, corner_2),
+        (
+            C::Junction { deviation, corner_velocity },
+            C::Junction { deviation: deviation_2, corner_velocity: corner_velocity_2 },
+        ) => (deviation, corner_velocity) != (deviation_2, corner_velocity_2),
+        (C::RetractSettings(one), C::RetractSettings(two)) => one != two,
+        (C::RecoverSettings(one), C::RecoverSettings(two)) => one != two,
+        (
+            C::AdaptiveExtrusion { layer_height, line_width, filament_diameter, .. },
+            C::AdaptiveExtrusion {
+                layer_height: layer_height_2,
+                line_width: line_width_2,
+                filament_diameter: filament_diameter_2,
+                ..
+            },
+        ) => (layer_height, line_width, filament_diameter) != (layer_height_2, line_width_2, filament_diameter_2),
+        (C::InputShaper { axes: one, .. }, C::InputShaper { axes: two, .. }) => one != two,
+        (C::PressureAdvance(_, one), C::PressureAdvance(_, two)) => one != two,
+        _ => false,
+    }
 }
 
 impl Tower {
@@ -132,7 +165,7 @@ impl Tower {
         let mut remarks = Remarks::NONE;
         let [one, two] = [1, 2].map(|number| self.line(Decimal::from_nanos(number * 1_000_000_000)));
         let [one, two] = [&one, &two].map(|line| parse_with_remarks(line, &mut remarks));
-        matches!((one, two), (Ok(one), Ok(two)) if one != two && is_live(&one) && is_live(&two) && !names_a_tool(&one) && remarks.is_empty())
+        matches!((one, two), (Ok(one), Ok(two)) if values_differ(&one, &two) && remarks.is_empty())
     }
 
     /// The line that sets a value.
