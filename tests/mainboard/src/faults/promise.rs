@@ -130,7 +130,7 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
         Fault::MotorSupply(_) => &DRIVER,
         Fault::ChipSupply(_) => &BROWN_OUT,
         Fault::HostVanishes => {
-            // The time begins at the end of queued motion.
+            // The time begins at the end of queued motion, and of the command under way.
             const ROWS: [Promise; 1] = [row(
                 When::Hot,
                 What::Off,

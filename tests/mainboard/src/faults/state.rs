@@ -17,6 +17,9 @@ const SECOND: u64 = 1_000_000_000;
 pub const TARGETS_CELSIUS: [f64; 2] = [200.0, 40.0];
 /// Time without a host after which the heaters go off, s: set by M86, so that a run need not last half an hour.
 pub const HEATER_TIMEOUT_S: u64 = 30;
+
+/// S of the G4 of [`State::Waiting`].
+pub const DWELL_S: u64 = 10;
 /// Virtual time limit of the run through all states, ns.
 const LIMIT_NS: u64 = 400 * SECOND;
 /// Maximum number of the job's moves to print.
@@ -184,7 +187,7 @@ impl StateTour {
             format!("M109 S{nozzle}"),
             "G28".to_owned(),
             "M114".to_owned(),
-            "G4 S10".to_owned(),
+            format!("G4 S{DWELL_S}"),
             "G92 E0".to_owned(),
         ];
         lines.extend(printing);

@@ -6,7 +6,7 @@ use super::bench::Limits;
 use super::fault::Fault;
 use super::host_side::HostSide;
 use super::promise::{MAX_SILENCE_MS, Promise, What};
-use super::state::{StartingPoint, State, TARGETS_CELSIUS, position_mm};
+use super::state::{DWELL_S, StartingPoint, State, TARGETS_CELSIUS, position_mm};
 use crate::host::LineKind;
 use crate::machine::Machine;
 use crate::parts::heat::HeaterFault;
@@ -67,9 +67,11 @@ pub struct Watch {
     fault: Fault,
     at_ns: u64,
     last_on_ns: Option<u64>,
-    /// Last step, ns: queued motion continues after the host has gone and counts as use, so the time of a promise
-    /// begins at its end.
-    moved_ns: u64,
+    /// Last step, or end of the wait, ns: queued motion and the command under way go on after the host has gone and count as use, so
+    /// the time of a promise begins at their end.
+    used_ns: u64,
+    /// When the state's G4 has ended, ns.
+    dwelt_ns: u64,
     steps: u64,
     resets: usize,
     reset_ns: Option<u64>,
@@ -108,7 +110,8 @@ impl Watch {
             fault,
             at_ns: now_ns,
             last_on_ns: (heating || place.state.is_hot()).then_some(now_ns),
-            moved_ns: now_ns,
+            used_ns: now_ns,
+            dwelt_ns: place.at_ns + DWELL_S * 1_000 * MILLISECOND,
             steps: 0,
             resets: machine.resets(),
             reset_ns: None,
@@ -138,8 +141,8 @@ impl Watch {
         }
         if self.fault == Fault::HostVanishes {
             let steps = (0..self.per_step_256.len()).map(|motor| machine.decoder.steps(motor)).sum();
-            if steps != self.steps {
-                (self.steps, self.moved_ns) = (steps, now_ns);
+            if steps != self.steps || self.is_waiting(machine, now_ns) {
+                (self.steps, self.used_ns) = (steps, now_ns);
             }
         }
         if machine.resets() != self.resets && self.reset_ns.is_none() {
@@ -159,6 +162,17 @@ impl Watch {
         self.is_certain(side, now_ns)
     }
 
+    /// Whether the printer waits for time or heat, without a step.
+    fn is_waiting(&self, machine: &Machine, now_ns: u64) -> bool {
+        match self.state {
+            State::Waiting => now_ns < self.dwelt_ns,
+            State::Heating => machine.plant.heaters.iter().any(|place| {
+                place.name.starts_with("nozzle") && place.heater.hottest_celsius() < TARGETS_CELSIUS[0] - 1.0
+            }),
+            _ => false,
+        }
+    }
+
     fn is_certain(&self, side: &HostSide, now_ns: u64) -> bool {
         let passed_ns = now_ns - self.at_ns;
         let within_ns = self.promise.within_ms * MILLISECOND;
@@ -166,7 +180,7 @@ impl Watch {
         let said = alarm_of(side, self.at_ns).is_some();
         match self.promise.what {
             What::Off => {
-                (off && said && !self.has_targets(side)) || now_ns - self.moved_ns > within_ns + 4_000 * MILLISECOND
+                (off && said && !self.has_targets(side)) || now_ns - self.used_ns > within_ns + 4_000 * MILLISECOND
             }
             What::Reset => {
                 (off && self.reset_ns.is_some() && (said || !self.powered) && passed_ns > OFF_FOR_NS)
@@ -282,7 +296,7 @@ impl Watch {
             What::Off => {
                 match outcome.heaters_off_ms {
                     None if was_on => found.push(format!("heaters still on after {:.1} s", outcome.watched_s)),
-                    Some(after_ms) if after_ms > within_ms + ms(self.moved_ns - self.at_ns) => {
+                    Some(after_ms) if after_ms > within_ms + ms(self.used_ns - self.at_ns) => {
                         found.push(format!("heaters off after {after_ms:.0} ms, promised within {within_ms} ms"));
                     }
                     _ => {}

@@ -211,15 +211,18 @@ fn unused_heaters_go_off() {
         bench.host.wait_for("the end", |line| line.starts_with("echo:heaters switched off: 4 s ")).unwrap();
         wait_for_powers(board, &mut bench, [false; 2]);
         assert_off(board, &mut bench);
-        // The same in a dwell; a waiting line keeps them on.
+        // A dwell is use, and the time begins at its end; any line keeps them on.
         heat(board, &mut bench);
-        bench.host.send_raw(b"G4 S9\n").unwrap();
+        bench.host.send_raw(b"G4 S5\n").unwrap();
+        bench.host.wait_for("the end of the dwell", |line| line == "ok").unwrap();
+        assert_eq!(at_full_power(&mut bench), [true; 2], "{}", board.name);
         bench.host.wait_for("the warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
         bench.host.send_raw(b"M105\n").unwrap();
         bench.host.wait_for("the repeated warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
         assert_eq!(at_full_power(&mut bench), [true; 2], "{}", board.name);
         bench.host.wait_for("the end", |line| line.starts_with("echo:heaters switched off: 4 s ")).unwrap();
         wait_for_powers(board, &mut bench, [false; 2]);
+        bench.host.send_raw(b"M105\n").unwrap();
         let report = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
         assert!(report.ends_with(" @:0 B@:0"), "{report}");
     }
