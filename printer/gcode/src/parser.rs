@@ -18,6 +18,7 @@ use crate::remarks::{Remark, Remarks};
 use crate::{Command, NotExecuted, ParseError};
 use code::Code;
 pub use heater_model::HeaterModelWords;
+use words::Words;
 
 /// Reads one line, without its number, checksum and `;` comment, as [`Line::text`](crate::Line::text) has it.
 ///
@@ -69,11 +70,11 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
     match letter {
         b'G' | b'M' if !has_number && is_name(bytes.get(word..).unwrap_or_default()) => named::parse(&code, remarks),
         b'G' | b'M' if !has_number => Err(ParseError::NumberExpected { letter: char::from(letter) }),
-        b'G' => g_codes::parse(code, remarks),
-        b'M' => m_codes::parse(code, remarks),
+        b'G' => g_codes::parse(code, &mut Words::new(remarks)),
+        b'M' => m_codes::parse(code, &mut Words::new(remarks)),
         // `Tx`, `Tc` and `T?` drive the filament changer of some printers, as numbers do that no tool has.
         b'T' if has_number && !has_subcode && number <= LAST_TOOL => {
-            let stays = code.words(remarks)?.flag(b'S');
+            let stays = code.peek(remarks)?.flag(b'S');
             Ok(Command::SelectTool { tool: Some(number), stays })
         }
         b'T' if !has_number && matches!(bytes.get(words::skip_blanks(bytes, at)), None | Some(b'*' | b';')) => {

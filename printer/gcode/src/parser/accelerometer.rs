@@ -1,11 +1,11 @@
 //! M955 and M956, as RepRapFirmware has them: an accelerometer and its records.
 
 use super::code::Code;
-use crate::remarks::Remarks;
+use super::words::Words;
 use crate::{Command, ParseError};
 
 /// Reads the words of M955 (and else of M956). There is one accelerometer, 0, whose pins are the board's.
-pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let is_of_settings = code.number == 955;
     if code.rest.contains('"') {
         return Err(if is_of_settings {
@@ -14,7 +14,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             ParseError::NotSupported { command: "M956 with F", why: "records go to the host; leave F out" }
         });
     }
-    let mut words = code.words(remarks)?;
+    let words = code.words(words)?;
     words.whole_to(b'P', 0)?;
     if is_of_settings {
         let (rate_hz, resolution_bits) = (words.whole_up_to(b'S', u16::MAX)?, words.whole_to(b'R', u8::MAX)?);

@@ -2,12 +2,12 @@
 
 use super::code::Code;
 use super::words::Words;
-use crate::remarks::{Remark, Remarks};
+use crate::remarks::Remark;
 use crate::{BedArea, BedCommand, Command, ParseError};
 
 /// G29, G80, G30, G34 and G35.
-pub(super) fn g_code<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+pub(super) fn g_code<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     match code.number {
         29 => measure(words),
         // Elsewhere a motor of Z is locked or let go with these, and nothing is probed.
@@ -23,7 +23,7 @@ pub(super) fn g_code<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Comman
         30 => Ok(Command::Bed(BedCommand::Probe { x: words.value(b'X'), y: words.value(b'Y') })),
         // Of Prusa's G80 the other letters correct the mesh.
         _ => {
-            let area = area_of_size(&mut words, "G80")?;
+            let area = area_of_size(words, "G80")?;
             Ok(Command::Bed(BedCommand::Measure { area, unless_on: words.flag(b'O') }))
         }
     }
@@ -37,12 +37,12 @@ const MIN_SPEED: i64 = 10;
 
 /// G29. Firmwares differ in its letters, and it measures only where all of them do: a letter that means nothing here must not
 /// become a probing of the whole bed.
-fn measure<'a>(mut words: Words<'_>) -> Result<Command<'a>, ParseError> {
+fn measure<'a>(words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let follow = |on, fade, reports| Ok(Command::Bed(BedCommand::Follow { on, fade, reports }));
     let has = |words: &Words<'_>, letters: &[u8]| letters.iter().any(|&letter| words.is_present(letter));
     let has_phase = words.is_present(b'P');
     let is_first_phase = has_phase && !words.is_other_than(b'P', 1);
-    let (has_edges, has_size) = (has(&words, b"RB"), has(&words, b"WH"));
+    let (has_edges, has_size) = (has(words, b"RB"), has(words, b"WH"));
     if !is_first_phase {
         // Of unified levelling F is the height of fading; of bilinear levelling an edge, beside others.
         let fade = if has_edges { None } else { words.not_negative(b'F')? };
@@ -50,8 +50,8 @@ fn measure<'a>(mut words: Words<'_>) -> Result<Command<'a>, ParseError> {
             return follow(Some(true), fade, false);
         }
         let is_speed = !words.is_present(b'S') || words.is_above(b'S', MIN_SPEED);
-        let is_place = !has_size && has(&words, b"XY") || !has_edges && has(&words, b"L");
-        if has_phase || fade.is_some() || is_place || !is_speed || has(&words, b"CDIJKMNQTUZ") {
+        let is_place = !has_size && has(words, b"XY") || !has_edges && has(words, b"L");
+        if has_phase || fade.is_some() || is_place || !is_speed || has(words, b"CDIJKMNQTUZ") {
             words.remark(Remark::NothingMeasured);
             return if has_phase {
                 Ok(Command::Accepted)
@@ -70,14 +70,14 @@ fn measure<'a>(mut words: Words<'_>) -> Result<Command<'a>, ParseError> {
         let [left, right, front, back] = b"LRFB".map(|letter| words.value(letter));
         Some(BedArea { left, right, front, back, is_size: false })
     } else {
-        area_of_size(&mut words, "G29")?
+        area_of_size(words, "G29")?
     };
     Ok(Command::Bed(BedCommand::Measure { area, unless_on: words.flag(b'O') }))
 }
 
 /// M48, M420, M421 and M555.
-pub(super) fn m_code<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+pub(super) fn m_code<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     Ok(Command::Bed(match code.number {
         48 => {
             let samples = words.whole_to(b'P', u8::MAX)?;
@@ -94,7 +94,7 @@ pub(super) fn m_code<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Comman
             };
             BedCommand::SetPoint { column, row, height: value, adds: height.is_none() }
         }
-        _ => match area_of_size(&mut words, "M555")? {
+        _ => match area_of_size(words, "M555")? {
             Some(area) => BedCommand::Area(area),
             None => return Err(ParseError::WordsExpected { command: "M555", words: "X, Y, W and H" }),
         },

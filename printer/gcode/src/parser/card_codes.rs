@@ -1,40 +1,39 @@
 //! Commands for the files on a memory card.
 
 use super::code::Code;
-use super::words::skip_blanks;
-use crate::remarks::Remarks;
+use super::words::{Strays, Words, skip_blanks};
 use crate::{CardCommand, InterruptedPrint, ParseError};
 
 /// Maximum interval of M27, seconds.
 const MAX_INTERVAL_S: u8 = 60;
 
 /// M20 to M34, M413, M524, M928, M1000; `None` for any other.
-pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Option<Result<CardCommand<'a>, ParseError>> {
+pub(super) fn parse<'a>(code: &Code<'a>, words: &mut Words<'_>) -> Option<Result<CardCommand<'a>, ParseError>> {
     Some(match code.number {
         20 => flags(code),
         21 => Ok(CardCommand::Mount),
         22 => Ok(CardCommand::Release),
         23 => path(code, "M23").map(CardCommand::Select),
-        24 => position(code, remarks).map(|position| CardCommand::Start { position }),
+        24 => position(code, words).map(|position| CardCommand::Start { position }),
         25 => Ok(CardCommand::Pause),
-        26 => position(code, remarks).and_then(|position| {
+        26 => position(code, words).and_then(|position| {
             let missing = ParseError::WordsExpected { command: "M26", words: "S" };
             position.map(CardCommand::SetPosition).ok_or(missing)
         }),
-        27 => progress(code, remarks),
+        27 => progress(code, words),
         28 => path(code, "M28").map(CardCommand::Write),
         29 => Ok(CardCommand::EndWrite),
         // Alone it ends a program, which needs no command here.
         30 if skip_blanks(code.rest.as_bytes(), 0) == code.rest.len() => return None,
         30 => path(code, "M30").map(CardCommand::Delete),
         31 => Ok(CardCommand::ReportTime),
-        32 => select_and_start(code, remarks),
+        32 => select_and_start(code, words),
         33 => path(code, "M33").map(CardCommand::ReportLongPath),
         34 => Ok(CardCommand::Sort),
-        413 => code.words(remarks).and_then(|mut words| words.switch(b'S')).map(CardCommand::KeepPlace),
+        413 => code.words(words).and_then(|words| words.switch(b'S')).map(CardCommand::KeepPlace),
         524 => Ok(CardCommand::Abort),
         928 => path(code, "M928").map(CardCommand::Log),
-        1000 => code.words(remarks).map(|mut words| {
+        1000 => code.words(words).map(|words| {
             let (discards, reports) = (words.flag(b'C'), words.flag(b'S'));
             CardCommand::Interrupted(match (discards, reports) {
                 (true, _) => InterruptedPrint::Discard,
@@ -58,18 +57,18 @@ fn path<'a>(code: &Code<'a>, command: &'static str) -> Result<&'a str, ParseErro
     if text.is_empty() { Err(ParseError::WordsExpected { command, words: "a file's name" }) } else { Ok(text) }
 }
 
-fn position(code: &Code<'_>, remarks: &mut Remarks) -> Result<Option<u32>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn position(code: &Code<'_>, words: &mut Words<'_>) -> Result<Option<u32>, ParseError> {
+    let words = code.words(words)?;
     // A length beyond any file's: no file has such a place.
     Ok(words.nearest(b'S', 1)?.map(|position| u32::try_from(position).unwrap_or(u32::MAX)))
 }
 
 /// M27: C asks for the name, S sets the interval.
-fn progress<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<CardCommand<'a>, ParseError> {
+fn progress<'a>(code: &Code<'a>, words: &mut Words<'_>) -> Result<CardCommand<'a>, ParseError> {
     if code.free_text().starts_with(['C', 'c']) {
         return Ok(CardCommand::ReportFile);
     }
-    let interval = code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)?;
+    let interval = code.words(words)?.whole_to(b'S', MAX_INTERVAL_S)?;
     Ok(interval.map_or(CardCommand::ReportProgress, |seconds| CardCommand::AutoReport { seconds }))
 }
 
@@ -91,17 +90,17 @@ fn before_end_mark(text: &str) -> &str {
 }
 
 /// M32: the path stands between `!` and `#`, or is the rest of the line.
-fn select_and_start<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<CardCommand<'a>, ParseError> {
+fn select_and_start<'a>(code: &Code<'a>, words: &mut Words<'_>) -> Result<CardCommand<'a>, ParseError> {
     let text = code.free_text();
-    let (words, path) = match text.split_once('!') {
-        Some((words, path)) if is_words(words) => (words, before_end_mark(path)),
+    let (before, path) = match text.split_once('!') {
+        Some((before, path)) if is_words(before) => (before, before_end_mark(path)),
         _ => ("", text),
     };
     let path = path.trim_matches([' ', '\t']);
     if path.is_empty() {
         return Err(ParseError::WordsExpected { command: "M32", words: "a file's name after !" });
     }
-    let mut words = super::words::Words::parse(words, remarks, super::words::Strays::Remarked)?;
+    words.read(before, Strays::Remarked)?;
     if words.has(b'P') {
         let why = "a file that is printed from within another would leave its place; print one after the other";
         return Err(ParseError::NotSupported { command: "M32 P", why });

@@ -31,18 +31,24 @@ impl<'a> Code<'a> {
         self.rest.trim_matches([' ', '\t'])
     }
 
-    pub(super) fn words<'r>(&self, remarks: &'r mut Remarks) -> Result<Words<'r>, ParseError> {
-        Words::parse(self.rest, remarks, Strays::Remarked)
+    /// Reads what follows into an empty list of words.
+    pub(super) fn words<'w, 'r>(&self, words: &'w mut Words<'r>) -> Result<&'w mut Words<'r>, ParseError> {
+        words.read(self.rest, Strays::Remarked).map(|()| words)
     }
 
     /// The words of a command that moves something, or says where something is: a number without its letter is an error.
-    pub(super) fn places<'r>(&self, remarks: &'r mut Remarks) -> Result<Words<'r>, ParseError> {
-        Words::parse(self.rest, remarks, Strays::Refused)
+    pub(super) fn places<'w, 'r>(&self, words: &'w mut Words<'r>) -> Result<&'w mut Words<'r>, ParseError> {
+        words.read(self.rest, Strays::Refused).map(|()| words)
+    }
+
+    /// Reads what follows into a list of its own, for a command whose meaning depends on it.
+    pub(super) fn peek<'r>(&self, remarks: &'r mut Remarks) -> Result<Words<'r>, ParseError> {
+        Words::parse(self.rest, remarks, Strays::Remarked)
     }
 
     /// What becomes of a command that the parser has no code for.
-    pub(super) fn not_executed(&self, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-        self.outcome(NotExecuted::find(self.letter, self.number), remarks)
+    pub(super) fn not_executed(&self, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+        self.outcome(NotExecuted::find(self.letter, self.number), words.remarks())
     }
 
     /// What becomes of a command by its entry; without one it is unknown.
@@ -61,7 +67,7 @@ impl<'a> Code<'a> {
     }
 
     /// Checks that what follows is well formed, for a command that has no words.
-    pub(super) fn without_words(&self, command: Command<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-        self.words(remarks).map(|_| command)
+    pub(super) fn without_words(&self, command: Command<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+        self.words(words).map(|_| command)
     }
 }

@@ -1,12 +1,13 @@
 //! M569, M906, M913 and M914: the motors' drivers.
 
 use super::code::Code;
-use crate::remarks::{Remark, Remarks};
+use super::words::Words;
+use crate::remarks::Remark;
 use crate::{Command, DriverSetting, DriverWords, ParseError};
 
 /// M569. With P it is the M569 of another firmware, which sets a driver's direction by its number.
-pub(super) fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+pub(super) fn stealth_chop<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     if words.has(b'P') {
         words.forgive();
         words.remark(Remark::DriverByNumber);
@@ -23,9 +24,9 @@ pub(super) fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<
 pub(super) fn setting<'a>(
     setting: DriverSetting,
     code: Code<'a>,
-    remarks: &mut Remarks,
+    words: &mut Words<'_>,
 ) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+    let words = code.words(words)?;
     let tool = words.tool(b'T');
     let mut number = |letter| words.whole_up_to(letter, setting.max());
     let [x, y, z, e] = [number(b'X')?, number(b'Y')?, number(b'Z')?, number(b'E')?];

@@ -2,7 +2,6 @@
 
 use super::code::Code;
 use super::words::{Strays, Words, skip_blanks};
-use crate::remarks::Remarks;
 use crate::{Command, ParseError, ShaperWords};
 
 /// A line whose P has the name of a kind in quotes.
@@ -14,9 +13,8 @@ struct Quoted<'a> {
 
 /// Reads the words after M593.
 #[inline(never)]
-pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let quoted = quoted(code.rest);
-    let mut words = Words::new(remarks);
     words.read(quoted.as_ref().map_or(code.rest, |quoted| quoted.before), Strays::Remarked)?;
     if let Some(quoted) = &quoted {
         words.read(quoted.after, Strays::Remarked)?;

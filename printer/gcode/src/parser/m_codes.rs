@@ -20,34 +20,34 @@ const MAX_SILENCE_S: u16 = 3600;
 /// T of M790 if the line has none, seconds.
 const DEFAULT_SILENCE_S: u16 = 30;
 
-pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     if code.has_subcode {
         // M862.1 to M862.6: checks of the printer's model and nozzle.
         return match (code.number, code.subcode) {
             (862, 1) => {
-                let mut words = code.words(remarks)?;
+                let words = code.words(words)?;
                 // A and F say what the filament asks of the nozzle, T which tool is meant.
                 b"AFT".iter().for_each(|&letter| words.needless_zero(letter));
                 Ok(Command::CheckNozzle(words.value(b'P')))
             }
             (862, 3) => Ok(Command::CheckModel(model(code.free_text()))),
-            (862, _) => code.not_executed(remarks),
+            (862, _) => code.not_executed(words),
             _ => Ok(code.unknown()),
         };
     }
-    if let Some(command) = super::card_codes::parse(&code, remarks) {
+    if let Some(command) = super::card_codes::parse(&code, words) {
         return command.map(Command::Card);
     }
     match code.number {
-        0 | 1 => stop(code, remarks),
-        602 => code.without_words(Command::ResumePrint, remarks),
-        125 | 600 | 601 => pause(code, remarks),
-        603 | 701 | 702 => filament(code, remarks),
+        0 | 1 => stop(code, words),
+        602 => code.without_words(Command::ResumePrint, words),
+        125 | 600 | 601 => pause(code, words),
+        603 | 701 | 702 => filament(code, words),
         // With P it waits for a pin, of which this machine has none to name.
-        226 if code.words(&mut Remarks::default())?.has(b'P') => Ok(code.unknown()),
-        226 => pause(code, remarks),
+        226 if code.peek(&mut Remarks::default())?.has(b'P') => Ok(code.unknown()),
+        226 => pause(code, words),
         876 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             // P: a host says, as OctoPrint does when it connects, whether it shows prompts. Those that do not are told as well.
             let shows_prompts = words.whole_to(b'P', 1)?;
             match words.whole_to(b'S', u8::MAX)? {
@@ -57,7 +57,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             }
         }
         42 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             let number = words.whole(b'P').and_then(|number| u8::try_from(number).ok());
             words.remark_small_power(b'S');
             Ok(match words.nearest_byte(b'S')? {
@@ -69,7 +69,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             })
         }
         150 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             let brightness = words.nearest_byte(b'P')?.unwrap_or(u8::MAX);
             let mut colors = [0; 4];
             for (color, letter) in colors.iter_mut().zip(*b"RUBW") {
@@ -78,10 +78,10 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             }
             Ok(Command::SetLight { colors })
         }
-        48 | 420 | 421 | 555 => super::bed::m_code(code, remarks),
-        17 => Ok(Command::EnableMotors(code.words(remarks)?.axis_flags())),
+        48 | 420 | 421 | 555 => super::bed::m_code(code, words),
+        17 => Ok(Command::EnableMotors(code.words(words)?.axis_flags())),
         18 | 84 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(match words.nearest(b'S', 1)? {
                 Some(seconds) => Command::IdleTimeout { seconds },
                 None => Command::DisableMotors(words.axis_flags()),
@@ -89,58 +89,58 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         // A title may follow.
         75 => Ok(Command::PrintClock(PrintClockCommand::Start)),
-        76 => code.without_words(Command::PrintClock(PrintClockCommand::Pause), remarks),
-        77 => code.without_words(Command::PrintClock(PrintClockCommand::Stop), remarks),
+        76 => code.without_words(Command::PrintClock(PrintClockCommand::Pause), words),
+        77 => code.without_words(Command::PrintClock(PrintClockCommand::Stop), words),
         78 => {
             // The number keeps a slip of the finger from clearing what years have counted.
-            let clears = code.words(remarks)?.whole(b'S') == Some(78);
+            let clears = code.words(words)?.whole(b'S') == Some(78);
             let command = if clears { PrintClockCommand::Clear } else { PrintClockCommand::Report };
             Ok(Command::PrintClock(command))
         }
-        280 | 401 | 402 => super::pin::m_code(&code, remarks),
+        280 | 401 | 402 => super::pin::m_code(&code, words),
         80 => {
-            let asks = code.words(remarks)?.flag(b'S');
+            let asks = code.words(words)?.flag(b'S');
             Ok(Command::Supply(if asks { SupplyCommand::Report } else { SupplyCommand::On }))
         }
-        81 => Ok(Command::Supply(SupplyCommand::Off { when_cool: code.words(remarks)?.flag(b'S') })),
-        82 => code.without_words(Command::AbsoluteExtrusion, remarks),
-        83 => code.without_words(Command::RelativeExtrusion, remarks),
+        81 => Ok(Command::Supply(SupplyCommand::Off { when_cool: code.words(words)?.flag(b'S') })),
+        82 => code.without_words(Command::AbsoluteExtrusion, words),
+        83 => code.without_words(Command::RelativeExtrusion, words),
         // Where Marlin kills an idle machine, heaters go off here. S0, which slicers write to be left alone, leaves them watched.
-        85 => match code.words(remarks)?.whole_up_to(b'S', u16::MAX)? {
+        85 => match code.words(words)?.whole_up_to(b'S', u16::MAX)? {
             Some(0) => Ok(Command::HeaterTimeout(None)),
             seconds => Ok(Command::HeaterTimeout(seconds)),
         },
-        86 => Ok(Command::HeaterTimeout(code.words(remarks)?.whole_up_to(b'S', u16::MAX)?)),
-        87 => code.without_words(Command::HeaterTimeout(Some(0)), remarks),
+        86 => Ok(Command::HeaterTimeout(code.words(words)?.whole_up_to(b'S', u16::MAX)?)),
+        87 => code.without_words(Command::HeaterTimeout(Some(0)), words),
         92 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(Command::StepsPerMm(words.tool(b'T'), words.axis_limits()))
         }
-        104 | 109 | 140 | 141 | 190 | 191 => temperature(code, remarks),
-        106 | 107 => fan(code, remarks),
+        104 | 109 | 140 | 141 | 190 | 191 => temperature(code, words),
+        106 | 107 => fan(code, words),
         105 => Ok(Command::ReportTemperatures),
         108 => Ok(Command::EndWait),
-        110 => Ok(Command::SetLineNumber(code.words(remarks)?.whole(b'N'))),
+        110 => Ok(Command::SetLineNumber(code.words(words)?.whole(b'N'))),
         112 => Ok(Command::EmergencyStop),
-        113 => Ok(Command::KeepAlive(code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)?)),
+        113 => Ok(Command::KeepAlive(code.words(words)?.whole_to(b'S', MAX_INTERVAL_S)?)),
         114 => {
             // A remark about D and R; whatever follows, the answer is the same.
-            let _ = code.words(remarks);
+            let _ = code.words(words);
             Ok(Command::ReportPosition)
         }
         115 => {
             if code.free_text().starts_with(['U', 'u']) {
-                remarks.add(Remark::FirmwareVersion);
+                words.remark(Remark::FirmwareVersion);
             }
             Ok(Command::ReportFirmware)
         }
         117 => Ok(Command::Display(code.free_text())),
         118 => Ok(echo(code.free_text())),
         119 => Ok(Command::ReportEndStops),
-        123 => code.without_words(Command::ReportFans, remarks),
-        122 => code.without_words(Command::ReportDrivers, remarks),
+        123 => code.without_words(Command::ReportFans, words),
+        122 => code.without_words(Command::ReportDrivers, words),
         155 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(match words.whole_to(b'S', MAX_INTERVAL_S)? {
                 Some(seconds) => Command::AutoReportTemperatures { seconds },
                 None => {
@@ -149,7 +149,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 }
             })
         }
-        201 | 203..=205 | 207 | 208 if code.words(&mut Remarks::default())?.is_empty() => {
+        201 | 203..=205 | 207 | 208 if code.peek(&mut Remarks::default())?.is_empty() => {
             Ok(Command::ReportSetting(match code.number {
                 201 => "M201",
                 203 => "M203",
@@ -159,10 +159,10 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 _ => "M208",
             }))
         }
-        201 => Ok(Command::MaxAcceleration(code.words(remarks)?.axis_limits())),
-        203 => Ok(Command::MaxFeed(code.words(remarks)?.axis_limits())),
+        201 => Ok(Command::MaxAcceleration(code.words(words)?.axis_limits())),
+        203 => Ok(Command::MaxFeed(code.words(words)?.axis_limits())),
         204 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(Command::Acceleration {
                 print: words.above_zero(b'P'),
                 retract: words.above_zero(b'R'),
@@ -171,18 +171,18 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             })
         }
         205 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             // Smallest feeds and the time of the shortest move; 0: none.
             b"STB".iter().for_each(|&letter| words.needless_zero(letter));
             Ok(Command::Junction { deviation: words.above_zero(b'J'), corner_velocity: words.axis_limits() })
         }
         206 => {
-            let mut words = code.places(remarks)?;
+            let words = code.places(words)?;
             let [x, y, z] = b"XYZ".map(|axis| words.value(axis));
             Ok(Command::HomeOffset(AxisWords { x, y, z, e: None }))
         }
         207 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(Command::RetractSettings(RetractionWords {
                 length: words.not_negative(b'S')?,
                 feed: words.above_zero(b'F'),
@@ -190,7 +190,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             }))
         }
         208 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             // RepRapFirmware's limits of the axes, whose S says which end.
             if b"XYZ".iter().any(|&axis| words.is_present(axis)) {
                 return Ok(Command::Accepted);
@@ -199,17 +199,17 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let (length, feed) = (words.value(b'S'), words.above_zero(b'F'));
             Ok(Command::RecoverSettings(RetractionWords { length, feed, lift: None }))
         }
-        211 => Ok(Command::SoftLimits(code.words(remarks)?.switch(b'S')?)),
+        211 => Ok(Command::SoftLimits(code.words(words)?.switch(b'S')?)),
         149 => temperature_units(code),
-        200 => volumetric(code, remarks),
+        200 => volumetric(code, words),
         220 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             let percent = words.above_zero(b'S');
             let percent = words.at_most(b'S', percent, MAX_PERCENT)?;
             Ok(Command::FeedPercent(FeedWords { percent, keeps: words.flag(b'B'), restores: words.flag(b'R') }))
         }
         221 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             // D is RepRapFirmware's.
             let tool = words.tool(b'T').or(words.tool(b'D'));
             // An error, unlike a feed of 0: without filament nothing would be printed.
@@ -217,78 +217,78 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             Ok(Command::FlowPercent(tool, words.at_most(b'S', percent, MAX_PERCENT)?))
         }
         218 => {
-            let mut words = code.places(remarks)?;
+            let words = code.places(words)?;
             let (tool, [x, y, z]) = (words.tool(b'T'), b"XYZ".map(|axis| words.value(axis)));
             Ok(Command::ToolOffset { tool, offset: AxisWords { x, y, z, e: None } })
         }
-        301 | 304 | 309 => gains(code, remarks),
-        303 => autotune(code, remarks),
+        301 | 304 | 309 => gains(code, words),
+        303 => autotune(code, words),
         306 => Ok(Command::HeaterModel { text: code.text.trim_matches([' ', '\t']), words: code.rest }),
         // ANCHOR: m302
         302 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(Command::ColdExtrusion { minimum: words.not_negative(b'S')?, allow: words.switch(b'P')? })
         }
         // ANCHOR_END: m302
         290 => {
-            let mut words = code.places(remarks)?;
+            let words = code.places(words)?;
             let (mut axes, by) = (words.axes(), words.value(b'S'));
             axes.z = axes.z.or(by);
             Ok(Command::ShiftZ { words: axes, keeps_offset: words.switch(b'P')? == Some(false) })
         }
         30 => {
-            remarks.add(Remark::ProgramEnd);
+            words.remark(Remark::ProgramEnd);
             Ok(Command::Finish)
         }
-        400 => finish(code, remarks),
+        400 => finish(code, words),
         410 => Ok(Command::QuickStop),
-        500 => code.without_words(Command::Settings(SettingsCommand::Store), remarks),
-        501 => code.without_words(Command::Settings(SettingsCommand::Load), remarks),
-        502 => code.without_words(Command::Settings(SettingsCommand::Reset), remarks),
+        500 => code.without_words(Command::Settings(SettingsCommand::Store), words),
+        501 => code.without_words(Command::Settings(SettingsCommand::Load), words),
+        502 => code.without_words(Command::Settings(SettingsCommand::Reset), words),
         503 => {
-            let headings = code.words(remarks)?.switch(b'S')?.unwrap_or(true);
+            let headings = code.words(words)?.switch(b'S')?.unwrap_or(true);
             Ok(Command::Settings(SettingsCommand::Report { headings }))
         }
-        504 => code.without_words(Command::Settings(SettingsCommand::Validate), remarks),
+        504 => code.without_words(Command::Settings(SettingsCommand::Validate), words),
         412 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             let (on, distance, resets) = (words.switch(b'S')?, words.value(b'D'), words.has(b'R'));
             Ok(Command::FilamentSensor(FilamentSensorWords { on, distance, resets }))
         }
         425 => {
-            let mut words = code.places(remarks)?;
+            let words = code.places(words)?;
             let play = b"XYZ".map(|axis| words.value(axis));
             Ok(Command::Backlash(BacklashWords { play, correction: words.value(b'F'), smoothing: words.value(b'S') }))
         }
-        569 => drivers::stealth_chop(code, remarks),
-        572 => pressure_advance::parse(code, remarks, &pressure_advance::M572),
-        900 => pressure_advance::parse(code, remarks, &pressure_advance::M900),
-        593 => super::input_shaper::parse(code, remarks),
+        569 => drivers::stealth_chop(code, words),
+        572 => pressure_advance::parse(code, words, &pressure_advance::M572),
+        900 => pressure_advance::parse(code, words, &pressure_advance::M900),
+        593 => super::input_shaper::parse(code, words),
         851 => {
-            let mut words = code.places(remarks)?;
+            let words = code.places(words)?;
             let [x, y, z] = b"XYZ".map(|axis| words.value(axis));
             Ok(Command::ProbeOffset(AxisWords { x, y, z, e: None }))
         }
         852 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             let [xy, of_xy, xz, yz] = b"ISJK".map(|plane| words.value(plane));
             Ok(Command::Skew(SkewCommand::Factors([xy.or(of_xy), xz, yz])))
         }
-        906 => drivers::setting(DriverSetting::Current, code, remarks),
-        913 => drivers::setting(DriverSetting::SpreadCycleAbove, code, remarks),
-        914 => drivers::setting(DriverSetting::StallThreshold, code, remarks),
-        955 | 956 => super::accelerometer::parse(code, remarks),
+        906 => drivers::setting(DriverSetting::Current, code, words),
+        913 => drivers::setting(DriverSetting::SpreadCycleAbove, code, words),
+        914 => drivers::setting(DriverSetting::StallThreshold, code, words),
+        955 | 956 => super::accelerometer::parse(code, words),
         790 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             let Some(size) = words.nearest(b'S', 1)?.and_then(|size| u32::try_from(size).ok()) else {
                 return Err(ParseError::WordsExpected { command: "M790", words: "S" });
             };
             let silence_s = words.whole_up_to(b'T', MAX_SILENCE_S)?.unwrap_or(DEFAULT_SILENCE_S);
             Ok(Command::ReceiveJob { size, silence_s })
         }
-        791 => Ok(Command::BlackBox { clear: code.words(remarks)?.has(b'R') }),
+        791 => Ok(Command::BlackBox { clear: code.words(words)?.has(b'R') }),
         795 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(Command::AdaptiveExtrusion {
                 on: words.switch(b'S')?,
                 layer_height: words.required_above_zero(b'H')?,
@@ -297,7 +297,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             })
         }
         796 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(Command::MotionChoice {
                 interpolation: words.whole_to(b'I', 4)?,
                 acceleration: words.whole_to(b'A', 3)?,
@@ -305,18 +305,18 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         797 => Ok(Command::ReportMotion),
         798 => {
-            let mut words = code.words(remarks)?;
+            let words = code.words(words)?;
             Ok(Command::Timing { on: words.switch(b'S')?, clear: words.has(b'R') })
         }
         999 => Ok(Command::Restart),
-        73 => progress(code, remarks),
-        _ => code.not_executed(remarks),
+        73 => progress(code, words),
+        _ => code.not_executed(words),
     }
 }
 
 /// M301, M304 and M309. C and L of M301, what the filament takes, have no effect; its H is RepRapFirmware's, 0 is the bed.
-fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn gains<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     let mut is_nozzle = code.number == 301;
     let mut tool = None;
     if is_nozzle {
@@ -339,8 +339,8 @@ fn gains<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
 
 /// M303: E is Marlin's word, -1 is the bed and -2 the chamber, H RepRapFirmware's, 0 is the bed, and T its tool. D switches messages of
 /// the control in Marlin, and heats nothing.
-fn autotune<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn autotune<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     if words.is_present(b'D') {
         return Ok(Command::Accepted);
     }
@@ -359,8 +359,8 @@ fn autotune<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Pa
     Ok(Command::Autotune { of, target: words.not_negative(b'S')?, cycles, uses })
 }
 
-fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn temperature<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     let is_nozzle = matches!(code.number, 104 | 109);
     let mut tool = None;
     if is_nozzle {
@@ -397,8 +397,8 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
 
 /// M400. Bambu's firmware takes the words of G4, too, and U1 for a pause.
 #[inline(never)]
-fn finish<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn finish<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     if words.flag(b'U') {
         return Ok(Command::Pause(AxisWords::default()));
     }
@@ -408,8 +408,8 @@ fn finish<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Pars
 }
 
 /// M73: numbers that are too large become the largest, for no print is worse for that.
-fn progress<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn progress<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     // The same of a quieter mode (Prusa), which this machine does not have.
     let _ = (words.value(b'Q'), words.value(b'S'));
     let mut up_to = |letter: u8, most: u16| -> Result<Option<u16>, ParseError> {
@@ -424,7 +424,7 @@ fn progress<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Pa
 }
 
 /// M0, M1: a time, and a text for the person.
-fn stop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+fn stop<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let mut text = code.free_text();
     let mut times = 0;
     while let Some(length) = time_length(text) {
@@ -434,7 +434,7 @@ fn stop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseE
     // A comment in brackets is none of it.
     text = text.get(skip_blanks(text.as_bytes(), 0)..).unwrap_or_default();
     let times = code.free_text().get(..times).unwrap_or_default();
-    let mut words = Words::parse(times, remarks, Strays::Remarked)?;
+    words.read(times, Strays::Remarked)?;
     let longest_ms = match words.nearest(b'S', 1000)? {
         Some(milliseconds) => Some(milliseconds),
         None => words.nearest(b'P', 1)?,
@@ -456,8 +456,8 @@ fn time_length(text: &str) -> Option<usize> {
 }
 
 /// M125, M226, M600 and M601.
-fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn pause<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     let park = AxisWords { x: words.value(b'X'), y: words.value(b'Y'), z: words.not_negative(b'Z')?, e: None };
     if code.number != 600 {
         return Ok(Command::Pause(park));
@@ -469,9 +469,9 @@ fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
 /// M603, M701 and M702. `M702 C`, at the end of prints for Prusa's MK3, unloads where there is a multi-material unit, and nothing without
 /// one.
 #[inline(never)]
-fn filament<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+fn filament<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let loads = code.number == 701;
-    let mut words = code.words(remarks)?;
+    let words = code.words(words)?;
     if code.number == 603 {
         return Ok(Command::FilamentLengths { unload: words.value(b'U'), load: words.value(b'L') });
     }
@@ -490,8 +490,8 @@ const FAN_WORDS: &[u8] = b"ABCFHKLRX";
 /// M106 and M107. Slicers write powers such as 252.45, which are rounded. Other words without an S set up the fan elsewhere, and not
 /// its power.
 #[inline(never)]
-fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn fan<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     let number = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
     if code.number == 107 {
         return Ok(Command::Fan { number, power: 0 });
@@ -508,8 +508,8 @@ fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseEr
 }
 
 /// M200: whether E is a length of filament or a volume.
-fn volumetric<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-    let mut words = code.words(remarks)?;
+fn volumetric<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
+    let words = code.words(words)?;
     let has_diameter = words.value(b'D').is_some_and(|diameter| diameter > Decimal::ZERO);
     match words.switch(b'S')? {
         Some(false) => Ok(Command::Accepted),
@@ -525,7 +525,7 @@ fn volumetric<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, 
 fn temperature_units(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     // Its words are letters without numbers.
     let mut remarks = Remarks::default();
-    let mut words = code.words(&mut remarks)?;
+    let mut words = code.peek(&mut remarks)?;
     if words.has(b'F') || words.has(b'K') {
         let why = "temperatures would be read as degrees Celsius; use M149 C";
         return Err(ParseError::NotSupported { command: "M149 F and K", why });

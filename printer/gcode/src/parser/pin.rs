@@ -2,8 +2,9 @@
 
 use super::code::Code;
 use super::named::NamedWords;
+use super::words::Words;
 use crate::not_executed::is_one_of;
-use crate::remarks::{Remark, Remarks};
+use crate::remarks::Remark;
 use crate::{Command, ParseError, PinCommand};
 
 /// The words of BLTOUCH_DEBUG.
@@ -19,13 +20,13 @@ static WIDTHS_US: [(&str, u16); 5] = [
 ];
 
 #[inline(never)]
-pub(super) fn m_code<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+pub(super) fn m_code<'a>(code: &Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     match code.number {
-        401 => return code.without_words(Command::ProbePin(PinCommand::Out), remarks),
-        402 => return code.without_words(Command::ProbePin(PinCommand::In), remarks),
+        401 => return code.without_words(Command::ProbePin(PinCommand::Out), words),
+        402 => return code.without_words(Command::ProbePin(PinCommand::In), words),
         _ => {}
     }
-    let mut words = code.words(remarks)?;
+    let words = code.words(words)?;
     if words.is_other_than(b'P', 0) {
         words.remark(Remark::NoServo);
         return Ok(Command::Accepted);

@@ -2,7 +2,7 @@
 
 use super::code::Code;
 use super::words::{Strays, Words};
-use crate::remarks::{Remark, Remarks};
+use crate::remarks::Remark;
 use crate::{AdvanceWords, Command, Decimal, ParseError};
 
 /// The words of one of the two commands.
@@ -26,12 +26,11 @@ pub(super) const M572: Form =
 /// The largest K of M900, s. Linear Advance 1.0 counted in another unit: its K is 30 and more.
 const MAX_K_NANOS: i64 = 2_000_000_000;
 
-pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks, form: &Form) -> Result<Command<'a>, ParseError> {
+pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>, form: &Form) -> Result<Command<'a>, ParseError> {
     let Form { command, tool, slow, expected } = *form;
-    let mut words = Words::new(remarks);
     words.read(code.rest, Strays::Assigned)?;
     let number = words.tool(tool);
-    let mut set = AdvanceWords { slow: required(&mut words, slow, command, expected)?, ..AdvanceWords::default() };
+    let mut set = AdvanceWords { slow: required(words, slow, command, expected)?, ..AdvanceWords::default() };
     if tool == b'T' {
         // K0 L0: neither is wanted.
         words.needless_zero(b'L');
@@ -41,9 +40,9 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks, form: &Form) -> R
         }
         return Ok(Command::PressureAdvance(number, set));
     }
-    set.fast = required(&mut words, b'L', command, expected)?;
-    set.speed = required(&mut words, b'T', command, expected)?;
-    set.smooth_time = required(&mut words, b'W', command, "W with a number")?;
+    set.fast = required(words, b'L', command, expected)?;
+    set.speed = required(words, b'T', command, expected)?;
+    set.smooth_time = required(words, b'W', command, "W with a number")?;
     if set.fast.is_some() != set.speed.is_some() || (set.fast.is_some() && set.slow.is_none()) {
         return Err(ParseError::WordsExpected { command, words: expected });
     }

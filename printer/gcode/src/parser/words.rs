@@ -48,7 +48,7 @@ impl<'a> Words<'a> {
         Ok(words)
     }
 
-    /// Reads the words of a line into an empty list, without copying it, for the most common commands. A second
+    /// Reads the words of a line into an empty list, in place, for it has 220 bytes. A second
     /// command ends them, because its words would count as the first one's. A letter without a number does not remove the
     /// number of the same letter before it.
     pub(super) fn read(&mut self, text: &str, strays: Strays) -> Result<(), ParseError> {
@@ -327,6 +327,11 @@ impl<'a> Words<'a> {
     /// A letter that switches something on, alone or with a number other than zero.
     pub(super) fn flag(&mut self, letter: u8) -> bool {
         self.has(letter) && (self.valued & bit(letter) == 0 || self.number(letter) != Decimal::ZERO)
+    }
+
+    /// The remarks about the line.
+    pub(super) fn remarks(&mut self) -> &mut Remarks {
+        self.remarks
     }
 
     /// Leaves a remark about the line.
