@@ -1,5 +1,7 @@
 //! A command, and what it entails: a paused print goes on, a tower sets its value, filament that has run out is changed.
 
+use core::pin::pin;
+
 use ferrostep_gcode::{Command, Real, Reply, WaitTarget};
 use ferrostep_hal_shim::Heater;
 
@@ -43,7 +45,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         if is_of_print && moves(command) && self.have_heaters_rested() {
             self.replies.send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));
-            self.heat_again(self.targets_celsius).await?;
+            pin!(self.heat_again(self.targets_celsius)).await?;
         }
         if is_of_print
             && let Some((nozzle, celsius)) = self.cools_print(command)
@@ -75,7 +77,7 @@ impl<P: Ports> Printer<'_, P> {
             {
                 has_waited = true;
                 self.tell_cold_start();
-                self.wait_until_hot(self.nozzle()).await?;
+                pin!(self.wait_until_hot(self.nozzle())).await?;
                 continue;
             }
             self.follow_filament(command, is_of_print);
@@ -92,6 +94,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// A nozzle, and its new target at which nothing can be pushed any more, where it has one at which filament is pushed. The moves that
     /// the board knows already, which may take minutes, are to be made with the heat that they were written for.
+    #[inline(never)]
     fn cools_print(&self, command: &Command<'_>) -> Option<(Heater, f64)> {
         let (tool, celsius) = match *command {
             Command::SetNozzle(tool, Some(celsius))
@@ -107,6 +110,8 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Reports that a print waits for its nozzle, whose target no line has waited for.
+    #[cold]
+    #[inline(never)]
     fn tell_cold_start(&self) {
         let status = self.heating.status(self.nozzle());
         let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
@@ -116,6 +121,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Reports once that the target of a move is uncertain: motors without current may have been turned.
+    #[inline(never)]
     fn tell_lost_home(&mut self) {
         let Modal { homed, lost, .. } = &mut self.interpreter.modal;
         let untold = [0, 1, 2].map(|axis| core::mem::take(&mut lost[axis]) && !homed[axis]);

@@ -4,6 +4,8 @@
 //! (M0, M600, ...) do all of it before their `ok`, because until then a host sends no more of its print; a reader that can wait
 //! by itself looks at [`Printer::is_paused`].
 
+use core::pin::pin;
+
 use ferrostep_gcode::{AxisWords, Decimal, Real, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Move, filament_100pm};
@@ -116,7 +118,8 @@ impl<P: Ports> Printer<'_, P> {
     pub async fn resume(&mut self) -> Result<(), CommandError> {
         let Some(mut paused) = self.paused else { return Ok(()) };
         self.tell_host("//action:prompt_end");
-        self.heat_again(paused.targets_celsius).await?;
+        // In its place at once: otherwise it would be copied there, and take that much of the stack for the time of the wait.
+        pin!(self.heat_again(paused.targets_celsius)).await?;
         self.motion.finish().await?;
         let is_lost = |axis: &usize| paused.modal.homed[*axis] && !self.interpreter.modal.homed[*axis];
         if let Some(axis) = (0..3).find(is_lost) {

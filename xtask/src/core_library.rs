@@ -81,10 +81,6 @@ pub enum FailedCheck {
 /// Profile of Cargo.toml that the images are built with.
 pub const PROFILE: &str = "image";
 
-/// Sequences of instructions that stand in several functions become one that these call, as Clang does at -Oz for these cores: 10 KB of an
-/// image, and 0.3 % more instructions a line; the step interrupt has none. Rust leaves it off.
-const OUTLINER: &str = "-Cllvm-args=-enable-machine-outliner=always";
-
 /// Makes a cargo command build for [`TARGET`] with [`PROFILE`], with the core library compiled from its source.
 pub fn apply(command: &mut Command, failed_check: FailedCheck) {
     command.args(["--target", TARGET, "--profile", PROFILE]);
@@ -98,9 +94,9 @@ pub fn apply(command: &mut Command, failed_check: FailedCheck) {
     let flags: &[&str] = match failed_check {
         // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode: 4 KB.
         // A panic says its file: lines would make a place of its own of every check.
-        FailedCheck::Panics => &["-Zfmt-debug=none", "-Zlocation-detail=file", OUTLINER],
+        FailedCheck::Panics => &["-Zfmt-debug=none", "-Zlocation-detail=file"],
         FailedCheck::Traps => {
-            &["-Zfmt-debug=none", "-Zlocation-detail=none", "-Zunstable-options", "-Cpanic=immediate-abort", OUTLINER]
+            &["-Zfmt-debug=none", "-Zlocation-detail=none", "-Zunstable-options", "-Cpanic=immediate-abort"]
         }
     };
     command.arg("--config").arg(format!("target.{TARGET}.rustflags={flags:?}"));

@@ -130,6 +130,12 @@ impl Code {
         self.functions.range(..=address).next_back().map(|(&start, _)| start)
     }
 
+    /// Returns `true` if an outlined function begins at an address: instructions that stood in several functions, which call it now.
+    pub fn is_outlined(&self, address: u32) -> bool {
+        let names = self.functions.get(&address);
+        names.is_some_and(|names| names.iter().all(|name| name.starts_with("OUTLINED_FUNCTION_")))
+    }
+
     /// Whether an address lies after the end of the function that begins before it. One without a length, which is not
     /// the compiler's, has no end.
     pub fn is_between_functions(&self, address: u32) -> bool {

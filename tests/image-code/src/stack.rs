@@ -74,7 +74,9 @@ impl<'a> StackUse<'a> {
         let mut only_called = BTreeMap::<u32, bool>::new();
         let mut lower_halves = BTreeMap::new();
         let mut current = None;
-        for instruction in code.instructions()? {
+        let all = code.instructions()?;
+        let outlined_functions = outlined_functions(code, &all);
+        for instruction in &all {
             if code.is_between_functions(instruction.address) {
                 continue;
             }
@@ -85,31 +87,44 @@ impl<'a> StackUse<'a> {
                 lower_halves.clear();
             }
             let function = functions.entry(start).or_default();
-            function.frame += taken_bytes(&instruction).ok_or_else(|| {
+            function.frame += taken_bytes(instruction).ok_or_else(|| {
                 format!("{instruction} in {}: moves the stack pointer by an unknown amount", code.function(start))
             })?;
-            if let Some(callee) = callee(&instruction).and_then(|target| code.function_start(target)) {
+            if let Some(callee) = callee(instruction).and_then(|target| code.function_start(target)) {
                 // A branch within the function is not a call; a recursion is.
                 if callee != start || instruction.name == "bl" {
                     function.calls.insert(callee);
                 }
             }
-            function.calls_pointers |= is_through_pointer(&instruction);
-            if let Some((register, place)) = loaded_literal(&instruction)
-                && let Some(word) = literals.get(&place)
-            {
-                let is_only_called = code.is_function(*word) && is_only_called(code, &instruction, register);
-                *only_called.entry(place).or_insert(true) &= is_only_called;
-                if is_only_called {
-                    function.calls.insert(*word & !1);
-                }
+            if code.is_outlined(start) {
+                continue;
             }
-            if let Some(word) = built_constant(&instruction, &mut lower_halves) {
-                let register = instruction.operands.split(',').next().unwrap_or_default();
-                if code.is_function(word) && is_only_called(code, &instruction, register) {
-                    function.calls.insert(word & !1);
-                } else {
-                    pointers.insert(word);
+            let part =
+                callee(instruction).and_then(|target| outlined_functions.get(&target)).copied().unwrap_or_default();
+            // An outlined function's constants belong to each of its callers.
+            let back = (instruction.name == "bl").then(|| instruction.next());
+            let within = part.iter().map(|instruction| (instruction, back));
+            if part.iter().any(is_through_pointer) {
+                function.frame += part.iter().filter_map(taken_bytes).sum::<u32>();
+            }
+            for (instruction, back) in std::iter::once((instruction, None)).chain(within) {
+                function.calls_pointers |= is_through_pointer(instruction);
+                if let Some((register, place)) = loaded_literal(instruction)
+                    && let Some(word) = literals.get(&place)
+                {
+                    let is_only_called = code.is_function(*word) && is_only_called(code, instruction, register, back);
+                    *only_called.entry(place).or_insert(true) &= is_only_called;
+                    if is_only_called {
+                        function.calls.insert(*word & !1);
+                    }
+                }
+                if let Some(word) = built_constant(instruction, &mut lower_halves) {
+                    let register = instruction.operands.split(',').next().unwrap_or_default();
+                    if code.is_function(word) && is_only_called(code, instruction, register, back) {
+                        function.calls.insert(word & !1);
+                    } else {
+                        pointers.insert(word);
+                    }
                 }
             }
         }
@@ -237,6 +252,13 @@ fn own_texts(code: &Code, functions: &BTreeMap<u32, Function>) -> Vec<u32> {
     own.into_iter().take(TEXTS_IN_MIND).map(|(_, start)| start).collect()
 }
 
+/// The instructions of each outlined function.
+fn outlined_functions<'a>(code: &Code, all: &'a [Instruction]) -> BTreeMap<u32, &'a [Instruction]> {
+    let parts = all.chunk_by(|one, next| code.function_start(one.address) == code.function_start(next.address));
+    let starts = parts.filter_map(|part| Some((part.first()?.address, part)));
+    starts.filter(|(start, _)| code.is_outlined(*start)).collect()
+}
+
 fn kind(names: &[String]) -> Kind {
     let any = |parts: &[&str]| names.iter().any(|name| parts.iter().any(|part| name.contains(part)));
     if any(&["core::fmt::Write>", "core::fmt::Write::"]) {
@@ -305,7 +327,7 @@ fn callee(instruction: &Instruction) -> Option<u32> {
 fn is_through_pointer(instruction: &Instruction) -> bool {
     let Instruction { name, operands, .. } = instruction;
     (name == "blx" || name.starts_with("bx")) && operands != "lr" && instruction.target().is_none()
-        || name.starts_with("ldr") && operands.starts_with("pc")
+        || name.starts_with("ldr") && operands.starts_with("pc") && !operands.starts_with("pc, [sp]")
 }
 
 /// The register that an instruction loads with a word from between the instructions, and where that lies (ARMv7-M Architecture
@@ -362,6 +384,7 @@ mod tests {
         assert!(is_through_pointer(&instruction("blx", "r3")));
         assert!(is_through_pointer(&instruction("bx", "ip")));
         assert!(!is_through_pointer(&instruction("bx", "lr")));
+        assert!(!is_through_pointer(&instruction("ldr", "pc, [sp], #8")));
         let mut halves = BTreeMap::new();
         assert_eq!(built_constant(&instruction("movw", "r1, #0x1235"), &mut halves), None);
         assert_eq!(built_constant(&instruction("movt", "r1, #0x801"), &mut halves), Some(0x0801_1235));
