@@ -1,16 +1,12 @@
-//! M955 and M956: an accelerometer, and its records for a host.
+//! An accelerometer, and its records for a host.
 
 mod recorder;
 
 use core::fmt;
-
 use ferrostep_hal_shim::{AccelerometerFault, AccelerometerType};
-
 pub use recorder::Recorder;
 
 use crate::error::CommandError;
-use crate::ports::{Ports, Replies};
-use crate::printer::Printer;
 
 /// An accelerometer at the nozzle or the bed. Machines may do without. Whoever owns it samples at its rate, whatever commands do,
 /// and sends the events as lines.
@@ -153,34 +149,6 @@ impl fmt::Display for RecordEvent {
                 out.write_str("echo:record ended: its lines were not read, send M956 again")
             }
         }
-    }
-}
-
-impl<'a, P: Ports> Printer<'a, P> {
-    /// The machine has an accelerometer.
-    pub fn set_accelerometer(&mut self, accelerometer: &'a dyn Accelerometer) {
-        self.accelerometer = Some(accelerometer);
-    }
-
-    /// The accelerometer.
-    pub(crate) fn needed_accelerometer(&self) -> Result<&'a dyn Accelerometer, CommandError> {
-        let what = "accelerometer: a board has one where its file has the table [accelerometer], the printer of `serve` where its \
-                    profile has frame.x and frame.y";
-        self.accelerometer.ok_or(CommandError::NotEquipped(what))
-    }
-
-    /// M955.
-    pub(crate) fn accelerometer_settings(
-        &self,
-        rate_hz: Option<u16>,
-        resolution_bits: Option<u8>,
-    ) -> Result<(), CommandError> {
-        let settings = self.needed_accelerometer()?.set(rate_hz, resolution_bits)?;
-        let AccelerometerSettings { name, rate_hz, resolution_bits } = settings;
-        self.replies.say(format_args!(
-            "Accelerometer 0 type {name} with orientation 20 samples at {rate_hz}Hz with {resolution_bits}-bit resolution"
-        ));
-        Ok(())
     }
 }
 

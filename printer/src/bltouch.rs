@@ -1,4 +1,4 @@
-//! M280, M401, M402 and BLTOUCH_DEBUG, and the pin of a probe while Z seeks the bed.
+//! The pin of a probe while Z seeks the bed.
 //!
 //! The width of a servo's pulses is a BLTouch's command. Klipper and Marlin know the widths from its maker's manual, and agree in what they
 //! check (`klippy/extras/bltouch.py`, `Marlin/src/feature/bltouch.cpp`). Its signal is high
@@ -15,8 +15,7 @@ use ferrostep_hal_shim::ServoPulses;
 use crate::error::CommandError;
 use crate::homing::Homing;
 use crate::part::Part;
-use crate::ports::{Motion, Ports};
-use crate::printer::Printer;
+use crate::ports::Motion;
 use crate::profile::{BlTouch, HomeSensor};
 
 /// The axis that the probe homes.
@@ -106,22 +105,5 @@ impl<M: Motion> Homing<'_, '_, M> {
         }
         self.motion.send_servo_pulses(pin.pulses_in());
         Err(CommandError::ProbePin(why))
-    }
-}
-
-impl<P: Ports> Printer<'_, P> {
-    /// The probe's pin, if it has one.
-    pub(crate) fn pin(&self) -> Option<BlTouch> {
-        self.profile.bltouch.filter(|_| <P::Motion as Motion>::Servo::PRESENT)
-    }
-
-    /// M280, M401, M402, BLTOUCH_DEBUG, on a machine whose probe has a pin.
-    pub(crate) async fn probe_pin(&mut self, command: PinCommand) -> Result<(), CommandError> {
-        let Some(pin) = self.pin() else { return Ok(()) };
-        self.motion.finish().await?;
-        // What was told by hand before may have been anything.
-        self.interpreter.modal.z.pin_is_in = false;
-        let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
-        Homing { motion, interpreter, drivers: self.drivers, line: self.line }.tell_pin(pin, command).await
     }
 }

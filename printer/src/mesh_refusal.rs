@@ -5,7 +5,7 @@ use core::fmt;
 use ferrostep_gcode::Real;
 use ferrostep_planner::surface::MeshError;
 
-use crate::z_offset::mm;
+use crate::commands::z_offset::mm;
 
 /// The text of a mesh's error.
 pub(crate) struct MeshRefusal<'a>(pub &'a MeshError);

@@ -1,15 +1,9 @@
-//! TUNING_TOWER: a live value that changes with the height of the print.
+//! A live value that changes with the height of the print (TUNING_TOWER).
 
 use core::fmt;
 use core::fmt::Write as _;
 
-use ferrostep_gcode::{
-    Command, Decimal, ParseError, Real, Remarks, ShortText, TowerCourse, TowerWords, parse, parse_with_remarks,
-};
-
-use crate::error::{CommandError, Failure};
-use crate::ports::{Ports, Replies};
-use crate::printer::Printer;
+use ferrostep_gcode::{Command, Decimal, Remarks, ShortText, TowerCourse, TowerWords, parse, parse_with_remarks};
 
 /// Most bytes of the command with the name of its parameter.
 const MAX_PREFIX: usize = 64;
@@ -18,10 +12,7 @@ const MAX_PREFIX: usize = 64;
 const MAX_LINE: usize = MAX_PREFIX + 21;
 
 /// Units of 10 nm in a millimetre.
-const MM: i64 = 100_000;
-
-/// So much lower is another print's extrusion, as in Klipper; units of 10 nm.
-const LOWER_10NM: i64 = 2 * MM;
+pub(crate) const MM: i64 = 100_000;
 
 /// The line that sets the value.
 pub(crate) type TowerLine = heapless::String<MAX_LINE>;
@@ -66,16 +57,16 @@ impl fmt::Display for TowerRefusal {
 #[derive(Clone, Debug)]
 pub(crate) struct Tower {
     /// `M900 K`, `SET_PRESSURE_ADVANCE ADVANCE=`: what stands before the value.
-    prefix: heapless::String<MAX_PREFIX>,
+    pub(crate) prefix: heapless::String<MAX_PREFIX>,
     /// Bytes of it before the parameter.
     command_bytes: usize,
-    start: Decimal,
+    pub(crate) start: Decimal,
     skip: Decimal,
     course: TowerCourse,
     /// Height of the newest extrusion, machine coordinates in units of 10 nm.
-    height_10nm: Option<i64>,
+    pub(crate) height_10nm: Option<i64>,
     /// The value that was set last.
-    value: Option<Decimal>,
+    pub(crate) value: Option<Decimal>,
 }
 
 /// Whether a command sets a value that may change in a print.
@@ -143,7 +134,7 @@ fn values_differ(one: &Command<'_>, two: &Command<'_>) -> bool {
 impl Tower {
     // Not inlined, as the one below: both need much of the stack, and never at once.
     #[inline(never)]
-    fn new(words: &TowerWords<'_>) -> Result<Self, TowerRefusal> {
+    pub(crate) fn new(words: &TowerWords<'_>) -> Result<Self, TowerRefusal> {
         let TowerWords { command, parameter, start, skip, course } = *words;
         if parse(command).is_ok_and(|command| !is_live(&command)) {
             return Err(TowerRefusal::NotLive(ShortText::new(command)));
@@ -161,7 +152,7 @@ impl Tower {
 
     /// Whether a number changes the command, and nothing of it is ignored.
     #[inline(never)]
-    fn sets_a_value(&self) -> bool {
+    pub(crate) fn sets_a_value(&self) -> bool {
         let mut remarks = Remarks::NONE;
         let [one, two] = [1, 2].map(|number| self.line(Decimal::from_nanos(number * 1_000_000_000)));
         let [one, two] = [&one, &two].map(|line| parse_with_remarks(line, &mut remarks));
@@ -169,7 +160,7 @@ impl Tower {
     }
 
     /// The line that sets a value.
-    fn line(&self, value: Decimal) -> TowerLine {
+    pub(crate) fn line(&self, value: Decimal) -> TowerLine {
         let mut line = TowerLine::new();
         // It has room for every value.
         let _ = write!(line, "{}{value}", self.prefix);
@@ -177,7 +168,7 @@ impl Tower {
     }
 
     /// The value at a height of the G-code, units of 10 nm.
-    fn value_at(&self, height_10nm: i64) -> Decimal {
+    pub(crate) fn value_at(&self, height_10nm: i64) -> Decimal {
         let above = height_10nm.saturating_sub(self.skip.to_10nm_from_mm()).max(0);
         let (change, by, to) = match self.course {
             TowerCourse::Linear { factor } => (factor, above, MM),
@@ -207,116 +198,3 @@ impl fmt::Display for Tower {
         }
     }
 }
-
-impl<P: Ports> Printer<'_, P> {
-    /// TUNING_TOWER. It takes the place of the one before.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn set_tower(&mut self, words: Option<&TowerWords<'_>>) -> Result<(), CommandError> {
-        if let Some(words) = words {
-            if self.interpreter.modal.in_prepared_job {
-                return Err(CommandError::Tower(TowerRefusal::InJob));
-            }
-            let tower = Tower::new(words).map_err(CommandError::Tower)?;
-            if !tower.sets_a_value() {
-                return Err(CommandError::Tower(TowerRefusal::NoNumber(ShortText::new(words.parameter))));
-            }
-            self.tower = Some(tower);
-            return Ok(());
-        }
-        match &self.tower {
-            None => self.replies.send(ferrostep_gcode::Reply::Text("echo:TUNING_TOWER: none")),
-            Some(tower) => {
-                self.replies.say(format_args!("echo:{tower}"));
-                if let (Some(value), Some(height_10nm)) = (tower.value, tower.height_10nm) {
-                    let height = Real::fixed(height_10nm as f64 / MM as f64, 2);
-                    self.replies.say(format_args!("echo:TUNING_TOWER at Z{height}: {}{value}", tower.prefix));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// The line that a tower has to execute before this command, the first that prints at a new height.
-    #[inline]
-    pub(crate) fn due_of_tower(&mut self, command: &Command<'_>) -> Option<TowerLine> {
-        if self.tower.is_some() { self.line_of_tower(command) } else { None }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn line_of_tower(&mut self, command: &Command<'_>) -> Option<TowerLine> {
-        let modal = &self.interpreter.modal;
-        let (axes, is_rapid, is_arc) = match command {
-            Command::Linear { axes, rapid, .. } => (axes, *rapid, false),
-            Command::Arc { axes, .. } => (axes, false, true),
-            _ => return None,
-        };
-        let (target_10nm, extruder_10nm) = modal.target(axes)?;
-        let by_length = modal.extrusion.settings().adaptive && axes.e.is_none() && !is_rapid && !modal.retracted;
-        // A circle ends where it begins.
-        let displaces = is_arc || target_10nm != modal.machine_10nm;
-        let [.., height_10nm] = target_10nm;
-        let is_in_plane = height_10nm == modal.machine_10nm[2];
-        if !displaces || !(extruder_10nm > modal.extruder_10nm || (by_length && is_in_plane)) {
-            return None;
-        }
-        let seen_10nm = height_10nm + modal.offset_10nm[2];
-        let tower = self.tower.as_mut()?;
-        let before_10nm = tower.height_10nm.replace(height_10nm);
-        if before_10nm == Some(height_10nm) {
-            return None;
-        }
-        if before_10nm.is_some_and(|before_10nm| height_10nm < before_10nm - LOWER_10NM) {
-            self.end_tower("the print goes on lower");
-            return None;
-        }
-        let value = tower.value_at(seen_10nm);
-        if tower.value.replace(value) == Some(value) { None } else { Some(tower.line(value)) }
-    }
-
-    /// Reads a tower's line; one that cannot be read ends the tower.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn read_of_tower<'l>(&mut self, line: &'l str) -> Option<Command<'l>> {
-        let mut remarks = Remarks::NONE;
-        let read: Result<_, ParseError> = parse_with_remarks(line, &mut remarks);
-        if matches!(read, Ok(Command::Accepted)) {
-            self.fail_tower(line, &remarks);
-            return None;
-        }
-        if !remarks.is_empty() {
-            self.remark(self.line, line, &remarks);
-        }
-        read.map_err(|error| self.fail_tower(line, &Failure::Parse(error))).ok()
-    }
-
-    /// A tower's line was refused: the print goes on with the value before.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn fail_tower(&mut self, line: &str, failure: &impl fmt::Display) {
-        self.tower = None;
-        self.replies.say(format_args!("echo:line {}: TUNING_TOWER has ended, \"{line}\": {failure}", self.line));
-    }
-
-    /// What a tower has begun ends, and its value stays. One that waits for its print goes on waiting: a print begins by homing.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn end_begun_tower(&mut self) {
-        if self.tower.as_ref().is_some_and(|tower| tower.value.is_some()) {
-            self.end_tower("the print has ended");
-        }
-    }
-
-    /// Ends a tower, if there is one; its value stays.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn end_tower(&mut self, why: &str) {
-        if self.tower.take().is_some() {
-            self.replies.say(format_args!("echo:TUNING_TOWER has ended: {why}"));
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests;

@@ -5,9 +5,9 @@ use ferrostep_card::{CardPort, OpenedFile, Request};
 /// The file selected by M23. The card's task keeps its names.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Selected {
-    pub(super) size: u32,
+    pub(crate) size: u32,
     /// Whether its name is that of a prepared job.
-    pub(super) is_prepared: bool,
+    pub(crate) is_prepared: bool,
 }
 
 impl From<&OpenedFile> for Selected {
@@ -17,7 +17,7 @@ impl From<&OpenedFile> for Selected {
 }
 
 /// Whether a file has this extension: `short` of its short name (8.3), or `long` of its long one.
-pub(super) fn is_a(file: &OpenedFile, short: &str, long: &str) -> bool {
+pub(crate) fn is_a(file: &OpenedFile, short: &str, long: &str) -> bool {
     let end = file.long.len().checked_sub(long.len()).and_then(|start| file.long.get(start..));
     file.short.ends_with(short) || end.is_some_and(|end| end.eq_ignore_ascii_case(long))
 }
@@ -49,20 +49,20 @@ pub(crate) enum Writing {
 /// The card as commands see it.
 pub(crate) struct Card<'a> {
     /// The card's task; `None` where the board has no slot.
-    pub(super) port: Option<&'a dyn CardPort>,
-    pub(super) selected: Option<Selected>,
+    pub(crate) port: Option<&'a dyn CardPort>,
+    pub(crate) selected: Option<Selected>,
     pub(crate) job: Job,
     /// M524 has asked the print to end.
-    pub(super) aborted: bool,
+    pub(crate) aborted: bool,
     /// The byte at which the print is to go on, and the number of lines before it.
-    pub(super) seek: Option<(u32, u32)>,
+    pub(crate) seek: Option<(u32, u32)>,
     /// Byte at which the next line, or the next frame, begins.
-    pub(super) position: u32,
-    pub(super) writing: Writing,
+    pub(crate) position: u32,
+    pub(crate) writing: Writing,
     /// How often M410 in the file has stopped motion: the print goes on then.
-    pub(super) own_stops: u32,
+    pub(crate) own_stops: u32,
     /// A host has just begun to write.
-    pub(super) begun_writing: bool,
+    pub(crate) begun_writing: bool,
 }
 
 impl<'a> Card<'a> {
@@ -133,7 +133,7 @@ impl<'a> Card<'a> {
 
     /// Hands a request to the card's task. A function of its own, so that the request does not stay in the future that waits.
     #[inline(never)]
-    pub(super) fn post(&self, request: Request) -> Option<&'a dyn CardPort> {
+    pub(crate) fn post(&self, request: Request) -> Option<&'a dyn CardPort> {
         let port = self.port?;
         let mut request = Some(request);
         port.with(&mut |mailbox| {

@@ -1,7 +1,8 @@
 //! One heater: its thermometer, its checks and what works out its power.
 
 use super::pid::Pid;
-use super::relay::{self, Relay};
+use super::relay;
+use super::relay::Relay;
 use super::safety::{Safety, Trip};
 use super::thermometer::{MEDIAN_OF, Thermometer};
 use crate::profile::HeaterSettings;

@@ -69,7 +69,7 @@ fn its_lines_are_executed_and_a_failure_ends_it_with_its_place() {
 /// M112, M410 and heat: between the lines of a macro all is as between the lines of a host.
 #[test]
 fn stops_pauses_and_halts_work_between_its_lines() {
-    use crate::tuning::tests::{World, execute as run};
+    use crate::commands::tuning::tests::{World, execute as run};
     let mut world = World::new();
     world.change(|profile| profile.macros = "#PP\n1 G4 S1\n2 M601\n3 G4 S1\n4 M220 S50\n#HH\n1 G4 S100\n2 M220 S70\n");
     let mut printer = world.printer();

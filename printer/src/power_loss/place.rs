@@ -21,7 +21,7 @@ const STANDS_AT: usize = 1;
 
 /// What a print needs to go on. `T`: whether there may be several tools.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place<T: Part> {
+pub(crate) struct Place<T: Part> {
     /// Where the motors of Z stand while the place is kept, at least, units of 10 nm.
     pub stands_10nm: i64,
     /// Byte of the file at which the next line begins.
@@ -47,7 +47,7 @@ pub(super) struct Place<T: Part> {
 }
 
 /// The height of the motors in a place's bytes becomes another.
-pub(super) fn set_stands(bytes: &mut [u8], stands_10nm: i64) {
+pub(crate) fn set_stands(bytes: &mut [u8], stands_10nm: i64) {
     let height = stands_10nm as i32;
     let field = bytes.iter_mut().skip(STANDS_AT);
     field.zip(height.to_le_bytes()).for_each(|(out, byte)| *out = byte);

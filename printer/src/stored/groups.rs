@@ -11,13 +11,13 @@ use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::{AxisShaper, PressureAdvance};
 
 use super::values::{MM, Parts, Place, Values};
+use crate::commands::home_offset::LARGEST_MM;
+use crate::commands::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
+use crate::commands::tuning::FULL_POWER;
 use crate::heat::PidGains;
-use crate::home_offset::LARGEST_MM;
 use crate::part::Part;
 use crate::profile::{PauseSettings, SafeHoming};
-use crate::settings::{LARGEST_LIMIT, SMALLEST_LIMIT};
 use crate::skew::Skew;
-use crate::tuning::FULL_POWER;
 
 /// A setting: one value, or one for each of its letters.
 pub(crate) struct Setting<M: Parts> {

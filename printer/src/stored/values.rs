@@ -105,12 +105,12 @@ impl<M: Parts> Values<M> {
     }
 
     /// The play of the drives.
-    pub(super) fn backlash(&mut self) -> Option<&mut Backlash> {
+    pub(crate) fn backlash(&mut self) -> Option<&mut Backlash> {
         M::Backlash::get_mut(&mut self.backlash)?.as_mut()
     }
 
     /// The settings of T1.
-    pub(super) fn tool(&mut self) -> Option<&mut ToolValues> {
+    pub(crate) fn tool(&mut self) -> Option<&mut ToolValues> {
         M::Tools::get_mut(&mut self.tool)?.as_mut()
     }
 
@@ -123,7 +123,7 @@ impl<M: Parts> Values<M> {
     }
 
     /// The model that controls a heater.
-    pub(super) fn model_of(&mut self, heater: Heater) -> Option<&mut HeaterModel> {
+    pub(crate) fn model_of(&mut self, heater: Heater) -> Option<&mut HeaterModel> {
         M::Models::get_mut(&mut self.models)?.get_mut(heater.index())?.as_mut()
     }
 
@@ -134,7 +134,7 @@ impl<M: Parts> Values<M> {
 }
 
 /// The advance that four numbers mean.
-pub(super) fn advance_of(numbers: &[Option<f64>; 4]) -> PressureAdvance {
+pub(crate) fn advance_of(numbers: &[Option<f64>; 4]) -> PressureAdvance {
     let [seconds, smooth_time_s, fast, speed] = *numbers;
     let above = fast.zip(speed).map(|(seconds, filament_mm_per_s)| SecondSlope { filament_mm_per_s, seconds });
     PressureAdvance { seconds: seconds.unwrap_or_default(), above, smooth_time_s }

@@ -2,8 +2,8 @@
 
 use ferrostep_hal_shim::SensorError;
 
-use super::super::safety::Safety;
 use super::*;
+use crate::heat::safety::Safety;
 
 /// Round numbers: 20 s for 2 degrees, 40 s below by more than 4.
 const WATCH_SAMPLES: u32 = 20 * SAMPLES_A_S;

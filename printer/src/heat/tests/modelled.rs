@@ -9,7 +9,8 @@ use std::vec::Vec;
 use ferrostep_random_cases::share_of;
 
 use super::load::SecondMass;
-use super::tuning::chart::{self, Chart, GREY, Panel, RUST, Row};
+use super::tuning::chart;
+use super::tuning::chart::{Chart, GREY, Panel, RUST, Row};
 use super::tuning::models::{MODELS, Model};
 use super::tuning::{Bench, MAX_FAN, MAX_OVERSHOOT, STEADY, ends, keep, keep_failures, note};
 use super::*;

@@ -3,9 +3,9 @@
 use ferrostep_planner::PressureAdvance;
 
 use super::{CHOPPER_SPEED, CURRENT, Group, STEPS, gain, setting};
+use crate::commands::tools::LARGEST_OFFSET_10NM;
 use crate::heat::PidGains;
 use crate::stored::values::{MM, Parts, Place, ToolValues, Values};
-use crate::tool_change::LARGEST_OFFSET_10NM;
 
 const OFFSET: [f64; 2] = [-(LARGEST_OFFSET_10NM as f64) / MM, LARGEST_OFFSET_10NM as f64 / MM];
 

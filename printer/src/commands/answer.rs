@@ -1,0 +1,177 @@
+//! The answer to a line: its command, or its macro's lines, and what hosts read.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{Command, Remarks, Reply, ShortText, parse_with_remarks};
+
+use crate::change_macros::NextOfChange;
+use crate::error::{CommandError, Failure};
+use crate::macros;
+use crate::macros::{Call, MacroLine};
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::{Answer, Printer, Source};
+
+/// How long the answer to the first refused line after a halt waits, ms, so that the halt is reported first.
+const TELL_HALT_MS: u32 = 2;
+
+impl<P: Ports> Printer<'_, P> {
+    /// Whether a line calls a macro of the profile.
+    pub fn is_macro(&self, text: &str) -> bool {
+        macros::call(self.profile.macros, text).is_some()
+    }
+
+    /// Executes a line, or the lines that it stands for, and answers it.
+    pub(crate) async fn answer(&mut self, line: u32, text: &str) -> Result<(), Failure> {
+        let (failure, is_stop) = match self.execute_lines(line, text, None).await {
+            Ok(answer) => {
+                if answer == Answer::Ok {
+                    self.replies.send(Reply::Ok);
+                }
+                return Ok(());
+            }
+            Err(failed) => failed,
+        };
+        self.replies.refuse(line, &failure);
+        if let (Failure::Command(error), Source::Host { is_numbered }) = (&failure, self.source) {
+            self.end_print_of_host(error, is_stop, is_numbered);
+        }
+        self.replies.send(Reply::Ok);
+        Err(failure)
+    }
+
+    /// Executes a line, or the lines of the macro that it calls, and of those before and after a change of the tool. `card_start` is where
+    /// a line of the card's print begins.
+    ///
+    /// # Errors
+    /// Why the line failed, and whether it was to stop the machine or to restart it. The macro has been named.
+    pub(crate) async fn execute_lines(
+        &mut self,
+        line: u32,
+        text: &str,
+        card_start: Option<u32>,
+    ) -> Result<Answer, (Failure, bool)> {
+        let mut stops = self.motion.stops();
+        let (mut call, mut changes, mut room) =
+            (macros::call(self.profile.macros, text), Self::no_change(), MacroLine::new());
+        self.is_in_macro = call.is_some();
+        let (failure, is_stop) = loop {
+            let text = match self.next_of_change(&mut changes, &mut room) {
+                Ok(NextOfChange::Line) => room.as_str(),
+                Ok(NextOfChange::Ended) if call.is_none() => return Ok(Answer::Ok),
+                Ok(NextOfChange::Ended | NextOfChange::NoChange) => match &mut call {
+                    None => text,
+                    Some(call) => match call.next_line(&mut room) {
+                        Ok(true) => room.as_str(),
+                        Ok(false) => return Ok(Answer::Ok),
+                        Err(error) => break (Failure::Parse(error), false),
+                    },
+                },
+                Err(error) => break (Failure::Parse(error), false),
+            };
+            let mut remarks = Remarks::NONE;
+            let parsed = parse_with_remarks(text, &mut remarks);
+            if let Ok(command) = &parsed {
+                self.add_remarks(command, &mut remarks);
+                if !remarks.is_empty() {
+                    self.remark(line, text, &remarks);
+                }
+            }
+            let failure = match &parsed {
+                Ok(command) => match self.may_execute(line, card_start, command) {
+                    // A macro goes on after it.
+                    Ok(Answer::Given) if call.is_some() => continue,
+                    Ok(Answer::Given) => return Ok(Answer::Given),
+                    Ok(Answer::Ok) if self.begins_change(&mut changes, command) => continue,
+                    Ok(Answer::Ok) => match self.command_with_signs_of_life(command).await {
+                        // Between the lines of a macro, too, a stop is one of all that is at work.
+                        Ok(_) if matches!(command, Command::QuickStop) && call.is_some() => {
+                            stops = self.motion.stops();
+                            continue;
+                        }
+                        Ok(_) if self.is_in_macro && self.motion.stops() != stops => {
+                            Failure::Command(CommandError::Stopped)
+                        }
+                        Ok(_) if self.is_in_macro => continue,
+                        Ok(answer) => return Ok(answer),
+                        Err(error) => Failure::Command(error),
+                    },
+                    Err(error) => Failure::Command(error),
+                },
+                Err(error) => Failure::Parse(*error),
+            };
+            break (failure, matches!(parsed, Ok(Command::EmergencyStop | Command::Restart)));
+        };
+        let is_halted = matches!(failure, Failure::Command(CommandError::Halted | CommandError::NeedsReset(_)));
+        if is_halted && !self.told_halted {
+            // A task below this one reports the halt and the heater's fault; they must come first.
+            self.clock.delay_ms(TELL_HALT_MS).await;
+        }
+        self.tell_failed_change(line, &changes, &mut room);
+        if let Some(call) = &call {
+            self.tell_macro_end(line, call, &room);
+        }
+        Err((failure, is_stop))
+    }
+
+    /// Whether a command may be executed now, by its source: a host's beside a print from the card, or the card's own. It has been
+    /// [answered](Answer::Given) if nothing is left to do.
+    fn may_execute(
+        &mut self,
+        line: u32,
+        card_start: Option<u32>,
+        command: &Command<'_>,
+    ) -> Result<Answer, CommandError> {
+        if self.may_stand_in_file(command)? == Answer::Given {
+            return Ok(Answer::Given);
+        }
+        match card_start {
+            None if self.disturbs_print(command) => Err(CommandError::CardPrints),
+            None => Ok(Answer::Ok),
+            Some(start) => self.begin_card_command(line, start, command),
+        }
+    }
+
+    /// Says at which line a macro has ended, if it has begun.
+    pub(crate) fn tell_macro_end(&self, line: u32, call: &Call<'_>, text: &str) {
+        if call.has_begun() {
+            let (name, place, text) = (call.name(), call.place(), ShortText::new(text));
+            self.replies.say(format_args!("echo:line {line}: {name}, line {place}: \"{text}\" ends the macro"));
+        }
+    }
+
+    /// Ends or pauses the print of a host whose line was refused, in words that hosts know. Otherwise they would stream the rest
+    /// into a machine that does nothing.
+    #[cold]
+    fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
+        match error {
+            CommandError::Halted | CommandError::NeedsReset(_) => {
+                // The answer to M112 has told it already, and M999 is no line of a print.
+                if !is_stop {
+                    self.replies.send(Reply::Killed);
+                    // Printrun's word.
+                    self.replies.send(Reply::Text("!! the printer is halted, M999 restarts it"));
+                }
+                if !core::mem::replace(&mut self.told_halted, true) {
+                    self.replies.send(Reply::Text("//action:cancel"));
+                }
+            }
+            _ if is_numbered && (error.fails_homing() || matches!(error, CommandError::ColdExtrusion { .. })) => {
+                let text = if error.fails_homing() {
+                    "//action:notification Homing has failed: home the printer (G28), then resume"
+                } else {
+                    "//action:notification Too cold to extrude: heat the nozzle, then resume"
+                };
+                self.replies.send(Reply::Text(text));
+                // Printrun reads the second form only.
+                self.replies.send(Reply::Text("//action:pause\n// action:pause"));
+            }
+            _ => {}
+        }
+    }
+
+    /// Reports what is ignored or changed in a line, each thing once a job.
+    #[cold]
+    pub(crate) fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
+        let new = self.said.merge(remarks);
+        self.replies.remark(line, text, remarks, &new);
+    }
+}

@@ -1,0 +1,26 @@
+//! M791: the black box is sent at rest.
+
+use crate::black_box::BlackBox;
+use crate::error::CommandError;
+use crate::ports::Ports;
+use crate::printer::Printer;
+
+impl<'a, P: Ports> Printer<'a, P> {
+    /// The machine has a black box.
+    pub fn set_black_box(&mut self, black_box: &'a dyn BlackBox) {
+        self.black_box = Some(black_box);
+    }
+
+    pub(crate) fn send_black_box(&mut self, clear: bool) -> Result<(), CommandError> {
+        let black_box = self.black_box.ok_or(CommandError::NotEquipped("black box"))?;
+        if self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused() {
+            return Err(CommandError::BlackBoxInPrint);
+        }
+        if clear {
+            black_box.clear();
+        } else {
+            black_box.send();
+        }
+        Ok(())
+    }
+}

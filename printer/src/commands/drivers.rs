@@ -1,0 +1,242 @@
+//! M122, M569, M906, M913 and M914. Before the drivers are set up nothing moves, and no motor gets current.
+
+use core::fmt;
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{Command, DriverSetting, DriverWords};
+use ferrostep_tmc2209::{
+    DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, SECOND_EXTRUDER, motor_name,
+};
+
+use crate::commands::tools::ToolsPart;
+use crate::error::CommandError;
+use crate::part::Part;
+use crate::ports::{MotorDrivers, Ports, Replies};
+use crate::printer::Printer;
+
+/// How often a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
+const LOOK_MS: u32 = 10;
+
+/// Reports what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
+/// steps say, and the caller must halt the machine as M112 does and send `Reply::Killed`; all else has been
+/// reported.
+///
+/// Without current only the axis' home is lost. Printers are often without motor supply, so that is only a notice: hosts end a
+/// print at each `Error:`.
+pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
+    let halts = event.stops_motion() && motors_on >> event.axis() & 1 == 1;
+    if event.is_notable() {
+        replies.say(format_args!("{}{event}", if halts { "Error:" } else { "echo:" }));
+    }
+    halts
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// Waits until all drivers have confirmed their settings. An axis whose driver was reset is no longer homed.
+    pub(crate) async fn drivers_confirmed(&mut self, drivers: &dyn MotorDrivers) -> Result<(), CommandError> {
+        let mut waits = true;
+        while waits {
+            waits = false;
+            for motor in 0..MOST_MOTORS {
+                match drivers.state(motor) {
+                    Some(DriverState::Failed(failure)) => {
+                        let error = CommandError::Driver { motor, failure };
+                        // Hosts end a print at this word: without motion it must not go on heating.
+                        self.replies.say(format_args!("Error:{error}"));
+                        return Err(error);
+                    }
+                    Some(DriverState::Unconfirmed) => waits = true,
+                    Some(DriverState::Confirmed) | None => {}
+                }
+            }
+            if waits {
+                self.clock.delay_ms(LOOK_MS).await;
+                if self.signals.is_halted() {
+                    return Err(CommandError::Halted);
+                }
+            }
+        }
+        self.interpreter.forget_home(drivers.take_moved());
+        Ok(())
+    }
+
+    /// The drivers' part of a command, if it has one. `true`: the command goes on when all drivers have confirmed their
+    /// settings.
+    // Not inlined: in the future of the commands that wait it would take much room.
+    #[inline(never)]
+    pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
+        let (code, setting, values, tool) = match *command {
+            Command::StealthChop { tool, .. } | Command::Driver(_, DriverWords { tool, .. })
+                if self.is_for_no_tool(tool) =>
+            {
+                return Ok(false);
+            }
+            // M17 too: until its driver is set, a motor's current is what the chip has after a reset.
+            Command::Linear { .. }
+            | Command::Arc { .. }
+            | Command::Retract
+            | Command::Recover
+            | Command::Home { .. }
+            | Command::SelectTool { tool: Some(1..), .. }
+            | Command::Pause(_)
+            | Command::ChangeFilament { .. }
+            | Command::LoadFilament { .. }
+            | Command::ShiftZ { .. }
+            | Command::OffsetZ { .. }
+            | Command::EnableMotors(_) => return Ok(true),
+            Command::Bed(bed) => return Ok(self.has_bed() && bed.probes()),
+            Command::ReportDrivers => (122, Shown::All, ALL_MOTORS, None),
+            Command::StealthChop { motors, tool, on } => {
+                let named = [motors.x, motors.y, motors.z, motors.e];
+                let value = named.map(|named| named.then_some(on.map(u16::from)));
+                let value = if motors.is_empty() { queried(tool) } else { value };
+                (569, Shown::Chopper, value, tool)
+            }
+            Command::Driver(setting, words) => (setting.code(), Shown::Setting(setting), values(words), words.tool),
+            _ => return Ok(false),
+        };
+        let Some(drivers) = self.drivers else {
+            self.replies.say(format_args!("echo:M{code}: not available, this machine's drivers cannot be set"));
+            return Ok(false);
+        };
+        let changes = values.iter().flatten().any(Option::is_some);
+        let extruder = if ToolsPart::<P>::PRESENT { self.extruder_of(tool, changes)? } else { None };
+        if changes {
+            change(drivers, setting, values, extruder.unwrap_or(FIRST_EXTRUDER), self.replies)?;
+        } else {
+            for motor in 0..MOST_MOTORS {
+                // What Z has, all its motors have.
+                let of = if motor == SECOND_EXTRUDER { FIRST_EXTRUDER } else { 2 };
+                let is_named = values.get(motor).or(values.get(of)).is_some_and(Option::is_some);
+                let is_other =
+                    matches!(motor, FIRST_EXTRUDER | SECOND_EXTRUDER) && extruder.is_some_and(|it| it != motor);
+                if is_named
+                    && !is_other
+                    && let Some(report) = drivers.report(motor)
+                {
+                    setting.say(motor_name(motor), &report, self.replies);
+                }
+            }
+        }
+        Ok(changes)
+    }
+
+    /// The motor that E is, of several tools: that of the tool; `None`: each extruder's, of a query without T.
+    #[inline(never)]
+    fn extruder_of(&self, tool: Option<u8>, changes: bool) -> Result<Option<usize>, CommandError> {
+        match tool {
+            None if !changes => Ok(None),
+            tool => Ok(Some(if self.tool(tool)? == 0 { FIRST_EXTRUDER } else { SECOND_EXTRUDER })),
+        }
+    }
+}
+
+/// The setting of a driver that a command shows or changes.
+#[derive(Clone, Copy)]
+enum Shown {
+    All,
+    Chopper,
+    Setting(DriverSetting),
+}
+
+/// For each motor: `None` if the command does not name it, else the value to set, or `None` for a query.
+type Values = [Option<Option<u16>>; 4];
+
+/// The motor of the first extruder.
+const FIRST_EXTRUDER: usize = 3;
+
+const ALL_MOTORS: Values = [Some(None); 4];
+
+/// Without words a command asks for all motors, with T alone for that extruder's.
+fn values(words: DriverWords) -> Values {
+    let all = words.all();
+    if all == [None; 4] { queried(words.tool) } else { all.map(|value| value.map(Some)) }
+}
+
+/// What a query without motors asks for.
+fn queried(tool: Option<u8>) -> Values {
+    if tool.is_some() { [None, None, None, Some(None)] } else { ALL_MOTORS }
+}
+
+/// Changes all drivers that the command names, or none of them. E is the motor `extruder`.
+fn change(
+    drivers: &dyn MotorDrivers,
+    setting: Shown,
+    values: Values,
+    extruder: usize,
+    replies: &impl Replies,
+) -> Result<(), CommandError> {
+    for is_set in [false, true] {
+        for (motor, value) in [0, 1, 2, extruder].into_iter().zip(&values) {
+            let (Some(Some(value)), Some(report)) = (value, drivers.report(motor)) else { continue };
+            let mut settings = report.settings;
+            match setting {
+                Shown::All => {}
+                Shown::Chopper => settings.stealth_chop = *value != 0,
+                Shown::Setting(DriverSetting::Current) => settings.current_ma = *value,
+                Shown::Setting(DriverSetting::SpreadCycleAbove) => settings.spread_cycle_above_mm_per_s = *value,
+                Shown::Setting(DriverSetting::StallThreshold) => settings.stall_threshold = (*value).min(255) as u8,
+            }
+            // Where stealthChop is off the speed has no effect yet.
+            if is_set
+                && matches!(setting, Shown::Setting(DriverSetting::SpreadCycleAbove))
+                && *value != 0
+                && !settings.stealth_chop
+            {
+                setting.say(motor_name(motor), &DriverReport { settings, ..report }, replies);
+            }
+            let outcome = if is_set { drivers.set(motor, settings) } else { drivers.check(motor, &settings) };
+            outcome.map_err(|error| CommandError::DriverSettings { motor, error })?;
+        }
+    }
+    Ok(())
+}
+
+/// How a driver switches its motor's current, and from which speed on.
+struct Chopper<'a>(&'a DriverSettings);
+
+impl fmt::Display for Chopper<'_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.0.stealth_chop, self.0.spread_cycle_above_mm_per_s) {
+            (true, 0) => out.write_str("stealthChop"),
+            (true, above) => write!(out, "stealthChop, spreadCycle above {above} mm/s"),
+            (false, 0) => out.write_str("spreadCycle"),
+            (false, above) => write!(out, "spreadCycle, with M569 S1 only above {above} mm/s"),
+        }
+    }
+}
+
+impl Shown {
+    /// Reports the setting of one driver.
+    fn say(self, name: &str, report: &DriverReport, replies: &impl Replies) {
+        let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
+        let DriverSettings { current_ma, microsteps, stall_threshold, .. } = settings;
+        let chopper = Chopper(settings);
+        match self {
+            Self::All => {
+                let state = match state {
+                    DriverState::Unconfirmed => "being set up",
+                    DriverState::Confirmed => "confirmed",
+                    DriverState::Failed(_) => "failed",
+                };
+                replies.say(format_args!(
+                        "echo:driver {name}: {state}, {run_ma} mA, {hold_ma} mA at rest, {microsteps} microsteps, \
+                         {chopper}, stall threshold {stall_threshold}, load {load}, {repeated} datagrams repeated, {status}"
+                    ),
+                );
+            }
+            Self::Chopper | Self::Setting(DriverSetting::SpreadCycleAbove) => {
+                replies.say(format_args!("echo:driver {name}: {chopper}"))
+            }
+            Self::Setting(DriverSetting::Current) => {
+                replies.say(format_args!("echo:driver {name}: {current_ma} mA ({run_ma} mA, {hold_ma} mA at rest)"));
+            }
+            Self::Setting(DriverSetting::StallThreshold) => {
+                replies.say(format_args!("echo:driver {name}: stall threshold {stall_threshold}, load {load}"));
+            }
+        }
+        if let (Self::All, DriverState::Failed(failure)) = (self, state) {
+            replies.say(format_args!("echo:driver {name} {failure}"));
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! A print from the card survives a power cut: M413 and M1000.
+//!
+//! While it prints, its place is kept on the card (`keep`): what a print needs to go on (`place`), from the beginning of a line
+//! that the motors have reached. After a reset `resume` takes it there.
+
+mod at_failure;
+mod keep;
+mod resume;
+
+use ferrostep_gcode::{CardCommand, InterruptedPrint, Reply};
+
+use crate::ports::{Ports, Replies};
+use crate::printer::Printer;
+
+/// The prompt's buttons go on with the interrupted print, or give it up.
+pub(crate) static RESUME: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Resume);
+
+pub(crate) static FORGET: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Discard);
+
+impl<P: Ports> Printer<'_, P> {
+    /// M413.
+    pub(crate) async fn keep_prints(&mut self, on: Option<bool>) {
+        let Some(on) = on else {
+            let state = if self.power_loss.is_on { "ON" } else { "OFF" };
+            let supply = match self.signals.is_supply_failing() {
+                _ if !self.watches_supply() => "",
+                true => "; the supply fails by its signal",
+                false => "; the supply is right by its signal",
+            };
+            return self.replies.say(format_args!("echo:Power-loss recovery {state}{supply}"));
+        };
+        self.power_loss.is_on = on;
+        // A file on the desk has no power to lose.
+        if !self.card.is_there() && on && self.has_host() {
+            let text = "echo:power loss: the board has no slot for a card, and only prints from a card are kept";
+            return self.replies.send(Reply::Text(text));
+        }
+        if self.power_loss.is_keeping && !on {
+            self.forget_place();
+        } else if self.prints_now() && on && !self.power_loss.is_keeping {
+            self.begin_keeping(true).await;
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! The supply fails, and a module feeds the board for some seconds more: the place of the print goes to the card at once.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::Reply;
+
+use crate::part::Part;
+use crate::ports::{Heating, Motion, Ports, Replies};
+use crate::power_loss::place::set_stands;
+use crate::printer::Printer;
+
+/// How long the card may take for the place, ms: cards take up to 250 for a block.
+const CARD_MS: u32 = 500;
+
+/// What has become of the place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// It is on the card.
+    Kept,
+    /// The card has one from before, or none.
+    Before,
+    /// The card has failed.
+    Failed,
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// Whether a signal of the supply is watched.
+    pub(super) fn watches_supply(&self) -> bool {
+        <P::Motion as Motion>::SupplySignal::PRESENT && self.profile.supply_signal.is_some()
+    }
+
+    /// Whether the supply has failed since [`Self::keep_at_failure`]; motion was stopped, and heaters are off.
+    pub(crate) fn has_supply_failed(&self) -> bool {
+        self.watches_supply() && self.signals.has_supply_failed()
+    }
+
+    /// The supply has failed while the card prints: keeps the place of the print, and halts the machine.
+    pub(crate) async fn keep_at_failure(&mut self) {
+        if !self.has_supply_failed() {
+            return;
+        }
+        self.signals.take_supply_failure();
+        // Before anything else asks for time.
+        self.heating.all_off();
+        self.stop_motion();
+        let mut outcome = self.begin_last_place();
+        self.until_written(&mut outcome).await;
+        if let Some(target_10nm) = self.place_above_10nm().filter(|_| outcome == Outcome::Kept) {
+            // Where it stays on its way, the height that is kept is that one.
+            let _risen = self.go(target_10nm).await;
+            self.follow_rise();
+            self.until_written(&mut outcome).await;
+        }
+        self.tell_supply_failure(outcome);
+        self.heating.halt();
+        self.signals.halt();
+        self.replies.send(Reply::Killed);
+    }
+
+    /// Waits until the card's task has done with the place.
+    async fn until_written(&mut self, outcome: &mut Outcome) {
+        for _ in 0..CARD_MS {
+            if *outcome != Outcome::Kept || self.is_place_written(outcome) {
+                return;
+            }
+            self.clock.delay_ms(1).await;
+        }
+        *outcome = Outcome::Failed;
+    }
+
+    /// Where the nozzle rises to, units of 10 nm; `None`: it stays. In a pause it has risen already.
+    fn place_above_10nm(&self) -> Option<[i64; 3]> {
+        let rise_10nm = self.profile.supply_signal?.rise_10nm;
+        let [x, y, z] = self.motion.position_10nm();
+        let [.., highest] = self.profile.size_10nm;
+        (rise_10nm > 0 && !self.is_paused() && z < highest).then(|| [x, y, (z + rise_10nm).min(highest)])
+    }
+
+    /// The place has the height at which the motors stand now, and is written again.
+    fn follow_rise(&mut self) {
+        let [.., z_10nm] = self.motion.position_10nm();
+        if let Some(port) = self.card.port() {
+            port.with(&mut |mailbox| {
+                set_stands(mailbox.kept_mut(), z_10nm);
+                mailbox.keep();
+            });
+        }
+        self.power_loss.stands_10nm = Some(z_10nm);
+    }
+
+    /// Lets the card's task write the newest place that the motors have passed, with the height at which they stand now.
+    #[inline(never)]
+    fn begin_last_place(&mut self) -> Outcome {
+        if !self.power_loss.is_keeping {
+            return Outcome::Before;
+        }
+        if self.is_paused() {
+            self.keep_pause();
+            return Outcome::Kept;
+        }
+        let Some(port) = self.card.port().filter(|_| self.power_loss.noted_ms.is_some()) else {
+            return Outcome::Before;
+        };
+        let is_passed = !self.power_loss.is_pending || self.motion.has_passed_line();
+        let [.., z_10nm] = self.motion.position_10nm();
+        let mut outcome = Outcome::Before;
+        port.with(&mut |mailbox| {
+            if is_passed || mailbox.take_aside() {
+                set_stands(mailbox.kept_mut(), z_10nm);
+                mailbox.keep();
+                outcome = Outcome::Kept;
+            }
+        });
+        (self.power_loss.is_pending, self.power_loss.stands_10nm) = (false, Some(z_10nm));
+        outcome
+    }
+
+    /// Whether the card's task has done with the place.
+    fn is_place_written(&self, outcome: &mut Outcome) -> bool {
+        let mut is_done = true;
+        if let Some(port) = self.card.port() {
+            port.with(&mut |mailbox| {
+                is_done = !mailbox.is_keeping();
+                if mailbox.take_keep_failure().is_some() {
+                    (is_done, *outcome) = (true, Outcome::Failed);
+                }
+            });
+        }
+        is_done
+    }
+
+    fn tell_supply_failure(&self, outcome: Outcome) {
+        let place = match outcome {
+            Outcome::Kept => "the place of the print is kept",
+            Outcome::Before => "the print is kept as it was before, if it was",
+            Outcome::Failed => "the card has failed, the place is not kept",
+        };
+        self.replies.say(format_args!("echo:power loss: the supply fails: {place}"));
+    }
+}

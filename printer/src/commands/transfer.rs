@@ -1,0 +1,482 @@
+//! A prepared job from a host's line (M790), executed as it comes.
+//!
+//! While moves wait for room, the line is still read and the host's questions are answered. Numbered lines of G-code between the
+//! frames are executed between two items of the job.
+
+use core::fmt;
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::Poll;
+
+use ferrostep_gcode::{Line, LineError, Reply};
+use ferrostep_gpre::compact::{Decoder, Frame, FrameState};
+use ferrostep_gpre::parts::{Part, Parts};
+use ferrostep_gpre::transfer::{Event, Receiver, Report, Word};
+use ferrostep_gpre::{Encoding, Fault, Header, Item, ReadError};
+use ferrostep_hal_shim::Clock;
+use ferrostep_planner::PLANNER_VERSION;
+
+use crate::commands::host::Host;
+use crate::error::{CommandError, Failure};
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::{JobRequest, Printer};
+use crate::signals::Signals;
+
+/// Longest silence before the first frame, s: a host that asks for a transfer has its job ready.
+const MAX_SILENCE_BEFORE_JOB_S: u16 = 30;
+
+/// The answer to a line that is not executed while a job is received.
+const PLAIN_LINE: &str = "echo:gpre: a prepared job is being received (M790), lines without a number are ignored until \
+                          it ends; M112 ends it at once";
+
+/// Most bytes taken from the line at once.
+const CHUNK_BYTES: usize = 64;
+
+/// The line on which a job comes, with the lines of all hosts.
+pub trait JobLine {
+    /// Waits for bytes of any host, at most a fifth of a second. Returns how many came, and whether the host that sends the job
+    /// has sent them. `idle`: the machine has nothing else to do meanwhile.
+    fn read(&mut self, bytes: &mut [u8], idle: bool) -> impl Future<Output = (usize, bool)>;
+
+    /// Reads text of the host that was read last, up to the end of a line. Returns how much was used, and the line if it has
+    /// ended.
+    #[allow(clippy::type_complexity)]
+    fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<(&'a mut Host, Result<Line<'a>, LineError>)>);
+
+    /// Replies go to the host that sends the job from now on.
+    fn answer_job(&mut self);
+}
+
+/// Why a job ended early.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Stop {
+    /// It cannot be read.
+    Read(ReadError),
+    /// It cannot be done.
+    Done { failure: Failure, line: u32, frame: u32, offset: u64 },
+    /// A move does not begin where the one before ended.
+    Elsewhere { frame: u32, offset: u64 },
+    /// The host was silent for too long.
+    Silent { silence_s: u16 },
+    /// The host has given up.
+    Aborted,
+    /// M112, or motion was stopped in another way.
+    Halted,
+}
+
+impl Stop {
+    /// A command of this line ended with a failure: motion was stopped, or it cannot be done.
+    // Not a call: that takes a copy of the failure, on the stack under all that a line needs.
+    #[inline(always)]
+    fn of(failure: Failure, line: u32, frame: u32, offset: u64) -> Self {
+        match failure {
+            Failure::Command(CommandError::Stopped | CommandError::Halted) => Self::Halted,
+            failure => Self::Done { failure, line, frame, offset },
+        }
+    }
+}
+
+impl From<ReadError> for Stop {
+    fn from(error: ReadError) -> Self {
+        Self::Read(error)
+    }
+}
+
+impl fmt::Display for Stop {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Read(error) => fmt::Display::fmt(error, out),
+            Self::Done { failure, line, frame, offset } => {
+                write!(out, "frame {frame} at byte {offset}, line {line}: {failure}")
+            }
+            Self::Elsewhere { frame, offset } => write!(
+                out,
+                "frame {frame} at byte {offset}: the machine does not stand where the move before ended: home it (G28), then start \
+                 the job again"
+            ),
+            Self::Silent { silence_s } => write!(out, "nothing from the host for {silence_s} s"),
+            Self::Aborted => write!(out, "the host has given up"),
+            Self::Halted => write!(out, "motion was stopped"),
+        }
+    }
+}
+
+/// The incoming side of the line: the present chunk, and the state of text and frames.
+struct Incoming {
+    receiver: Receiver,
+    chunk: [u8; CHUNK_BYTES],
+    /// Part of the chunk that has not been looked at.
+    at: usize,
+    end: usize,
+    /// Whether the chunk is of the host that sends the job.
+    of_job: bool,
+    /// Whether the chunk goes on with text, which waits for the printer.
+    text: bool,
+    /// Whether text of the job's host has begun and not ended with its line.
+    mid_text: bool,
+    aborted: bool,
+    /// Whether the host is to be answered.
+    answer: bool,
+    /// The limit last reported to it.
+    limit: u32,
+    heard_ms: u64,
+    /// Whether a frame has come.
+    any_frame: bool,
+    /// How often motion had been stopped when the job began: one more stop ends the job.
+    stops: u32,
+}
+
+impl Incoming {
+    fn new(size: u32, now_ms: u64, stops: u32) -> Self {
+        Self {
+            receiver: Receiver::new(size),
+            chunk: [0; CHUNK_BYTES],
+            at: 0,
+            end: 0,
+            of_job: true,
+            text: false,
+            mid_text: false,
+            aborted: false,
+            answer: true,
+            limit: 0,
+            heard_ms: now_ms,
+            any_frame: false,
+            stops,
+        }
+    }
+
+    /// Reports to the host, if a report is due.
+    fn tell(&mut self, replies: &impl Replies, room: usize) {
+        if core::mem::take(&mut self.answer) || self.receiver.has_opened(self.limit, room) {
+            let report = self.receiver.report(room);
+            let [_, limit] = report.numbers;
+            self.limit = limit;
+            replies.say(format_args!("{report}"));
+        }
+    }
+
+    /// Reads and answers until text comes, or the host gives up. With an idle machine it returns after each portion.
+    async fn take_in<R: Replies>(
+        &mut self,
+        line: &mut impl JobLine,
+        room: &mut [u8],
+        filled: &mut usize,
+        (replies, clock, signals): (&R, &impl Clock, &Signals),
+        idle: bool,
+    ) {
+        while !self.text && !self.aborted {
+            if self.at == self.end {
+                let (length, of_job) = line.read(&mut self.chunk, idle).await;
+                (self.at, self.end, self.of_job) = (0, length, of_job);
+                self.text = length > 0 && (!of_job || self.mid_text);
+            }
+            while !self.text && !self.aborted {
+                let Some(byte) = self.chunk.get(self.at).copied().filter(|_| self.at < self.end) else { break };
+                match self.receiver.take(byte, room.get_mut(*filled..).unwrap_or_default()) {
+                    Event::Nothing => {}
+                    Event::Bytes(length) => {
+                        *filled += length;
+                        self.heard(clock, signals);
+                    }
+                    Event::Answer => self.heard(clock, signals),
+                    Event::Aborted => self.aborted = true,
+                    Event::Other => {
+                        self.text = true;
+                        continue;
+                    }
+                }
+                self.at += 1;
+            }
+            self.tell(replies, room.len() - *filled);
+            if idle {
+                return;
+            }
+        }
+    }
+
+    /// M790 in the middle of a transfer comes from a host that was restarted: it goes on where the transfer stopped.
+    fn asked_again(&mut self, request: Option<JobRequest>, replies: &impl Replies) {
+        match request {
+            Some(request) if request.size == self.receiver.size() => self.answer = true,
+            Some(_) => replies.say(format_args!("echo:gpre: another job is being received")),
+            None => {}
+        }
+    }
+
+    /// Passes the rest of the chunk up to the next text.
+    fn skip_frames(&mut self) {
+        while let Some(&byte) = self.chunk.get(self.at..self.end).and_then(|rest| rest.first()) {
+            if self.receiver.take(byte, &mut []) == Event::Other {
+                self.text = true;
+                return;
+            }
+            self.at += 1;
+        }
+    }
+
+    fn heard(&mut self, clock: &impl Clock, signals: &Signals) {
+        signals.note_host();
+        self.heard_ms = clock.now_ms();
+        self.any_frame = true;
+        self.answer = true;
+    }
+}
+
+/// Runs one future to its end, while another runs beside it that need not end.
+async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()>) -> T {
+    let (mut main, mut other) = (pin!(main), pin!(other));
+    let mut ended = false;
+    poll_fn(|context| {
+        let progress = main.as_mut().poll(context);
+        if progress.is_pending() && !ended {
+            ended = matches!(other.as_mut().poll(context), Poll::Ready(()));
+        }
+        progress
+    })
+    .await
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// The caller will call [`Self::receive_job`] when M790 asks for it.
+    pub fn set_receives_jobs(&mut self) {
+        self.receives_jobs = true;
+    }
+
+    /// Takes the request for a transfer, if the last command was one.
+    pub fn take_job_request(&mut self) -> Option<JobRequest> {
+        self.job_request.take()
+    }
+
+    /// M790.
+    pub(crate) fn request_job(&mut self, size: u32, silence_s: u16) -> Result<(), CommandError> {
+        if !self.receives_jobs {
+            return Err(CommandError::NoJobs);
+        }
+        self.needs_profiles_steps()?;
+        self.job_request = Some(JobRequest { size, silence_s });
+        Ok(())
+    }
+
+    /// Receives a prepared job and executes it as it comes. `buffer` must have room for the longest frame
+    /// ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); more room is used for bytes that come meanwhile. Returns how the job
+    /// ended, and whether a frame has begun on the line and not ended; the host has heard the end already.
+    pub async fn receive_job(
+        &mut self,
+        request: JobRequest,
+        line: &mut impl JobLine,
+        buffer: &mut [u8],
+    ) -> (Report, bool) {
+        let mut incoming = Incoming::new(request.size, self.clock.now_ms(), self.motion.stops());
+        let mut progress = Progress { begun: false, frame: 0, offset: 0 };
+        self.interpreter.modal.in_prepared_job = true;
+        self.motion.set_bounded_in_time(false);
+        let outcome = self.play(request, line, buffer, &mut incoming, &mut progress).await;
+        self.interpreter.modal.in_prepared_job = false;
+        let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
+        incoming.text = false;
+        incoming.aborted = false;
+        // Nothing more of the job is taken, but the host is answered while the machine comes to rest.
+        let mut none = 0;
+        let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock, signals), false);
+        let ended = match outcome {
+            Ok(()) => {
+                let finished = beside(self.finish(), taken_in).await;
+                if finished.is_err() {
+                    // All of the job had been taken; the part left undone is counted as after any other stop.
+                    self.stop_motion();
+                }
+                let Progress { frame, offset, .. } = progress;
+                finished.map_err(|error| Stop::of(Failure::Command(error), self.line, frame.saturating_sub(1), offset))
+            }
+            Err(stop) => {
+                // After a halt no motion is left to end.
+                let _ = beside(self.abandon_prepared(), taken_in).await;
+                Err(stop)
+            }
+        };
+        // Bytes that have come by now.
+        while incoming.at < incoming.end {
+            let _ = self.between(line, &mut incoming).await;
+            incoming.skip_frames();
+        }
+        self.job_request = None;
+        let Progress { begun, frame, offset } = progress;
+        // Bytes after a silence are no longer the rest of a frame.
+        let in_frame = incoming.receiver.is_in_frame() && !matches!(ended, Err(Stop::Silent { .. }));
+        let word = match ended {
+            Ok(()) => Word::Done,
+            Err(_) if begun => Word::Stopped,
+            Err(_) => Word::Refused,
+        };
+        line.answer_job();
+        if let Err(stop) = ended {
+            replies.say(format_args!("echo:gpre: {stop}"));
+        }
+        let place = if word == Word::Done { request.size } else { u32::try_from(offset).unwrap_or(u32::MAX) };
+        let report = Report { word, numbers: [place, frame] };
+        replies.say(format_args!("{report}"));
+        (report, in_frame)
+    }
+
+    async fn play(
+        &mut self,
+        request: JobRequest,
+        line: &mut impl JobLine,
+        buffer: &mut [u8],
+        incoming: &mut Incoming,
+        progress: &mut Progress,
+    ) -> Result<(), Stop> {
+        let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
+        let mut parts = Parts::new();
+        let mut filled = 0;
+        incoming.tell(replies, buffer.len());
+        loop {
+            let bytes = buffer.get(..filled).unwrap_or_default();
+            let used = match parts.next(bytes, incoming.receiver.is_complete())? {
+                Part::End => return Ok(()),
+                Part::More => {
+                    self.between(line, incoming).await?;
+                    incoming.take_in(line, buffer, &mut filled, (replies, &clock, signals), true).await;
+                    let silent_ms = self.clock.now_ms().saturating_sub(incoming.heard_ms);
+                    let allowed_s = if incoming.any_frame { u16::MAX } else { MAX_SILENCE_BEFORE_JOB_S };
+                    let silence_s = request.silence_s.min(allowed_s);
+                    if silent_ms > 1000 * u64::from(silence_s) {
+                        return Err(Stop::Silent { silence_s });
+                    }
+                    0
+                }
+                Part::Passed(length) => length,
+                Part::Header(length, header) => {
+                    self.begin_prepared(&header).await?;
+                    length
+                }
+                Part::Frame { length, number, offset } => {
+                    (progress.frame, progress.offset) = (number, offset);
+                    let (frame, room) = buffer.split_at_mut(length);
+                    let mut ahead = filled - length;
+                    let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(number) });
+                    let mut items = Frame::read(frame, offset, Some(number))?.items().map_err(fault)?;
+                    progress.begun = true;
+                    let mut place = Place::new(*items.start(), number, offset);
+                    loop {
+                        let taken_in = incoming.take_in(line, room, &mut ahead, (replies, &clock, signals), false);
+                        if !beside(self.item(&mut items, &mut place), taken_in).await? {
+                            break;
+                        }
+                        self.between(line, incoming).await?;
+                    }
+                    // While the machine was at work the host may have had nothing to send or to ask.
+                    incoming.heard_ms = self.clock.now_ms();
+                    filled = length + ahead;
+                    progress.frame = number + 1;
+                    progress.offset = offset + length as u64;
+                    length
+                }
+            };
+            // With the part that has come of an incomplete frame.
+            buffer.copy_within(used.., 0);
+            filled -= used;
+            incoming.tell(replies, buffer.len() - filled);
+        }
+    }
+
+    /// Begins a prepared job: it is for this machine, and the extruder advances as it was planned.
+    pub(crate) async fn begin_prepared(&mut self, header: &Header) -> Result<(), Stop> {
+        header.matches(self.profile.plan_hash, PLANNER_VERSION)?;
+        if header.encoding != Encoding::Compact {
+            return Err(Stop::Read(ReadError { fault: Fault::Wide, offset: 10, frame: None }));
+        }
+        self.end_tower("a prepared job has its own values");
+        self.take_advance_of_profile().await.map_err(|error| Stop::of(Failure::Command(error), 0, 0, 0))
+    }
+
+    /// Executes the next item; `false` after the last.
+    pub(crate) async fn item(&mut self, items: &mut Decoder<'_>, place: &mut Place) -> Result<bool, Stop> {
+        let (frame, offset) = (place.number, place.offset);
+        let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(frame) });
+        let Some(item) = items.next_item().map_err(fault)? else { return Ok(false) };
+        let (line, result) = match item {
+            Item::Move(next) => {
+                // At the start of a frame, and wherever M410 may have stopped the moves before.
+                let expected_10nm = place.end_10nm.or((!place.begun).then_some(place.start.position_10nm));
+                // If M290 has shifted Z, the move is refused for that.
+                if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) && !self.is_shifted() {
+                    return Err(Stop::Elsewhere { frame, offset });
+                }
+                (place.begun, place.end_10nm) = (true, Some(next.target_10nm().map(i64::from)));
+                (next.line, self.prepared_move(next, &place.start.modal).await.map_err(Failure::Command))
+            }
+            Item::Fan { line, power } => (line, self.prepared_fan(line, power).await.map_err(Failure::Command)),
+            Item::Command { line, text } => {
+                place.end_10nm = None;
+                (line, self.prepared_command(line, text).await)
+            }
+        };
+        result.map(|()| true).map_err(|failure| Stop::of(failure, line, frame, offset))
+    }
+
+    /// Text between the frames.
+    async fn between(&mut self, line: &mut impl JobLine, incoming: &mut Incoming) -> Result<(), Stop> {
+        while incoming.text {
+            let rest = incoming.chunk.get(incoming.at..incoming.end).unwrap_or_default();
+            // A frame may follow a line end.
+            let line_end = rest.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+            let length = line_end.map_or(rest.len(), |end| end + 1);
+            let (used, heard) = line.text(rest.get(..length).unwrap_or_default());
+            if let Some((host, heard)) = heard {
+                let numbered = match &heard {
+                    Ok(heard) => heard.number.is_some(),
+                    Err(error) => error.is_numbered(),
+                };
+                // The rest of a broken frame is not a line, and usually not text. Its number shows that a line may be executed.
+                if numbered || !incoming.of_job {
+                    host.answer(self, heard).await;
+                    if incoming.of_job {
+                        incoming.heard_ms = self.clock.now_ms();
+                    }
+                    incoming.asked_again(self.job_request.take(), self.replies());
+                } else if heard.is_ok() {
+                    // Probably a person's, who must not wait for an answer until the job has ended.
+                    let replies = self.replies();
+                    replies.send(Reply::Text(PLAIN_LINE));
+                    replies.send(Reply::Ok);
+                }
+            }
+            incoming.at += used.clamp(1, length.max(1));
+            let ends_line = line_end.is_some() && used >= length;
+            incoming.mid_text = incoming.of_job && !ends_line;
+            incoming.text = incoming.at < incoming.end && !(incoming.of_job && ends_line);
+        }
+        line.answer_job();
+        if incoming.aborted {
+            return Err(Stop::Aborted);
+        }
+        if self.signals.is_halted() || self.motion.stops() != incoming.stops { Err(Stop::Halted) } else { Ok(()) }
+    }
+}
+
+/// How far a job has come.
+struct Progress {
+    /// Whether something of it was executed.
+    begun: bool,
+    frame: u32,
+    offset: u64,
+}
+
+/// Where in the job an item is.
+pub(crate) struct Place {
+    start: FrameState,
+    /// Whether a move of the frame was executed.
+    begun: bool,
+    /// Where the move before ended, if only moves came since.
+    end_10nm: Option<[i64; 3]>,
+    number: u32,
+    offset: u64,
+}
+
+impl Place {
+    /// At the start of a frame.
+    pub(crate) fn new(start: FrameState, number: u32, offset: u64) -> Self {
+        Self { start, begun: false, end_10nm: None, number, offset }
+    }
+}
