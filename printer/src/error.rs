@@ -1,5 +1,10 @@
 //! Why a command was refused.
 
+pub(crate) mod advance_refusal;
+mod mesh_refusal;
+mod plan_fault_text;
+pub(crate) mod shaper_refusal;
+pub(crate) mod skew_refusal;
 mod text;
 
 use core::fmt;
@@ -11,12 +16,12 @@ use ferrostep_planner::surface::MeshError;
 use ferrostep_planner::{ChoiceError, MoveError};
 use ferrostep_tmc2209::{Failure as DriverFailure, SettingsError};
 
-use crate::advance_refusal::AdvanceRefusal;
-use crate::heat::HeatFault;
-use crate::motion_fault::{MotionError, MotionFault};
-use crate::shaper_refusal::ShaperRefusal;
-use crate::skew_refusal::SkewRefusal;
-use crate::tower::TowerRefusal;
+use crate::error::advance_refusal::AdvanceRefusal;
+use crate::error::shaper_refusal::ShaperRefusal;
+use crate::error::skew_refusal::SkewRefusal;
+use crate::heat::report::HeatFault;
+use crate::job::tower::TowerRefusal;
+use crate::motion::fault::{MotionError, MotionFault};
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.

@@ -4,85 +4,61 @@
 //! asynchronous: a wait is an await, and every wait ends when it is cancelled ([`Signals`]).
 #![cfg_attr(not(test), no_std)]
 
-mod accelerometer;
-mod advance_refusal;
-mod arc;
-mod axis_names;
-mod black_box;
-mod bltouch;
-mod button;
-mod card;
-mod change_macros;
-mod command_kind;
 mod commands;
-mod debounce;
 mod error;
-mod extrusion;
-mod fans;
-mod filament;
 pub mod heat;
-mod heater_timeout;
-mod homing;
-mod interpreter;
-pub mod machine;
-mod macros;
-mod mesh_refusal;
-mod modal;
-mod motion_fault;
+mod job;
+mod motion;
 mod part;
-mod paused;
-mod plan_fault_text;
 pub mod ports;
-mod power_loss;
-mod prepared;
-mod print_clock;
 mod printer;
-mod profile;
-mod shaper_refusal;
-mod shared_machine;
+mod settings;
 mod signals;
-mod skew;
-mod skew_refusal;
-mod stored;
-mod tool_box;
-mod tools;
-mod tower;
-mod z_motors;
 
-pub use accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent, RecordFault, Recorder};
-pub use axis_names::AXIS_NAMES;
-pub use black_box::BlackBox;
-pub use button::ButtonWatch;
-pub use card::{HostLines, HostText};
+pub use commands::card::print::{HostLines, HostText};
 pub use commands::drivers::tell_driver_event;
 pub use commands::fans::tell_stalled_fan;
 pub use commands::host::Host;
 pub use commands::transfer::JobLine;
+pub use error::skew_refusal::SkewRefusal;
 pub use error::{CommandError, Failure};
-pub use fans::{FanDemand, FanRule, FanSettings, FanTable, LightColor};
-pub use filament::{EncoderWatch, FilamentWatch};
-pub use heat::{FanStatus, HeaterModel, HeaterStatus, PidGains};
-pub use heater_timeout::{HeaterRest, HeaterTimeout};
-pub use macros::MACRO_LINE;
-pub use modal::Tally;
-pub use motion_fault::{HomingOutcome, Miscount, MotionError, MotionFault};
+pub use heat::fans::{FanDemand, FanRule, FanSettings, FanTable, LightColor};
+pub use heat::gains::PidGains;
+pub use heat::model::HeaterModel;
+pub use heat::report::{FanStatus, HeaterStatus};
+pub use heat::timeout::{HeaterRest, HeaterTimeout};
+pub use job::button::ButtonWatch;
+pub use job::filament::FilamentWatch;
+pub use job::filament::encoder::EncoderWatch;
+pub use job::macros::MACRO_LINE;
+pub use job::paused::PauseReason;
+pub use job::power_loss::signal::{SUPPLY_FAILS, SupplyWatch};
+pub use job::prepared::{OtherMotion, PreparedPlace};
+pub use job::tower::TowerRefusal;
+pub use motion::axis_names::AXIS_NAMES;
+pub use motion::fault::{HomingOutcome, Miscount, MotionError, MotionFault};
+pub use motion::machine;
+pub use motion::modal::Tally;
+pub use motion::shared_machine::{SharedMachine, SharedMotion};
+pub use motion::skew::Skew;
 pub use part::{Absent, Part, Present};
-pub use paused::PauseReason;
+pub use ports::accelerometer::recorder::Recorder;
+pub use ports::accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent, RecordFault};
+pub use ports::black_box::BlackBox;
 pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing, temperatures};
-pub use power_loss::{SUPPLY_FAILS, SupplySignal, SupplyWatch};
-pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
-pub use profile::{
-    AxisHoming, BedScrew, BedScrews, BlTouch, ChamberSettings, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S,
-    DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FilamentSensor, FilamentSensorKind, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, MeshSettings, PauseSettings, PowerSupply, Profile,
-    SQUARE_CORNER_SHARE, SafeHoming,
+pub use settings::profile::filament::{
+    ExtrusionSettings, FilamentSensor, FilamentSensorKind, FirmwareRetraction, PauseSettings,
 };
-pub use shared_machine::{SharedMachine, SharedMotion};
+pub use settings::profile::heaters::{ChamberSettings, DEFAULT_HEATER_TIMEOUT_S, HeaterSettings, HeaterWatch};
+pub use settings::profile::homing::{
+    AxisHoming, BedScrew, BedScrews, BlTouch, HomeEnd, HomeSensor, MeshSettings, SafeHoming,
+};
+pub use settings::profile::supply::SupplySignal;
+pub use settings::profile::tools::{FurtherTool, MAX_TOOLS, ToolChange, ToolHeater, Tools};
+pub use settings::profile::z_motors::{Kept, ZAlignment, ZMotor, ZMotors};
+pub use settings::profile::{
+    DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, PowerSupply, Profile, SQUARE_CORNER_SHARE,
+};
+pub use settings::stored::stored_keys;
 pub use signals::{IDLE_TIMEOUT_S, Signals};
-pub use skew::Skew;
-pub use skew_refusal::SkewRefusal;
-pub use stored::stored_keys;
-pub use tools::{FurtherTool, MAX_TOOLS, ToolChange, ToolHeater, Tools};
-pub use tower::TowerRefusal;
-pub use z_motors::{Kept, ZAlignment, ZMotor, ZMotors};

@@ -1,5 +1,8 @@
 //! The printer's surroundings, as traits.
 
+pub(crate) mod accelerometer;
+pub(crate) mod black_box;
+
 use core::fmt;
 use core::future::Future;
 
@@ -11,13 +14,16 @@ use ferrostep_hal_shim::{Clock, FanOutput, Heater, ServoPulses};
 use ferrostep_planner::backlash::Backlash;
 use ferrostep_planner::surface::{Bed, Mesh, MeshError};
 use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, PressureAdvance, Request, StepsPerMm};
+use ferrostep_settings::{Slot, StoreError};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
-use ferrostep_settings::{Slot, StoreError};
-
 use crate::error::Failure;
-use crate::heat::{FanStatus, HeatFault, HeaterModel, HeaterStatus, PidGains, RelayProgress, StepProgress};
-use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
+use crate::heat::gains::PidGains;
+use crate::heat::model::HeaterModel;
+use crate::heat::relay::RelayProgress;
+use crate::heat::report::{FanStatus, HeatFault, HeaterStatus};
+use crate::heat::step_response::StepProgress;
+use crate::motion::fault::{HomingOutcome, MotionError, MotionFault};
 use crate::part::Part;
 
 /// A line of text that is formatted here.
@@ -25,7 +31,7 @@ pub(crate) type Text = heapless::String<384>;
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
-    /// Whether the filament that the extruder pushes can be watched ([`crate::machine::Machine::pushed_filament`]).
+    /// Whether the filament that the extruder pushes can be watched ([`crate::motion::machine::Machine::pushed_filament`]).
     const FOLLOWS_FILAMENT: bool = true;
 
     /// As [`ferrostep_hal_shim::MotionWatch::HAS_FILAMENT_SWITCH`].
@@ -39,11 +45,11 @@ pub trait Motion {
     fn stops(&self) -> u32 {
         0
     }
-    /// Whether [`Self::wait_for_room_in_time`] waits at all ([`crate::machine::Machine::set_bounded_in_time`]).
+    /// Whether [`Self::wait_for_room_in_time`] waits at all ([`crate::motion::machine::Machine::set_bounded_in_time`]).
     fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
-    /// Waits while so much motion is queued that a host should send no more ([`crate::machine::Machine::holds_enough`]).
+    /// Waits while so much motion is queued that a host should send no more ([`crate::motion::machine::Machine::holds_enough`]).
     fn wait_for_room_in_time(&mut self) -> impl Future<Output = Result<(), MotionError>> {
         async { Ok(()) }
     }
@@ -103,7 +109,7 @@ pub trait Motion {
     fn mesh<T>(&mut self, _act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
         None
     }
-    /// Lets Z follow the bed, or stops it, at standstill ([`crate::machine::Machine::follow_bed`]).
+    /// Lets Z follow the bed, or stops it, at standstill ([`crate::motion::machine::Machine::follow_bed`]).
     ///
     /// # Errors
     /// [`MeshError`]; Z follows nothing then.
@@ -120,12 +126,12 @@ pub trait Motion {
     }
     /// Several motors that lift Z and are aligned, or not: the code for that is compiled only then.
     type ZMotors: Part;
-    /// Of these motors those in the mask make the steps to come ([`crate::machine::Machine::step_z_motors`]).
+    /// Of these motors those in the mask make the steps to come ([`crate::motion::machine::Machine::step_z_motors`]).
     fn step_z_motors(&mut self, _motors: u8) {}
     /// Several tools, of which one is selected, or not: the code for that is compiled only then.
     type Tools: Part;
     /// The extruder of this tool makes the steps to come, and its nozzle is so far from the first's
-    /// ([`crate::machine::Machine::step_extruder`]).
+    /// ([`crate::motion::machine::Machine::step_extruder`]).
     fn step_extruder(&mut self, _tool: u8, _offset_10nm: [i32; 2]) {}
     /// Play of the drives that is taken up, or none: the code for that is compiled only then.
     type Backlash: Part;
@@ -139,7 +145,7 @@ pub trait Motion {
     type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
-    /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned
+    /// Takes whether [`crate::motion::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned
     /// since.
     fn take_switched_off(&mut self) -> bool {
         false
@@ -225,7 +231,7 @@ pub trait Heating {
     }
     /// Sets the gains of a heater.
     fn set_gains(&mut self, _heater: Heater, _gains: PidGains) {}
-    /// Tunes a heater by a relay, see [`crate::heat::HeatControl::begin_relay`].
+    /// Tunes a heater by a relay, see [`crate::heat::control::HeatControl::begin_relay`].
     fn begin_relay(&mut self, _heater: Heater, _celsius: f32, _cycles: u8, _has_fan: bool) {}
     /// How far the autotune of a heater has come; `None` without one.
     fn relay(&self, _heater: Heater) -> Option<RelayProgress> {
@@ -239,7 +245,7 @@ pub trait Heating {
     }
     /// Changes the model of a heater.
     fn set_model(&mut self, _heater: Heater, _model: HeaterModel) {}
-    /// Finds the model of a heater, see [`crate::heat::HeatControl::begin_step`].
+    /// Finds the model of a heater, see [`crate::heat::control::HeatControl::begin_step`].
     fn begin_step(&mut self, _heater: Heater, _celsius: f32, _has_fan: bool) {}
     /// How far the step response of a heater has come; `None` without one.
     fn step(&self, _heater: Heater) -> Option<StepProgress> {
@@ -255,7 +261,7 @@ pub trait Heating {
     }
     /// Whether the power supply may be one that is switched.
     type Supply: Part;
-    /// Whether the machine may have outputs that are no fans ([`crate::FanRule::Output`]).
+    /// Whether the machine may have outputs that are no fans ([`crate::heat::fans::FanRule::Output`]).
     const HAS_OUTPUTS: bool = true;
     /// Switches the power supply; off switches all heaters off as well.
     fn set_supply(&mut self, _on: bool) {}
@@ -384,3 +390,6 @@ pub fn temperatures(heating: &impl Heating) -> Temperatures {
         bed_power: power(bed.power),
     }
 }
+
+/// Whether the machine may have several tools.
+pub(crate) type ToolsPart<P> = <<P as Ports>::Motion as Motion>::Tools;

@@ -5,20 +5,20 @@ use ferrostep_gcode::{BedArea, Remarks, SettingsCommand};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::MotionChoice;
 
-use crate::accelerometer::Accelerometer;
-use crate::black_box::BlackBox;
-use crate::card::Card;
-use crate::interpreter::MoveInterpreter;
-use crate::modal::Tally;
+use crate::job::card::Card;
+use crate::job::paused::Paused;
+use crate::job::power_loss::PowerLoss;
+use crate::job::print_clock::PrintClock;
+use crate::job::tool_box::ToolBox;
+use crate::job::tower::Tower;
+use crate::motion::interpreter::MoveInterpreter;
+use crate::motion::modal::Tally;
 use crate::part::Part;
-use crate::paused::Paused;
+use crate::ports::accelerometer::Accelerometer;
+use crate::ports::black_box::BlackBox;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
-use crate::power_loss::PowerLoss;
-use crate::print_clock::PrintClock;
-use crate::profile::Profile;
+use crate::settings::profile::Profile;
 use crate::signals::Signals;
-use crate::tool_box::ToolBox;
-use crate::tower::Tower;
 
 /// Masks of all motors.
 pub(crate) const ALL_MOTORS: u8 = 0b1111;

@@ -2,8 +2,8 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
-use crate::paused::PauseAnswer;
-use crate::profile::DEFAULT_HEATER_TIMEOUT_S;
+use crate::job::paused::PauseAnswer;
+use crate::settings::profile::heaters::DEFAULT_HEATER_TIMEOUT_S;
 
 /// Flags between the command side and the interrupts and tasks that act on bytes as they arrive, or on time.
 #[derive(Debug, Default)]

@@ -1,7 +1,7 @@
 //! M955 and M956: the records of an accelerometer.
 
-use crate::accelerometer::{Accelerometer, AccelerometerSettings};
 use crate::error::CommandError;
+use crate::ports::accelerometer::{Accelerometer, AccelerometerSettings};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 

@@ -3,10 +3,10 @@
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, Remarks, Reply, ShortText, parse_with_remarks};
 
-use crate::change_macros::NextOfChange;
 use crate::error::{CommandError, Failure};
-use crate::macros;
-use crate::macros::{Call, MacroLine};
+use crate::job::change_macros::NextOfChange;
+use crate::job::macros;
+use crate::job::macros::{Call, MacroLine};
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::{Answer, Printer, Source};
 

@@ -3,12 +3,12 @@
 use ferrostep_gcode::{BacklashWords, Decimal, Real};
 use ferrostep_planner::backlash::Backlash;
 
-use crate::axis_names::AXIS_NAMES;
-use crate::commands::settings::in_range;
 use crate::error::CommandError;
+use crate::motion::axis_names::AXIS_NAMES;
 use crate::part::Part;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
+use crate::settings::bounds::in_range;
 
 /// Units of 10 nm in a millimetre.
 const MM: f64 = 100_000.0;

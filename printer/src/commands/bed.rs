@@ -12,14 +12,15 @@ mod screws;
 use ferrostep_gcode::{BedCommand, Decimal, PinCommand};
 use ferrostep_planner::surface::{MeshError, MeshGrid, MeshInterpolation};
 
-use crate::axis_names::AXIS_NAMES;
-use crate::commands::z_offset::{mm, within};
 use crate::error::CommandError;
-use crate::homing::Homing;
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::homing::Homing;
+use crate::motion::length::mm;
 use crate::part::Part;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::MeshSettings;
+use crate::settings::bounds::within;
+use crate::settings::profile::homing::MeshSettings;
 
 /// Z.
 const Z: usize = 2;

@@ -1,8 +1,8 @@
 //! M791: the black box is sent at rest.
 
-use crate::black_box::BlackBox;
 use crate::error::CommandError;
 use crate::ports::Ports;
+use crate::ports::black_box::BlackBox;
 use crate::printer::Printer;
 
 impl<'a, P: Ports> Printer<'a, P> {

@@ -3,11 +3,11 @@
 use ferrostep_gcode::PinCommand;
 
 use crate::error::CommandError;
-use crate::homing::Homing;
+use crate::motion::homing::Homing;
 use crate::part::Part;
 use crate::ports::{Motion, Ports};
 use crate::printer::Printer;
-use crate::profile::BlTouch;
+use crate::settings::profile::homing::BlTouch;
 
 impl<P: Ports> Printer<'_, P> {
     /// The probe's pin, if it has one.

@@ -2,14 +2,13 @@
 
 use ferrostep_gcode::{Command, ParseError};
 
-use crate::change_macros::{ChangeMacros, Changes, NextOfChange};
-use crate::commands::tools::ToolsPart;
-use crate::macros;
-use crate::macros::{Call, MacroLine};
+use crate::job::change_macros::{ChangeMacros, Changes, NextOfChange};
+use crate::job::macros;
+use crate::job::macros::{Call, MacroLine};
 use crate::part::Part;
-use crate::ports::Ports;
+use crate::ports::{Ports, ToolsPart};
 use crate::printer::Printer;
-use crate::tools::MAX_TOOLS;
+use crate::settings::profile::tools::MAX_TOOLS;
 
 /// How the macros are called, by the number of the new tool. A third tool needs words of its own.
 const WORDS: [&str; MAX_TOOLS] = ["FROM=1 TO=0", "FROM=0 TO=1"];

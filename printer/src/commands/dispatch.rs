@@ -10,8 +10,8 @@ use ferrostep_planner::surface::Bed;
 
 use crate::commands::power_loss::{FORGET, RESUME};
 use crate::error::CommandError;
+use crate::job::paused::{PauseReason, PauseWords};
 use crate::part::Part;
-use crate::paused::{PauseReason, PauseWords};
 use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
 use crate::printer::{Answer, Printer, Source};
 

@@ -8,10 +8,9 @@ use ferrostep_tmc2209::{
     DriverEvent, DriverReport, DriverSettings, DriverState, MOST_MOTORS, SECOND_EXTRUDER, motor_name,
 };
 
-use crate::commands::tools::ToolsPart;
 use crate::error::CommandError;
 use crate::part::Part;
-use crate::ports::{MotorDrivers, Ports, Replies};
+use crate::ports::{MotorDrivers, Ports, Replies, ToolsPart};
 use crate::printer::Printer;
 
 /// How often a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.

@@ -5,12 +5,12 @@ use core::pin::pin;
 use ferrostep_gcode::{Command, Real, Reply, WaitTarget};
 use ferrostep_hal_shim::Heater;
 
-use crate::axis_names::AXIS_NAMES;
-use crate::command_kind::{moves, sets_modes};
 use crate::commands::fans::PAUSE;
 use crate::commands::filament::{CHANGE_FILAMENT, lays};
 use crate::error::{CommandError, Failure};
-use crate::modal::Modal;
+use crate::job::command_kind::{moves, sets_modes};
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::modal::Modal;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Answer, Printer, Source};
 

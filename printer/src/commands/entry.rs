@@ -8,11 +8,11 @@ use ferrostep_gpre::compact::FrameState;
 use ferrostep_hal_shim::FanOutput;
 use ferrostep_planner::Limits;
 
-use crate::commands::settings::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
 use crate::error::CommandError;
-use crate::modal::KnownZ;
+use crate::motion::modal::KnownZ;
 use crate::ports::{Motion, Ports};
 use crate::printer::Printer;
+use crate::settings::bounds::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
 
 /// Largest E, offset and lift of a frame, either sign, units of 10 nm: 10 km.
 const MAX_10NM: u64 = 1_000_000_000_000;

@@ -6,9 +6,9 @@ use core::pin::pin;
 use ferrostep_gcode::{Command, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 
-use crate::command_kind::{WhileHalted, while_halted};
 use crate::commands::waits::Waits;
 use crate::error::{CommandError, Failure};
+use crate::job::command_kind::{WhileHalted, while_halted};
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{ALL_MOTORS, Answer, Printer, Source};
 

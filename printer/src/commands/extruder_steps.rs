@@ -6,8 +6,8 @@
 use ferrostep_gcode::{AxisWords, Real};
 use ferrostep_planner::StepsPerMm;
 
-use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
+use crate::motion::axis_names::AXIS_NAMES;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
@@ -112,7 +112,7 @@ mod tests {
     use ferrostep_planner::StepsPerMm;
 
     use crate::error::{CommandError, Failure};
-    use crate::homing::tests::rig::{Rig, RigPrinter, execute};
+    use crate::motion::homing::tests::rig::{Rig, RigPrinter, execute};
     use crate::ports::Motion as _;
 
     const PROFILES: f64 = 100.0;

@@ -4,9 +4,9 @@ use ferrostep_gcode::{AxisWords, Command};
 use ferrostep_hal_shim::FanOutput;
 
 use crate::error::CommandError;
-use crate::fans;
-use crate::fans::{FanRule, FanSettings, FanTable, LightColor};
-use crate::heat::FanStatus;
+use crate::heat::fans;
+use crate::heat::fans::{FanRule, FanSettings, FanTable, LightColor};
+use crate::heat::report::FanStatus;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::signals::Signals;

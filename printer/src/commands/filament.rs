@@ -2,11 +2,11 @@
 
 use ferrostep_gcode::{AxisWords, Command, FilamentSensorWords, Real};
 
-use crate::command_kind::moves;
 use crate::error::CommandError;
+use crate::job::command_kind::moves;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::FilamentSensor;
+use crate::settings::profile::filament::FilamentSensor;
 
 /// What a print does when its filament has run out: M600 without words.
 pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {

@@ -3,13 +3,14 @@
 use ferrostep_gcode::{Decimal, HeaterModelWords, Real, Reply};
 use ferrostep_hal_shim::Heater;
 
-use crate::commands::settings::in_range;
 use crate::commands::tuning::table_of;
 use crate::error::CommandError;
-use crate::heat::{HeaterModel, StepProgress, hottest_start};
+use crate::heat::model::HeaterModel;
+use crate::heat::step_response::{StepProgress, hottest_start};
 use crate::part::Part;
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
+use crate::settings::bounds::in_range;
 
 /// A constant of a line, if it has one.
 fn set(constant: &mut f32, word: char, value: Option<Decimal>, [low, high]: [f64; 2]) -> Result<(), CommandError> {

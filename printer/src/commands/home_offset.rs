@@ -2,14 +2,12 @@
 
 use ferrostep_gcode::AxisWords;
 
-use crate::axis_names::AXIS_NAMES;
-use crate::commands::z_offset::{mm, within};
 use crate::error::CommandError;
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::length::mm;
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
-
-/// Largest offset, either sign, mm.
-pub(crate) const LARGEST_MM: f64 = 1000.0;
+use crate::settings::bounds::{LARGEST_MM, within};
 
 impl<P: Ports> Printer<'_, P> {
     /// M206. It shifts coordinates at once, and so does every homing.
@@ -35,9 +33,9 @@ impl<P: Ports> Printer<'_, P> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use crate::homing::tests::rig::{MM, Rig, execute};
+    use crate::{motion::homing::tests::rig::MM, motion::homing::tests::rig::Rig, motion::homing::tests::rig::execute};
 
-    fn logical_mm(printer: &crate::homing::tests::rig::RigPrinter<'_>) -> [i64; 3] {
+    fn logical_mm(printer: &crate::motion::homing::tests::rig::RigPrinter<'_>) -> [i64; 3] {
         let [x, y, z, _] = printer.logical_10nm();
         [x, y, z].map(|length| length / MM)
     }

@@ -4,7 +4,7 @@ use ferrostep_gcode::{AxisFlags, Reply};
 use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation, MotionChoice};
 
 use crate::error::CommandError;
-use crate::homing::Homing;
+use crate::motion::homing::Homing;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 

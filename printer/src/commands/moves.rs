@@ -4,9 +4,9 @@ use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real};
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{Move, filament_100pm};
 
-use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
-use crate::interpreter::AskedMove;
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::interpreter::AskedMove;
 use crate::ports::{Heating, Motion, Ports, Replies, Text};
 use crate::printer::Printer;
 

@@ -11,10 +11,10 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Move, filament_100pm};
 
 use crate::error::{CommandError, Failure};
-use crate::paused::{PauseAnswer, PauseReason, PauseWords, Paused};
+use crate::job::paused::{PauseAnswer, PauseReason, PauseWords, Paused};
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Printer, Source};
-use crate::profile::PauseSettings;
+use crate::settings::profile::filament::PauseSettings;
 
 /// Units of 10 nm in a millimetre.
 const MM: i64 = 100_000;

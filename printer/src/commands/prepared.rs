@@ -6,10 +6,10 @@ use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::{Limits, Moved, Prepared, PreparedMove, Request, Retuned};
 
 use crate::error::{CommandError, Failure};
-use crate::interpreter::MAX_EXTRUDER_10NM;
-use crate::motion_fault::MotionError;
+use crate::job::prepared::{OtherMotion, PreparedPlace};
+use crate::motion::fault::MotionError;
+use crate::motion::interpreter::MAX_EXTRUDER_10NM;
 use crate::ports::{Heating, Motion, Ports};
-use crate::prepared::{OtherMotion, PreparedPlace};
 use crate::printer::{Printer, Source};
 
 /// The limits, in a job's order and precision.

@@ -3,8 +3,8 @@
 use ferrostep_gcode::{AdvanceState, AdvanceWords, Decimal, Reply};
 use ferrostep_planner::{MotionChoice, PressureAdvance, SecondSlope};
 
-use crate::advance_refusal::AdvanceRefusal;
 use crate::error::CommandError;
+use crate::error::advance_refusal::AdvanceRefusal;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 

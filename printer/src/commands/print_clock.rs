@@ -3,9 +3,9 @@
 use ferrostep_gcode::{PrintClockCommand, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 
-use crate::card::Job;
+use crate::job::card::Job;
+use crate::job::print_clock::{Duration, State, Statistics};
 use crate::ports::{Heating, Ports, Replies};
-use crate::print_clock::{Duration, State, Statistics};
 use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {

@@ -4,7 +4,7 @@ use ferrostep_gcode::{EndStopState, FirmwareInfo, Position, Reply};
 
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::{HomeEnd, HomeSensor};
+use crate::settings::profile::homing::{HomeEnd, HomeSensor};
 
 impl<P: Ports> Printer<'_, P> {
     pub(crate) fn position(&self) -> Position {

@@ -4,29 +4,15 @@ use ferrostep_gcode::{AxisWords, Decimal, FeedWords, Real, Reply, RetractionWord
 use ferrostep_planner::Limits;
 
 use crate::error::CommandError;
-use crate::extrusion::AdaptiveExtrusion;
+use crate::motion::extrusion::AdaptiveExtrusion;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::{ExtrusionSettings, SQUARE_CORNER_SHARE};
-
-/// Smallest and largest speed and acceleration that may be set, mm/s and mm/s^2.
-pub(crate) const SMALLEST_LIMIT: f64 = 0.01;
-pub(crate) const LARGEST_LIMIT: f64 = 1_000_000.0;
+use crate::settings::bounds::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT, in_range};
+use crate::settings::profile::SQUARE_CORNER_SHARE;
+use crate::settings::profile::filament::ExtrusionSettings;
 
 /// A feed that is so many times the profile's is far above it.
 const FAR_FEED: f64 = 10.0;
-
-/// Smallest and largest percentage of feed and flow.
-pub(crate) const PERCENTS: [f64; 2] = [1.0, 999.0];
-
-/// A value within its range.
-pub(crate) fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, CommandError> {
-    if value >= minimum && value <= maximum {
-        Ok(value)
-    } else {
-        Err(CommandError::OutOfRange { word, value, minimum, maximum })
-    }
-}
 
 /// A speed or acceleration in mm, as written in a unit of `unit_mm`.
 fn limit(word: char, value: Decimal, unit_mm: f64) -> Result<f64, CommandError> {

@@ -6,9 +6,9 @@ use ferrostep_gcode::{Reply, ShaperState, ShaperWords, ShortText};
 use ferrostep_planner::{AxisShaper, ShaperError, ShaperKind, smooth_ticks};
 
 use crate::error::CommandError;
+use crate::error::shaper_refusal::ShaperRefusal;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::shaper_refusal::ShaperRefusal;
 
 /// What RepRapFirmware calls two and three humps.
 const OTHER_NAMES: [(&str, ShaperKind); 2] = [("ei2", ShaperKind::TwoHumpEi), ("ei3", ShaperKind::ThreeHumpEi)];

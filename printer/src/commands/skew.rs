@@ -5,10 +5,10 @@ use core::num::NonZeroU32;
 use ferrostep_gcode::{Decimal, Diagonals, Real, SkewCommand};
 
 use crate::error::CommandError;
+use crate::error::skew_refusal::SkewRefusal;
+use crate::motion::skew::Skew;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::skew::Skew;
-use crate::skew_refusal::SkewRefusal;
 
 /// The planes, in the order of the factors.
 const PLANES: [&str; 3] = ["XY", "XZ", "YZ"];

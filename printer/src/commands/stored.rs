@@ -14,12 +14,12 @@ use ferrostep_planner::MotionChoice;
 use ferrostep_settings::{Entry, Record, RecordWriter, SLOT_BYTES, id_of};
 use ferrostep_tmc2209::{DriverSettings, SECOND_EXTRUDER};
 
+use crate::job::print_clock::Statistics;
 use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies, SettingsMemory, Text};
-use crate::print_clock::Statistics;
 use crate::printer::{KeepsSettings, Printer};
-use crate::stored::groups::{Group, Setting, Shown};
-use crate::stored::values::{Parts, ToolValues, Values, advance_numbers};
+use crate::settings::stored::groups::{Group, Setting, Shown};
+use crate::settings::stored::values::{Parts, ToolValues, Values, advance_numbers};
 
 /// What the machine may have that has settings.
 type PartsOf<P> = (

@@ -124,7 +124,7 @@ mod tests {
 
     use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SECOND_EXTRUDER, SettingsError};
 
-    use crate::homing::tests::rig::{Drivers, Rig};
+    use crate::motion::homing::tests::rig::{Drivers, Rig};
     use crate::ports::MotorDrivers;
 
     /// Drivers of X, Y, Z, E and T1's motor, and a mask of those that were set.

@@ -7,7 +7,7 @@ use crate::commands::waits::{Until, WaitReport};
 use crate::error::CommandError;
 use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
 use crate::printer::Printer;
-use crate::profile::HeaterSettings;
+use crate::settings::profile::heaters::HeaterSettings;
 
 impl<'a, P: Ports> Printer<'a, P> {
     /// The settings of a heater.

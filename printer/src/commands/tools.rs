@@ -7,19 +7,16 @@ use ferrostep_gcode::{AxisWords, Decimal, Real};
 use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::{MotionChoice, Move, PressureAdvance, StepsPerMm, filament_100pm};
 
-use crate::axis_names::AXIS_NAMES;
-use crate::commands::z_offset::within;
 use crate::error::CommandError;
-use crate::modal::Modal;
+use crate::job::tool_box::{OfTool, ToolBox};
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::modal::Modal;
 use crate::part::Part;
-use crate::ports::{Heating, Motion, Ports, Replies};
+use crate::ports::{Heating, Motion, Ports, Replies, ToolsPart};
 use crate::printer::Printer;
-use crate::tool_box::{OfTool, ToolBox};
-use crate::tools::{FurtherTool, Tools};
-use crate::z_motors::Kept;
-
-/// Farthest offset of a nozzle, either way, units of 10 nm.
-pub(crate) const LARGEST_OFFSET_10NM: i64 = 20_000_000;
+use crate::settings::bounds::{LARGEST_OFFSET_10NM, within};
+use crate::settings::profile::tools::{FurtherTool, Tools};
+use crate::settings::profile::z_motors::Kept;
 
 /// Why a change is refused.
 const IN_A_PAUSE: &str = "T: a paused print goes on with the tool that it was paused with: resume or cancel it first";
@@ -30,9 +27,6 @@ const NO_SUCH_TOOL: &str = "T - Invalid extruder number !, this machine has T0 a
 const OTHER_TOOL: &str = "T: this command is for the selected tool: select the other one first (T0, T1)";
 const OF_FIRST: &str = "M218: T0's nozzle is where all offsets begin: set T1's";
 const WITH_FIRST: &str = "a prepared job is for T0: send T0 first";
-
-/// Whether the machine may have several tools.
-pub(crate) type ToolsPart<P> = <<P as Ports>::Motion as Motion>::Tools;
 
 /// A change whose end has been found possible. Places are the carriage's, as the G-code would ask for them with T0.
 #[derive(Clone, Copy, Debug)]

@@ -5,9 +5,9 @@ use core::fmt;
 use ferrostep_gcode::{Command, ParseError, Real, Remarks, ShortText, TowerWords, parse_with_remarks};
 
 use crate::error::{CommandError, Failure};
+use crate::job::tower::{MM, Tower, TowerLine, TowerRefusal};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
-use crate::tower::{MM, Tower, TowerLine, TowerRefusal};
 
 /// So much lower is another print's extrusion, as in Klipper; units of 10 nm.
 const LOWER_10NM: i64 = 2 * MM;

@@ -3,19 +3,19 @@
 use ferrostep_gcode::{Decimal, GainWords, Real, Reply, TunedHeater};
 use ferrostep_hal_shim::Heater;
 
-use crate::commands::settings::in_range;
 use crate::error::CommandError;
-use crate::heat::{PidGains, RelayProgress, gains_by_relay};
+use crate::heat::gains::PidGains;
+use crate::heat::relay::RelayProgress;
+use crate::heat::tuning_rule::gains_by_relay;
 use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
-
-/// Marlin's full power, in whose units G-code has the gains.
-pub(crate) const FULL_POWER: f64 = 255.0;
+use crate::settings::bounds::{FULL_POWER, in_range};
 
 /// Targets and cycles where M303 has none: Marlin's.
 const NOZZLE_CELSIUS: f64 = 150.0;
 const BED_CELSIUS: f64 = 70.0;
+
 /// Marlin's, 35, is too near to a warm room.
 const CHAMBER_CELSIUS: f64 = 50.0;
 const CYCLES: u8 = 5;
@@ -23,10 +23,13 @@ const MIN_CYCLES: u8 = 3;
 
 /// The lowest target, degrees Celsius: a heater must also cool below it in minutes.
 const MIN_CELSIUS: f64 = 40.0;
+
 /// How far the target stays below the maximum, degrees: the relay heats a little beyond it.
 const NOZZLE_MARGIN_CELSIUS: f32 = 15.0;
+
 /// The same of a step response, after which the temperature rises further by the slope at full power times the thermistor's lag.
 const STEP_MARGIN_CELSIUS: f32 = 40.0;
+
 /// Its target for a nozzle where there is none: Marlin's.
 const STEP_CELSIUS: f64 = 200.0;
 const BED_MARGIN_CELSIUS: f32 = 10.0;

@@ -4,12 +4,14 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
-use crate::heat::{HeaterStatus, RelayProgress, StepProgress};
-use crate::heater_timeout::Approach;
+use crate::heat::relay::RelayProgress;
+use crate::heat::report::HeaterStatus;
+use crate::heat::step_response::StepProgress;
+use crate::heat::timeout::Approach;
+use crate::job::paused::PauseAnswer;
 use crate::part::Part;
-use crate::paused::PauseAnswer;
 use crate::ports::Heating;
-use crate::profile::HeaterSettings;
+use crate::settings::profile::heaters::HeaterSettings;
 use crate::signals::Signals;
 
 /// How often a wait looks around. A cancelled wait ends within this time.

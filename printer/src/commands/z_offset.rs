@@ -1,34 +1,22 @@
 //! M851, M290 and SET_GCODE_OFFSET: the probe's offset, and the height of the nozzle.
 
-use ferrostep_gcode::{AxisWords, Decimal, Real};
+use ferrostep_gcode::{AxisWords, Decimal};
 use ferrostep_planner::Move;
 
-use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::length::mm;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::{HomeSensor, SafeHoming};
+use crate::settings::bounds::within;
+use crate::settings::profile::homing::{HomeSensor, SafeHoming};
 
 /// Units of 10 nm in a millimetre.
-const MM: i64 = 100_000;
+pub(crate) const MM: i64 = 100_000;
 
 /// Largest shift by one M290, and by all since Z was homed, units of 10 nm, either way.
 const MAX_SHIFT_AT_ONCE_10NM: i64 = MM;
 const MAX_SHIFT_10NM: i64 = 2 * MM;
-
-/// A length within its range, both in units of 10 nm.
-pub(crate) fn within(word: char, length_10nm: i64, minimum_10nm: i64, maximum_10nm: i64) -> Result<i64, CommandError> {
-    if (minimum_10nm..=maximum_10nm).contains(&length_10nm) {
-        return Ok(length_10nm);
-    }
-    let [value, minimum, maximum] = [length_10nm, minimum_10nm, maximum_10nm].map(|units| units as f64 / MM as f64);
-    Err(CommandError::OutOfRange { word, value, minimum, maximum })
-}
-
-/// A length as replies show it, mm.
-pub(crate) fn mm(length_10nm: i64) -> Real {
-    Real::fixed(length_10nm as f64 / MM as f64, 2)
-}
 
 impl<P: Ports> Printer<'_, P> {
     /// Whether the axes go elsewhere than a prepared job expects: M290 has shifted Z, Z follows the bed, or the axes are skew.

@@ -7,13 +7,13 @@ use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, ShaperError};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, motor_name};
 
 use super::CommandError;
-use crate::accelerometer::FaultText;
-use crate::axis_names::AXIS_NAMES;
-use crate::heat::HeatFault;
-use crate::mesh_refusal::MeshRefusal;
-use crate::motion_fault::{Miscount, MotionFault};
-use crate::plan_fault_text::PlanFaultText;
-use crate::shaper_refusal;
+use crate::error::mesh_refusal::MeshRefusal;
+use crate::error::plan_fault_text::PlanFaultText;
+use crate::error::shaper_refusal;
+use crate::heat::report::HeatFault;
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::fault::{Miscount, MotionFault};
+use crate::ports::accelerometer::FaultText;
 
 impl fmt::Display for CommandError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -5,7 +5,7 @@ use super::relay;
 use super::relay::Relay;
 use super::safety::{Safety, Trip};
 use super::thermometer::{MEDIAN_OF, Thermometer};
-use crate::profile::HeaterSettings;
+use crate::settings::profile::heaters::HeaterSettings;
 
 /// What works out a heater's power.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -19,7 +19,7 @@ use core::fmt;
 
 use ferrostep_hal_shim::SensorError;
 
-use crate::profile::{HeaterSettings, HeaterWatch};
+use crate::settings::profile::heaters::{HeaterSettings, HeaterWatch};
 
 use super::sample_time::SAMPLE_MS;
 

@@ -9,13 +9,15 @@ mod properties;
 mod supply;
 mod tuning;
 
+use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
 use ferrostep_thermistor::{Thermistor, ThermistorType};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
+use super::control::HeatControl;
 use super::safety::Trip;
 use super::*;
-use crate::FanSettings;
-use crate::profile::HeaterWatch;
+use crate::heat::fans::{FanDemand, FanSettings, FanTable};
+use crate::settings::profile::heaters::{HeaterSettings, HeaterWatch};
 
 /// Samples a second.
 const SAMPLES_A_S: u32 = 1000 / SAMPLE_MS;

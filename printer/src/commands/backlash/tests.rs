@@ -3,7 +3,7 @@
 use ferrostep_planner::Kinematics;
 use ferrostep_planner::backlash::Backlash;
 
-use crate::homing::tests::rig::{Rig, RigPrinter, execute};
+use crate::motion::homing::tests::rig::{Rig, RigPrinter, execute};
 
 const BACKLASH: Backlash = Backlash { play_mm: [0.1, 0.0, 0.02], correction: 1.0, smoothing_mm: 3.0 };
 

@@ -8,14 +8,14 @@ use ferrostep_gcode::{Decimal, Real};
 use ferrostep_tmc2209::motor_name;
 
 use super::{Heights, MM, Z};
-use crate::commands::z_offset::within;
 use crate::error::CommandError;
-use crate::homing::Homing;
+use crate::motion::homing::Homing;
 use crate::part::Part;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::MeshSettings;
-use crate::z_motors::{ZAlignment, ZMotors};
+use crate::settings::bounds::within;
+use crate::settings::profile::homing::MeshSettings;
+use crate::settings::profile::z_motors::{ZAlignment, ZMotors};
 
 /// Motors, at most.
 const MOTORS: usize = ZMotors::FURTHER + 1;

@@ -3,11 +3,11 @@
 use ferrostep_gcode::{BedArea, Decimal};
 use ferrostep_planner::surface::MeshGrid;
 
-use crate::commands::z_offset::within;
 use crate::error::CommandError;
 use crate::ports::Ports;
 use crate::printer::Printer;
-use crate::profile::MeshSettings;
+use crate::settings::bounds::within;
+use crate::settings::profile::homing::MeshSettings;
 
 /// The narrowest part that is measured, units of 10 nm: 1 mm.
 const MIN_SIZE_10NM: i64 = 100_000;

@@ -6,7 +6,7 @@ use ferrostep_gcode::{Real, Reply};
 use ferrostep_planner::surface::Mesh;
 
 use super::{Heights, MM};
-use crate::commands::z_offset::mm;
+use crate::motion::length::mm;
 use crate::ports::{Motion, Ports, Replies, Text};
 use crate::printer::Printer;
 

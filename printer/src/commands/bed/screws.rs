@@ -4,11 +4,11 @@ use core::fmt;
 
 use ferrostep_gcode::Real;
 
-use crate::commands::z_offset::mm;
 use crate::error::CommandError;
+use crate::motion::length::mm;
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
-use crate::profile::{BedScrews, MeshSettings};
+use crate::settings::profile::homing::{BedScrews, MeshSettings};
 
 /// Parts of a turn in reports, as minutes of an hour.
 const MINUTES: i64 = 60;

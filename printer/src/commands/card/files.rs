@@ -4,9 +4,9 @@ use ferrostep_card::{Answer, CardFailure, ListFrom, ListOptions, LongPath, Opene
 use ferrostep_gcode::{CardCommand, Command, Reply};
 use ferrostep_hal_shim::card::CardError;
 
-use crate::card::state::{Job, Selected, Writing, is_a};
 use crate::error::CommandError;
-use crate::paused::PauseReason;
+use crate::job::card::{Job, Selected, Writing, is_a};
+use crate::job::paused::PauseReason;
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::{Printer, Source};
 

@@ -5,11 +5,11 @@ use core::future::Future;
 use ferrostep_card::{CardFailure, Request, Taken};
 use ferrostep_gcode::{Command, Line, LineError, Reply};
 
-use crate::card::state::Job;
 use crate::commands::host::Host;
 use crate::error::Failure;
+use crate::job::card::Job;
+use crate::job::paused::PauseAnswer;
 use crate::part::Part;
-use crate::paused::PauseAnswer;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Printer, Source};
 

@@ -6,7 +6,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_card::{Answer, CardFailure, CardPort, Request};
 use ferrostep_hal_shim::card::CardError;
 
-use crate::card::state::Job;
+use crate::job::card::Job;
 use crate::ports::Ports;
 use crate::printer::Printer;
 

@@ -5,9 +5,9 @@ use ferrostep_card::{CardFailure, LongPath, Put, Request};
 use ferrostep_gcode::Reply;
 
 use super::task::LOOK_MS;
-use crate::card::state::{Job, Writing};
 use crate::commands::host::is_end_of_file;
 use crate::error::CommandError;
+use crate::job::card::{Job, Writing};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 

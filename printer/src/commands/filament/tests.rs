@@ -12,11 +12,11 @@ use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{Clock, Heater};
 
 use super::*;
-use crate::filament::FilamentWatch;
-use crate::heat::{HeatFault, HeaterStatus};
-use crate::homing::tests::rig::{Rig, RigMotion, wait_once};
+use crate::heat::report::{HeatFault, HeaterStatus};
+use crate::job::filament::FilamentWatch;
+use crate::motion::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::printer::Source;
-use crate::profile::FilamentSensorKind;
+use crate::settings::profile::filament::FilamentSensorKind;
 use crate::signals::Signals;
 
 const SENSOR: FilamentSensor =

@@ -9,7 +9,7 @@ use std::vec::Vec;
 use ferrostep_hal_shim::Heater;
 
 use crate::commands::tuning::tests::{World, execute, say};
-use crate::heat::HeaterModel;
+use crate::heat::model::HeaterModel;
 
 const MODEL: HeaterModel = HeaterModel {
     power_w: 40.0,

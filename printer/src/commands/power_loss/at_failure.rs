@@ -3,9 +3,9 @@
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::Reply;
 
+use crate::job::power_loss::place::set_stands;
 use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
-use crate::power_loss::place::set_stands;
 use crate::printer::Printer;
 
 /// How long the card may take for the place, ms: cards take up to 250 for a block.

@@ -9,10 +9,10 @@ use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_settings::hash_of;
 
-use crate::card::Job;
-use crate::paused::Paused;
+use crate::job::card::Job;
+use crate::job::paused::Paused;
+use crate::job::power_loss::place::{Place, set_stands};
 use crate::ports::{Heating, Motion, Ports, Replies};
-use crate::power_loss::place::{Place, set_stands};
 use crate::printer::Printer;
 
 /// A layer that begins sooner after the last place is noted later, ms: cards wear out.

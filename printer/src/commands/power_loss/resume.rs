@@ -8,15 +8,15 @@ use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::{MotionChoice, StepsPerMm};
 use ferrostep_settings::hash_of;
 
-use crate::card::{Job, Selected};
 use crate::error::{CommandError, Failure};
-use crate::fans::FanSettings;
-use crate::paused::Paused;
+use crate::heat::fans::FanSettings;
+use crate::job::card::{Job, Selected};
+use crate::job::paused::Paused;
+use crate::job::power_loss::place::Place;
+use crate::motion::skew::Skew;
 use crate::ports::{Motion, Ports, Replies, Text};
-use crate::power_loss::place::Place;
 use crate::printer::{Printer, Source};
-use crate::profile::PauseSettings;
-use crate::skew::Skew;
+use crate::settings::profile::filament::PauseSettings;
 
 /// The place of a print on this machine.
 type PlaceOf<P> = Place<<<P as Ports>::Motion as Motion>::Tools>;

@@ -5,7 +5,7 @@ use std::string::ToString;
 
 use ferrostep_planner::{PressureAdvance, SecondSlope};
 
-use crate::homing::tests::rig::{Rig, execute};
+use crate::motion::homing::tests::rig::{Rig, execute};
 
 /// The advance after these lines.
 fn after(lines: &[&str]) -> PressureAdvance {

@@ -7,7 +7,7 @@ use std::string::{String, ToString};
 use ferrostep_planner::{AxisShaper, ChoiceError, EvenSpacing, ShaperError, ShaperKind};
 
 use crate::error::CommandError;
-use crate::homing::tests::rig::{Rig, RigPrinter, execute};
+use crate::motion::homing::tests::rig::{Rig, RigPrinter, execute};
 
 fn shaper(kind: ShaperKind, frequency_hz: f64, damping: f64) -> AxisShaper {
     AxisShaper { kind, frequency_hz, damping }

@@ -1,8 +1,9 @@
 //! What is asked for, where the axes go, and what refuses.
 
-use super::*;
-use crate::homing::tests::rig::{MM, Rig, RigPrinter, execute};
 use proptest::prelude::*;
+
+use super::*;
+use crate::motion::homing::tests::rig::{MM, Rig, RigPrinter, execute};
 
 /// Marlin's formula as its `Configuration.h` has it, with its functions.
 fn marlins(ac: f64, bd: f64, ad: f64) -> f64 {
@@ -107,7 +108,7 @@ fn homing_finds_the_places_of_the_axes() {
             profile.skew = Skew::of_factors([0.01, 0.02, -0.03]);
             for (axis, bit) in [(0, 1), (1, 2)] {
                 if ends & bit != 0 {
-                    profile.homing[axis].end = crate::profile::HomeEnd::Max;
+                    profile.homing[axis].end = crate::settings::profile::homing::HomeEnd::Max;
                     profile.homing[axis].position_10nm = 200 * MM;
                 }
             }
@@ -158,7 +159,7 @@ fn axes_stay_in_their_travel() {
         }
     }
     for event in rig.take_events() {
-        if let crate::homing::tests::rig::Event::Placed(place) = event {
+        if let crate::motion::homing::tests::rig::Event::Placed(place) = event {
             assert!(place.into_iter().all(|place| (0.0..=200.0).contains(&place)), "{place:?}");
         }
     }

@@ -5,12 +5,12 @@ use ferrostep_planner::{AxisShaper, MotionChoice, ShaperKind, StepsPerMm, smooth
 use ferrostep_tmc2209::{SECOND_EXTRUDER, motor_name};
 
 use super::{PartsOf, Stored};
-use crate::axis_names::AXIS_NAMES;
+use crate::motion::axis_names::AXIS_NAMES;
+use crate::motion::skew::Skew;
 use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
-use crate::skew::Skew;
-use crate::stored::values::{ToolValues, Values, advance_of};
+use crate::settings::stored::values::{ToolValues, Values, advance_of};
 
 impl<P: Ports> Printer<'_, P> {
     /// Sets what belongs together, and does not fit together, to the profile's values.

@@ -9,12 +9,13 @@ use ferrostep_planner::backlash::Backlash;
 use ferrostep_settings::{Entry, MemoryFlash, RecordWriter, Slot, Store, StoreError, id_of};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
-use crate::homing::tests::rig::{MM, Rig, RigPrinter, execute};
+use crate::job::print_clock::Statistics;
+use crate::motion::homing::tests::rig::{MM, Rig, RigPrinter, execute};
 use crate::ports::{MotorDrivers, SettingsMemory};
-use crate::print_clock::Statistics;
-use crate::profile::{HomeSensor, Profile, SafeHoming};
-use crate::stored::groups::Group;
-use crate::stored::values::Values;
+use crate::settings::profile::Profile;
+use crate::settings::profile::homing::{HomeSensor, SafeHoming};
+use crate::settings::stored::groups::Group;
+use crate::settings::stored::values::Values;
 
 const SECTOR: usize = 2048;
 

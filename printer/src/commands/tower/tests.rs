@@ -5,11 +5,11 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
+use ferrostep_gcode::{Decimal, TowerCourse, parse};
 use proptest::prelude::*;
 
 use super::*;
-use crate::homing::tests::rig::{Rig, RigPrinter, execute};
-use ferrostep_gcode::{Decimal, TowerCourse, parse};
+use crate::motion::homing::tests::rig::{Rig, RigPrinter, execute};
 
 /// A printer that may extrude.
 fn printing(rig: &Rig) -> RigPrinter<'_> {

@@ -14,10 +14,14 @@ use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{Clock, FanOutput, Heater};
 use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
-use crate::heat::{
-    HeatControl, HeatFault, HeaterModel, HeaterStatus, PidGains, RelayProgress, SAMPLE_MS, StepProgress,
-};
-use crate::homing::tests::rig::{Rig, RigMotion, wait_once};
+use crate::heat::control::HeatControl;
+use crate::heat::gains::PidGains;
+use crate::heat::model::HeaterModel;
+use crate::heat::relay::RelayProgress;
+use crate::heat::report::{HeatFault, HeaterStatus};
+use crate::heat::sample_time::SAMPLE_MS;
+use crate::heat::step_response::StepProgress;
+use crate::motion::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::ports::{Heating, Replies};
 use crate::printer::{Printer, Source};
 use crate::signals::Signals;
@@ -37,7 +41,7 @@ impl World {
     }
 
     /// With another profile.
-    pub(crate) fn with(change: impl FnOnce(&mut crate::profile::Profile)) -> Self {
+    pub(crate) fn with(change: impl FnOnce(&mut crate::settings::profile::Profile)) -> Self {
         let rig = Rig::new(|profile| {
             profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
             change(profile);
@@ -54,11 +58,11 @@ impl World {
         Printer::new(&self.rig.profile, RigMotion::new(&self.rig), Warm(self), Time(self), self, &self.signals)
     }
 
-    pub(crate) fn change(&mut self, change: impl FnOnce(&mut crate::profile::Profile)) {
+    pub(crate) fn change(&mut self, change: impl FnOnce(&mut crate::settings::profile::Profile)) {
         change(&mut self.rig.profile);
     }
 
-    pub(crate) fn profile(&self) -> &crate::profile::Profile {
+    pub(crate) fn profile(&self) -> &crate::settings::profile::Profile {
         &self.rig.profile
     }
 
@@ -280,7 +284,7 @@ fn an_autotune_reports_its_cycles_and_the_gains_and_sets_them_only_with_u() {
 #[test]
 fn the_bed_is_tuned_without_a_fan() {
     let world = World::new();
-    world.heat.borrow_mut().0.set_fan_demand(crate::FanDemand::part(10));
+    world.heat.borrow_mut().0.set_fan_demand(crate::heat::fans::FanDemand::part(10));
     let said = say(&world, "M303 E-1 S60 C3");
     assert!(said.iter().any(|text| text.starts_with("#define DEFAULT_bedKp ")), "{said:?}");
     assert!(said.iter().any(|text| text.starts_with("echo:M304 P")), "{said:?}");
@@ -360,7 +364,7 @@ fn a_target_out_of_range_and_a_print_refuse_it() {
     let mut printer = world.printer();
     printer.source = Source::Card;
     let paused = {
-        let mut pausing = pin!(printer.pause(crate::paused::PauseReason::Pause));
+        let mut pausing = pin!(printer.pause(crate::job::paused::PauseReason::Pause));
         loop {
             if let Poll::Ready(outcome) = pausing.as_mut().poll(&mut Context::from_waker(Waker::noop())) {
                 break outcome;
@@ -378,18 +382,21 @@ fn a_target_out_of_range_and_a_print_refuse_it() {
 fn with_chamber(is_heated: bool) -> World {
     use ferrostep_hal_shim::SpareConnector;
     World::with(|profile| {
-        let settings = crate::profile::HeaterSettings {
+        let settings = crate::settings::profile::heaters::HeaterSettings {
             max_celsius: 80.0,
             max_target_celsius: 70.0,
-            watch: crate::profile::HeaterWatch::CHAMBER,
+            watch: crate::settings::profile::heaters::HeaterWatch::CHAMBER,
             mass: HeatedMass { dead_time_s: 10.0, sensor_lag_s: 20.0, ..HeatedMass::CHAMBER },
             is_heated,
             is_warmed_by_others: true,
             ..profile.bed
         };
         let heater = is_heated.then_some(SpareConnector::Nozzle1);
-        profile.chamber =
-            Some(crate::profile::ChamberSettings { thermistor: SpareConnector::Nozzle1, heater, settings });
+        profile.chamber = Some(crate::settings::profile::heaters::ChamberSettings {
+            thermistor: SpareConnector::Nozzle1,
+            heater,
+            settings,
+        });
     })
 }
 

@@ -1,8 +1,8 @@
 //! M851 and M290 on a machine with a probe and on one without.
 
 use crate::error::{CommandError, Failure};
-use crate::homing::tests::rig::{Event, MM, Rig, RigPrinter, execute};
-use crate::profile::{HomeSensor, SafeHoming};
+use crate::motion::homing::tests::rig::{Event, MM, Rig, RigPrinter, execute};
+use crate::settings::profile::homing::{HomeSensor, SafeHoming};
 
 fn rig(probe_z_10nm: i64) -> Rig {
     Rig::new(|profile| {

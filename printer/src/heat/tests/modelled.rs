@@ -9,10 +9,9 @@ use std::vec::Vec;
 use ferrostep_random_cases::share_of;
 
 use super::load::SecondMass;
-use super::tuning::chart;
 use super::tuning::chart::{Chart, GREY, Panel, RUST, Row};
 use super::tuning::models::{MODELS, Model};
-use super::tuning::{Bench, MAX_FAN, MAX_OVERSHOOT, STEADY, ends, keep, keep_failures, note};
+use super::tuning::{Bench, MAX_FAN, MAX_OVERSHOOT, STEADY, chart, ends, keep, keep_failures, note};
 use super::*;
 
 /// Filament of 1.75 mm for 15 mm^3/s, mm/s.

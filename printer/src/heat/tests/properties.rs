@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::FanRule;
+use crate::heat::fans::FanRule;
 
 /// The usual fans, one by command and a controller's.
 const FANS: FanTable = {

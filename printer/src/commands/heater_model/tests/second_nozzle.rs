@@ -3,8 +3,8 @@
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
 
 use super::*;
-use crate::tools::tests::{second, two};
-use crate::tools::{FurtherTool, ToolHeater};
+use crate::settings::profile::tools::tests::{second, two};
+use crate::settings::profile::tools::{FurtherTool, ToolHeater};
 
 /// T0 is held by a PID loop; T1 has a nozzle, a fan and perhaps a model of its own.
 fn world(control_model: Option<HeaterModel>) -> World {
@@ -13,7 +13,7 @@ fn world(control_model: Option<HeaterModel>) -> World {
         let settings = profile.nozzle;
         let heater = Some(ToolHeater { heater: connector, thermistor: connector, settings, control_model });
         profile.fans[FanOutput::Fan2.index()] =
-            Some(crate::fans::FanSettings { name: "right", ..crate::fans::FanSettings::PART });
+            Some(crate::heat::fans::FanSettings { name: "right", ..crate::heat::fans::FanSettings::PART });
         profile.tools = two(FurtherTool { heater, fan: Some(FanOutput::Fan2.index() as u8), ..second() });
     })
 }
@@ -85,7 +85,7 @@ fn the_gains_of_t1_are_found_with_its_own_fan() {
 /// What is melted cools the nozzle that is selected: there the loop gives more power at once.
 #[test]
 fn filament_counts_at_the_selected_nozzle() {
-    use crate::heat::HeatControl;
+    use crate::heat::control::HeatControl;
     let world = world(Some(MODEL));
     let profile = world.profile();
     let mut heaters = profile.virtual_heaters();

@@ -3,7 +3,7 @@
 use ferrostep_hal_shim::Heater;
 
 use super::*;
-use crate::heat::HeaterModel;
+use crate::heat::model::HeaterModel;
 use crate::ports::Heating;
 
 /// Constants of the heaters' models, which stand in the place of their gains.

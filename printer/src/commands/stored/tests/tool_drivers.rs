@@ -3,8 +3,8 @@
 use ferrostep_tmc2209::{MOST_MOTORS, SECOND_EXTRUDER};
 
 use super::*;
-use crate::tools::FurtherTool;
-use crate::tools::tests::{second, two as two_tools};
+use crate::settings::profile::tools::FurtherTool;
+use crate::settings::profile::tools::tests::{second, two as two_tools};
 
 /// Two tools, and drivers of all motors.
 fn two() -> (Rig, Bank<MOST_MOTORS>) {

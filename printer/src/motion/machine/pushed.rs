@@ -1,0 +1,65 @@
+//! How much new filament the extruder pushes: only what is beyond the furthest point so far. What is drawn back and pushed again is
+//! not new.
+
+/// What has been pushed up to a place in the queue: the extruder's steps beyond its furthest point so far, modulo 2^32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pushed(u32);
+
+impl Pushed {
+    /// Nothing yet.
+    pub const NONE: Self = Self(0);
+
+    /// With so many steps more, modulo 2^32.
+    pub const fn plus(self, steps: u32) -> Self {
+        Self(self.0.wrapping_add(steps))
+    }
+
+    /// Steps of new filament since an earlier place; 0 for a later one.
+    pub const fn steps_since(self, earlier: Self) -> u32 {
+        let ahead = self.0.wrapping_sub(earlier.0) as i32;
+        if ahead < 0 { 0 } else { ahead as u32 }
+    }
+}
+
+/// Counts what is queued.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FilamentCount {
+    /// The extruder's furthest place, steps.
+    furthest: i64,
+    at_end: Pushed,
+}
+
+impl FilamentCount {
+    /// At the end of the queue.
+    pub const fn at_end(&self) -> Pushed {
+        self.at_end
+    }
+
+    /// The queue ends with the extruder at this place, steps.
+    pub fn follow(&mut self, extruder_steps: i64) {
+        let ahead = extruder_steps - self.furthest;
+        if ahead > 0 {
+            self.furthest = extruder_steps;
+            self.at_end = Pushed(self.at_end.0.wrapping_add(ahead as u32));
+        }
+    }
+
+    /// After a stop: of what was queued, at least `played` has been pushed, and the extruder stands at this place, steps.
+    pub fn stop_at(&mut self, played: Pushed, extruder_steps: i64) {
+        self.furthest -= i64::from(self.at_end.steps_since(played));
+        self.at_end = played;
+        self.follow(extruder_steps);
+    }
+}
+
+/// What the extruder has pushed now. If the two differ, it is pushing new filament.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PushedFilament {
+    /// At least up to here.
+    pub at_least: Pushed,
+    /// At most up to here, but for some steps of a piece that is drawn back between two looks at the queue's end.
+    pub at_most: Pushed,
+}
+
+#[cfg(test)]
+mod tests;

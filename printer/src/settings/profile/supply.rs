@@ -1,0 +1,12 @@
+//! The signal of a supply that fails.
+
+/// The signal, as a profile describes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SupplySignal {
+    /// It is low while the supply fails.
+    pub failing_is_low: bool,
+    /// How long it must say so, ms.
+    pub debounce_ms: u16,
+    /// By how much the nozzle rises from the print when its place is kept, units of 10 nm; 0: it stays.
+    pub rise_10nm: i64,
+}
