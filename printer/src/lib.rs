@@ -30,10 +30,12 @@ pub use heat::timeout::{HeaterRest, HeaterTimeout};
 pub use job::button::ButtonWatch;
 pub use job::filament::FilamentWatch;
 pub use job::filament::encoder::EncoderWatch;
+pub use job::lines::Source;
 pub use job::macros::MACRO_LINE;
 pub use job::paused::PauseReason;
 pub use job::power_loss::signal::{SUPPLY_FAILS, SupplyWatch};
 pub use job::prepared::{OtherMotion, PreparedPlace};
+pub use job::print::JobRequest;
 pub use job::tower::TowerRefusal;
 pub use motion::axis_names::AXIS_NAMES;
 pub use motion::fault::{HomingOutcome, Miscount, MotionError, MotionFault};
@@ -46,7 +48,7 @@ pub use ports::accelerometer::recorder::Recorder;
 pub use ports::accelerometer::{Accelerometer, AccelerometerSettings, RecordEvent, RecordFault};
 pub use ports::black_box::BlackBox;
 pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, SettingsMemory, Timing, temperatures};
-pub use printer::{JobRequest, Printer, Source};
+pub use printer::Printer;
 pub use settings::profile::filament::{
     ExtrusionSettings, FilamentSensor, FilamentSensorKind, FirmwareRetraction, PauseSettings,
 };

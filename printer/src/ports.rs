@@ -2,6 +2,7 @@
 
 pub(crate) mod accelerometer;
 pub(crate) mod black_box;
+pub(crate) mod identity;
 
 use core::fmt;
 use core::future::Future;

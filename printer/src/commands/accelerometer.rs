@@ -8,14 +8,14 @@ use crate::printer::Printer;
 impl<'a, P: Ports> Printer<'a, P> {
     /// The machine has an accelerometer.
     pub fn set_accelerometer(&mut self, accelerometer: &'a dyn Accelerometer) {
-        self.accelerometer = Some(accelerometer);
+        self.fitted.accelerometer = Some(accelerometer);
     }
 
     /// The accelerometer.
     pub(crate) fn needed_accelerometer(&self) -> Result<&'a dyn Accelerometer, CommandError> {
         let what = "accelerometer: a board has one where its file has the table [accelerometer], the printer of `serve` where its \
                     profile has frame.x and frame.y";
-        self.accelerometer.ok_or(CommandError::NotEquipped(what))
+        self.fitted.accelerometer.ok_or(CommandError::NotEquipped(what))
     }
 
     /// M955.

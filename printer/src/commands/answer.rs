@@ -5,10 +5,11 @@ use ferrostep_gcode::{Command, Remarks, Reply, ShortText, parse_with_remarks};
 
 use crate::error::{CommandError, Failure};
 use crate::job::change_macros::NextOfChange;
+use crate::job::lines::Source;
 use crate::job::macros;
 use crate::job::macros::{Call, MacroLine};
 use crate::ports::{Motion, Ports, Replies};
-use crate::printer::{Answer, Printer, Source};
+use crate::printer::{Answer, Printer};
 
 /// How long the answer to the first refused line after a halt waits, ms, so that the halt is reported first.
 const TELL_HALT_MS: u32 = 2;
@@ -31,7 +32,7 @@ impl<P: Ports> Printer<'_, P> {
             Err(failed) => failed,
         };
         self.replies.refuse(line, &failure);
-        if let (Failure::Command(error), Source::Host { is_numbered }) = (&failure, self.source) {
+        if let (Failure::Command(error), Source::Host { is_numbered }) = (&failure, self.lines.source) {
             self.end_print_of_host(error, is_stop, is_numbered);
         }
         self.replies.send(Reply::Ok);
@@ -52,7 +53,7 @@ impl<P: Ports> Printer<'_, P> {
         let mut stops = self.motion.stops();
         let (mut call, mut changes, mut room) =
             (macros::call(self.profile.macros, text), Self::no_change(), MacroLine::new());
-        self.is_in_macro = call.is_some();
+        self.lines.is_in_macro = call.is_some();
         let (failure, is_stop) = loop {
             let text = match self.next_of_change(&mut changes, &mut room) {
                 Ok(NextOfChange::Line) => room.as_str(),
@@ -87,10 +88,10 @@ impl<P: Ports> Printer<'_, P> {
                             stops = self.motion.stops();
                             continue;
                         }
-                        Ok(_) if self.is_in_macro && self.motion.stops() != stops => {
+                        Ok(_) if self.lines.is_in_macro && self.motion.stops() != stops => {
                             Failure::Command(CommandError::Stopped)
                         }
-                        Ok(_) if self.is_in_macro => continue,
+                        Ok(_) if self.lines.is_in_macro => continue,
                         Ok(answer) => return Ok(answer),
                         Err(error) => Failure::Command(error),
                     },
@@ -101,7 +102,7 @@ impl<P: Ports> Printer<'_, P> {
             break (failure, matches!(parsed, Ok(Command::EmergencyStop | Command::Restart)));
         };
         let is_halted = matches!(failure, Failure::Command(CommandError::Halted | CommandError::NeedsReset(_)));
-        if is_halted && !self.told_halted {
+        if is_halted && !self.lines.told_halted {
             // A task below this one reports the halt and the heater's fault; they must come first.
             self.clock.delay_ms(TELL_HALT_MS).await;
         }
@@ -150,7 +151,7 @@ impl<P: Ports> Printer<'_, P> {
                     // Printrun's word.
                     self.replies.send(Reply::Text("!! the printer is halted, M999 restarts it"));
                 }
-                if !core::mem::replace(&mut self.told_halted, true) {
+                if !core::mem::replace(&mut self.lines.told_halted, true) {
                     self.replies.send(Reply::Text("//action:cancel"));
                 }
             }
@@ -171,7 +172,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Reports what is ignored or changed in a line, each thing once a job.
     #[cold]
     pub(crate) fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
-        let new = self.said.merge(remarks);
+        let new = self.lines.said.merge(remarks);
         self.replies.remark(line, text, remarks, &new);
     }
 }

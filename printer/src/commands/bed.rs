@@ -61,7 +61,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             BedCommand::Area(area) => {
                 self.grid(Some(area), &settings)?;
-                self.bed_area = Some(area);
+                self.modes.bed_area = Some(area);
             }
             BedCommand::Probe { x, y } => {
                 self.needs_home()?;
@@ -201,7 +201,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(|mesh| mesh.begin(grid, settings.interpolation));
         let outcome = self.measure_all(grid, settings).await;
         self.follow_probing();
-        self.bed_area = None;
+        self.modes.bed_area = None;
         if outcome.is_err() {
             self.forget_mesh();
             return outcome;
@@ -271,7 +271,7 @@ impl<P: Ports> Printer<'_, P> {
         let home_10nm = self.home_height_10nm();
         let mut lift_10nm = home_10nm.max(0) + settings.lift_10nm;
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
-        let mut homing = Homing { motion, interpreter, drivers: self.drivers, line: self.line };
+        let mut homing = Homing { motion, interpreter, drivers: self.fitted.drivers, line: self.lines.number };
         if let Some(pin) = homing.pin_out() {
             let homing = &mut homing;
             <P::Motion as Motion>::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await?;
@@ -297,7 +297,7 @@ impl<P: Ports> Printer<'_, P> {
                 homing.rise_over_bed(lift_10nm).await?;
             }
             let [x, y] = place_10nm.map(mm);
-            self.replies.say(format_args!("echo:line {}: the probe failed at X{x} Y{y} of the bed", self.line));
+            self.replies.say(format_args!("echo:line {}: the probe failed at X{x} Y{y} of the bed", self.lines.number));
         }
         outcome
     }

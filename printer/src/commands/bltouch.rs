@@ -22,6 +22,8 @@ impl<P: Ports> Printer<'_, P> {
         // What was told by hand before may have been anything.
         self.interpreter.modal.z.pin_is_in = false;
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
-        Homing { motion, interpreter, drivers: self.drivers, line: self.line }.tell_pin(pin, command).await
+        Homing { motion, interpreter, drivers: self.fitted.drivers, line: self.lines.number }
+            .tell_pin(pin, command)
+            .await
     }
 }

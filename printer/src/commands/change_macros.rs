@@ -32,7 +32,7 @@ impl<P: Ports> Printer<'_, P> {
             return false;
         }
         let begun = self.change_with_macros(tool);
-        self.is_in_macro |= begun.is_some();
+        self.lines.is_in_macro |= begun.is_some();
         let Some(change) = ToolsPart::<P>::get_mut(changes) else { return false };
         *change = begun;
         begun.is_some()

@@ -10,10 +10,11 @@ use ferrostep_planner::surface::Bed;
 
 use crate::commands::power_loss::{FORGET, RESUME};
 use crate::error::CommandError;
+use crate::job::lines::Source;
 use crate::job::paused::{PauseReason, PauseWords};
 use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
-use crate::printer::{Answer, Printer, Source};
+use crate::printer::{Answer, Printer};
 
 /// A command that may wait, so that none can be named without being executed.
 enum Waiting<'a> {
@@ -147,7 +148,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         self.needs_supply(command)?;
         if self.drivers_part(command)?
-            && let Some(drivers) = self.drivers
+            && let Some(drivers) = self.fitted.drivers
         {
             self.drivers_confirmed(drivers).await?;
         }
@@ -177,8 +178,8 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::Stop(Stop::Quick) => {
                 let stops = self.motion.stops();
                 self.stop_motion();
-                if self.source == Source::Card {
-                    self.card.note_own_stops(self.motion.stops().wrapping_sub(stops));
+                if self.lines.source == Source::Card {
+                    self.print.card.note_own_stops(self.motion.stops().wrapping_sub(stops));
                 }
             }
             Waiting::Stop(Stop::Emergency) => return self.emergency_stop(),
@@ -281,7 +282,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.set_chamber(Decimal::ZERO)?;
             }
             Command::ReportTemperatures => {
-                self.needs(self.equipment.heaters, "thermometers")?;
+                self.needs(self.fitted.equipment.heaters, "thermometers")?;
                 self.replies.send(Reply::OkTemperatures(temperatures(&self.heating)));
                 return Ok(Dispatched::Done(Answer::Given));
             }
@@ -291,28 +292,28 @@ impl<P: Ports> Printer<'_, P> {
             Command::Progress { percent, minutes_left } => self.progress(percent, minutes_left),
             Command::Layer { current, total } => self.layer(current, total),
             Command::FilamentSensor(words) => self.filament_sensor(words)?,
-            Command::PromptAnswer(button @ (0 | 1)) if self.power_loss.is_offered() && !self.is_paused() => {
+            Command::PromptAnswer(button @ (0 | 1)) if self.print.power_loss.is_offered() && !self.is_paused() => {
                 return waiting(Waiting::Card(if button == 0 { &RESUME } else { &FORGET }));
             }
             // Else it was acted on as its bytes arrived; pressed once, a button counts once.
-            Command::PromptAnswer(button) if !self.emergency_parser => self.signals.answer_prompt(button),
+            Command::PromptAnswer(button) if !self.identity.emergency_parser => self.signals.answer_prompt(button),
             Command::PromptAnswer(_) => {}
             Command::ResumePrint if self.is_paused() => return waiting(Waiting::ResumePrint),
             // It has its remark.
             Command::ResumePrint => {}
             // A host begins a job with it.
             Command::SetLineNumber(Some(_)) => {
-                self.said = Remarks::NONE;
+                self.lines.said = Remarks::NONE;
                 self.end_begun_tower();
                 self.forget_rested_heaters();
             }
-            Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
+            Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.lines.last)),
             Command::KeepAlive(Some(seconds)) => self.signals.set_keep_alive_s(seconds),
             Command::KeepAlive(None) => self.replies.send(Reply::KeepAlive(self.signals.keep_alive_s())),
             Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
             Command::ReportFirmware => self.report_firmware(),
             Command::ReportEndStops => {
-                self.needs(self.equipment.end_stops, "end stops")?;
+                self.needs(self.fitted.equipment.end_stops, "end stops")?;
                 self.report_end_stops();
             }
             Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
@@ -385,7 +386,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::SelectTool { tool: None, .. } => self.report_tool(),
             Command::SelectTool { tool: Some(0), .. } => {}
             Command::SelectTool { tool: Some(tool), .. } => return Err(CommandError::InvalidTool(tool)),
-            Command::Unknown(text) => self.replies.unknown(self.line, text),
+            Command::Unknown(text) => self.replies.unknown(self.lines.number, text),
             Command::Linear { rapid, ref axes, feed } => return waiting(Waiting::Linear { rapid, axes, feed }),
             Command::Arc { clockwise, ref axes, ref form, feed } => {
                 return waiting(Waiting::Arc { clockwise, axes, form, feed });
@@ -410,36 +411,36 @@ impl<P: Ports> Printer<'_, P> {
                 return waiting(Waiting::Autotune { heater, target, cycles, uses });
             }
             Command::HeaterModel { text, .. } if !<P::Heating as Heating>::Models::PRESENT => {
-                self.replies.unknown(self.line, text);
+                self.replies.unknown(self.lines.number, text);
             }
             Command::HeaterModel { words, .. } => {
                 if let Some(heater) = self.heater_model(words)? {
                     return waiting(Waiting::Autotune { heater, target: None, cycles: None, uses: true });
                 }
             }
-            Command::Fan { number: 0, power } if !self.equipment.fan && power > 0 => self.needs(false, "fan")?,
+            Command::Fan { number: 0, power } if !self.fitted.equipment.fan && power > 0 => self.needs(false, "fan")?,
             Command::Fan { number: 0, power }
                 if <P::Motion as Motion>::Tools::PRESENT && self.part_fan() != FanOutput::Part =>
             {
                 let output = self.part_fan();
-                self.power_loss.set_fan(output, power);
+                self.print.power_loss.set_fan(output, power);
                 return waiting(Waiting::Fan { output, power });
             }
             Command::Fan { number, power } => {
                 if let Some(output) = self.numbered_fan(number) {
-                    self.power_loss.set_fan(output, power);
+                    self.print.power_loss.set_fan(output, power);
                     return waiting(Waiting::Fan { output, power });
                 }
             }
             Command::NamedFan { name, power } => {
                 if let Some(output) = self.named_fan(name) {
-                    self.power_loss.set_fan(output, power);
+                    self.print.power_loss.set_fan(output, power);
                     return waiting(Waiting::Fan { output, power });
                 }
             }
             Command::SetOutput { number, power } => {
                 if let Some(output) = self.numbered_output(number)? {
-                    self.power_loss.set_fan(output, power);
+                    self.print.power_loss.set_fan(output, power);
                     return waiting(Waiting::Fan { output, power });
                 }
             }

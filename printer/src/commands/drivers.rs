@@ -94,7 +94,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Driver(setting, words) => (setting.code(), Shown::Setting(setting), values(words), words.tool),
             _ => return Ok(false),
         };
-        let Some(drivers) = self.drivers else {
+        let Some(drivers) = self.fitted.drivers else {
             self.replies.say(format_args!("echo:M{code}: not available, this machine's drivers cannot be set"));
             return Ok(false);
         };

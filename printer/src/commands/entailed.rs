@@ -9,10 +9,11 @@ use crate::commands::fans::PAUSE;
 use crate::commands::filament::{CHANGE_FILAMENT, lays};
 use crate::error::{CommandError, Failure};
 use crate::job::command_kind::{moves, sets_modes};
+use crate::job::lines::Source;
 use crate::motion::axis_names::AXIS_NAMES;
 use crate::motion::modal::Modal;
 use crate::ports::{Heating, Motion, Ports, Replies};
-use crate::printer::{Answer, Printer, Source};
+use crate::printer::{Answer, Printer};
 
 /// An axis' name, where it has one.
 struct Letter(Option<char>);
@@ -26,7 +27,7 @@ impl core::fmt::Display for Letter {
 impl<P: Ports> Printer<'_, P> {
     /// If its reader did not wait, the next move or mode of a print resumes it.
     pub(crate) async fn go_on_and_dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
-        let is_of_print = match self.source {
+        let is_of_print = match self.lines.source {
             Source::Host { is_numbered } => is_numbered && !self.prints_from_card(),
             Source::File | Source::Card => true,
         };
@@ -45,7 +46,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         if is_of_print && moves(command) && self.have_heaters_rested() {
             self.replies.send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));
-            pin!(self.heat_again(self.targets_celsius)).await?;
+            pin!(self.heat_again(self.modes.targets_celsius)).await?;
         }
         if is_of_print
             && let Some((nozzle, celsius)) = self.cools_print(command)
@@ -115,7 +116,7 @@ impl<P: Ports> Printer<'_, P> {
     fn tell_cold_start(&self) {
         let status = self.heating.status(self.nozzle());
         let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
-        let line = self.line;
+        let line = self.lines.number;
         self.replies
             .say(format_args!("echo:line {line}: the nozzle is at {celsius} C, the print waits for {target} C"));
     }
@@ -130,7 +131,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         let name = |axis: usize| if untold[axis] { AXIS_NAMES.get(axis).copied() } else { None };
         let [x, y, z] = [0, 1, 2].map(|axis| Letter(name(axis)));
-        let line = self.line;
+        let line = self.lines.number;
         self.replies.say(format_args!(
             "echo:line {line}: {x}{y}{z} lost its home when the motors were off: its position is not certain and has no soft \
              limits, home it (G28)"

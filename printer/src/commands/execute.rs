@@ -4,13 +4,14 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 
 use ferrostep_gcode::{Command, Reply};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::Clock;
 
 use crate::commands::waits::Waits;
 use crate::error::{CommandError, Failure};
 use crate::job::command_kind::{WhileHalted, while_halted};
+use crate::job::lines::Source;
 use crate::ports::{Heating, Motion, Ports, Replies};
-use crate::printer::{ALL_MOTORS, Answer, Printer, Source};
+use crate::printer::{ALL_MOTORS, Answer, Printer};
 
 impl<'a, P: Ports> Printer<'a, P> {
     /// Waits until all motion has ended, as at the end of a job.
@@ -34,14 +35,14 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     async fn execute_from(&mut self, source: Source, line: u32, text: &str) -> Result<(), Failure> {
-        (self.source, self.line) = (source, line);
+        self.lines.begin(source, line);
         self.signals.note_host();
         // A command at work keeps the motors on. If the idle timeout has switched them off before, the printer learns it now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
             self.interpreter.modal.forget_home(ALL_MOTORS);
         }
-        if let Some(black_box) = self.black_box {
+        if let Some(black_box) = self.fitted.black_box {
             black_box.command(line, text);
         }
         self.log_line(text).await;
@@ -149,7 +150,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if !self.signals.is_halted() {
             return Ok(());
         }
-        self.targets_celsius = [0.0; Heater::COUNT];
+        self.modes.forget_targets();
         self.end_tower("the machine was halted");
         self.stop_print_clock(false);
         self.stop_motion();
@@ -161,7 +162,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             self.replies.send(Reply::Killed);
             return Err(if fault.trip.needs_reset() { CommandError::NeedsReset(fault) } else { CommandError::Halted });
         }
-        self.told_halted = false;
+        self.lines.told_halted = false;
         if self.supplied().is_err() {
             self.replies.say(format_args!("echo:{}", CommandError::SupplyOff));
         }
@@ -175,7 +176,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// Whether the line's source is a host.
     pub(crate) fn has_host(&self) -> bool {
-        self.source != Source::File
+        self.lines.has_host()
     }
 
     /// Refuses a command whose parts the board does not have.

@@ -82,7 +82,7 @@ impl<P: Ports> Printer<'_, P> {
         for (output, fan) in FanOutput::ALL.into_iter().zip(&self.profile.fans) {
             let Some(FanSettings { rule: FanRule::Output { color: Some(color), .. }, .. }) = fan else { continue };
             let power = LightColor::ALL.iter().zip(colors).find(|(of, _)| *of == color).map_or(0, |(_, power)| power);
-            self.power_loss.set_fan(output, power);
+            self.print.power_loss.set_fan(output, power);
             self.motion.set_fan_power(output, power).await?;
         }
         Ok(())

@@ -60,12 +60,12 @@ impl<P: Ports> Printer<'_, P> {
             }
         }
         match on {
-            Some(false) => self.pauses_at_runout = false,
+            Some(false) => self.modes.pauses_at_runout = false,
             _ if self.profile.filament_sensor.is_none() => {
                 let text = "echo:no filament sensor: the profile has no filament_sensor";
                 self.replies.say(format_args!("{text}"));
             }
-            Some(true) => self.pauses_at_runout = true,
+            Some(true) => self.modes.pauses_at_runout = true,
             None if words.is_query() => self.report_filament_sensor(),
             None => {}
         }
@@ -73,7 +73,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     fn report_filament_sensor(&self) {
-        let state = if self.pauses_at_runout { "ON" } else { "OFF" };
+        let state = if self.modes.pauses_at_runout { "ON" } else { "OFF" };
         let word = |is_missing| if is_missing { "missing" } else { "present" };
         let filament = word(self.signals.is_filament_missing());
         if self.has_encoder() {
@@ -97,8 +97,8 @@ impl<P: Ports> Printer<'_, P> {
             return;
         }
         if begins(command) || moves(command) && !is_of_print {
-            self.lays_lines = false;
-        } else if lays(command) && !core::mem::replace(&mut self.lays_lines, true) {
+            self.print.lays_lines = false;
+        } else if lays(command) && !core::mem::replace(&mut self.print.lays_lines, true) {
             self.signals.count_filament_anew();
         }
     }
@@ -108,7 +108,7 @@ impl<P: Ports> Printer<'_, P> {
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn has_run_out(&self) -> bool {
-        let is_out = self.pauses_at_runout && self.is_filament_missing();
+        let is_out = self.modes.pauses_at_runout && self.is_filament_missing();
         // A print's nozzle is hot; lines without heat are a rehearsal.
         let is_out = is_out && self.heating.status(self.nozzle()).target_celsius > 0.0;
         if is_out {

@@ -41,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M306 with these words. Returns the heater whose model is to be found.
     pub(crate) fn heater_model(&mut self, words: &str) -> Result<Option<Heater>, CommandError> {
-        self.needs(self.equipment.heaters, "heaters")?;
+        self.needs(self.fitted.equipment.heaters, "heaters")?;
         let words = match HeaterModelWords::read(words) {
             Ok(words) => words,
             Err(error) => {

@@ -11,11 +11,12 @@ use crate::printer::Printer;
 impl<P: Ports> Printer<'_, P> {
     /// G28.
     pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
-        self.needs(self.equipment.end_stops, "end stops")?;
+        self.needs(self.fitted.equipment.end_stops, "end stops")?;
         // The sensors are where T0's nozzle finds them.
         self.leave_tool_offset();
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
-        let outcome = Homing { motion, interpreter, drivers: self.drivers, line: self.line }.home(axes).await;
+        let outcome =
+            Homing { motion, interpreter, drivers: self.fitted.drivers, line: self.lines.number }.home(axes).await;
         self.take_tool_offset();
         outcome?;
         if axes.z || !(axes.x || axes.y) {

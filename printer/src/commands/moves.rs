@@ -21,7 +21,7 @@ impl<P: Ports> Printer<'_, P> {
         axes: &AxisWords,
         feed: Option<Decimal>,
     ) -> Result<(), CommandError> {
-        let mut asked = self.interpreter.linear(rapid, axes, feed, self.line)?;
+        let mut asked = self.interpreter.linear(rapid, axes, feed, self.lines.number)?;
         if asked.request.filament_100pm != 0 {
             match self.check_extrusion_temperature() {
                 Err(CommandError::ColdExtrusion { minimum_celsius, .. })
@@ -29,7 +29,7 @@ impl<P: Ports> Printer<'_, P> {
                 {
                     let least = Real::short(minimum_celsius, 2);
                     self.replies.note(
-                        self.line,
+                        self.lines.number,
                         format_args!("cold extrusion prevented, expected at least {least} C: the filament stays"),
                     );
                     asked = asked.without_filament();
@@ -53,7 +53,7 @@ impl<P: Ports> Printer<'_, P> {
         form: ArcForm,
         feed: Option<Decimal>,
     ) -> Result<(), CommandError> {
-        let mut moves = self.interpreter.arc(clockwise, axes, form, feed, self.line)?;
+        let mut moves = self.interpreter.arc(clockwise, axes, form, feed, self.lines.number)?;
         if moves.extrudes {
             self.check_extrusion_temperature()?;
         }
@@ -76,7 +76,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn check_extrusion_temperature(&self) -> Result<(), CommandError> {
         let modal = &self.interpreter.modal;
         if !modal.cold_extrusion_allowed {
-            self.needs(self.equipment.heaters, "thermometers")?;
+            self.needs(self.fitted.equipment.heaters, "thermometers")?;
         }
         let celsius = self.heating.status(self.nozzle()).celsius;
         let minimum_celsius = modal.min_extrusion_celsius;
@@ -94,14 +94,14 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Tells whether commands have given a nozzle a target at which filament is pushed.
     pub(crate) fn is_meant_hot(&self, nozzle: Heater) -> bool {
-        let target_celsius = self.targets_celsius.get(nozzle.index()).copied().unwrap_or_default();
+        let target_celsius = self.modes.targets_celsius.get(nozzle.index()).copied().unwrap_or_default();
         target_celsius >= self.interpreter.modal.min_extrusion_celsius
     }
 
     /// Says how a move was to leave the travel of some axes; an arc may do so on its way, which `reach_10nm` knows.
     pub(crate) fn say_clamped(&self, clamped: [bool; 3], reach_10nm: Option<[[i64; 2]; 2]>) {
         let mut text = Text::new();
-        let line = self.line;
+        let line = self.lines.number;
         let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));
         for axis in (0..3).filter(|&axis| clamped[axis]) {
             let modal = &self.interpreter.modal;
@@ -142,7 +142,8 @@ impl<P: Ports> Printer<'_, P> {
         let here = self.motion.position_10nm();
         let there = self.interpreter.lifted(modal.machine_10nm, if retract { settings.lift_10nm } else { 0 });
         let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2] as f32;
-        let lift = Move { target_10nm: there, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
+        let lift =
+            Move { target_10nm: there, filament_100pm: 0, feed_mm_per_s, line: self.lines.number, ends_move: false };
         let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f32 / 100_000.0, ..lift };
         // Draw back before lifting, lower before pushing forward, so that the nozzle never oozes in the air.
         if retract {

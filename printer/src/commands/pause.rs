@@ -11,9 +11,10 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Move, filament_100pm};
 
 use crate::error::{CommandError, Failure};
+use crate::job::lines::Source;
 use crate::job::paused::{PauseAnswer, PauseReason, PauseWords, Paused};
 use crate::ports::{Heating, Motion, Ports, Replies};
-use crate::printer::{Printer, Source};
+use crate::printer::Printer;
 use crate::settings::profile::filament::PauseSettings;
 
 /// Units of 10 nm in a millimetre.
@@ -25,12 +26,12 @@ const PARK_FEED_MM_PER_S: f32 = 100.0;
 impl<P: Ports> Printer<'_, P> {
     /// Whether a print is paused.
     pub fn is_paused(&self) -> bool {
-        self.paused.is_some()
+        self.print.paused.is_some()
     }
 
     /// What a person wants of a paused print: that it goes on, by M108, a button or because its time is over, or more filament.
     pub(crate) fn take_answer(&self) -> Option<PauseAnswer> {
-        let paused = self.paused.as_ref()?;
+        let paused = self.print.paused.as_ref()?;
         let is_over = paused.until_ms.is_some_and(|until_ms| self.clock.now_ms() >= until_ms);
         if is_over { Some(PauseAnswer::Continue) } else { self.signals.take_answer() }
     }
@@ -81,7 +82,7 @@ impl<P: Ports> Printer<'_, P> {
             self.move_filament(-unload_100pm, self.profile.pause.filament_10nm_per_s).await?;
             self.motion.set_motors_enabled(1 << 3, false);
         }
-        self.paused = Some(paused);
+        self.print.paused = Some(paused);
         self.pause_print_clock();
         // An answer from before is not meant for this pause.
         self.signals.take_answer();
@@ -97,9 +98,9 @@ impl<P: Ports> Printer<'_, P> {
     /// # Errors
     /// The nozzle is too cold, or motion was stopped.
     pub(crate) async fn push_more(&mut self) -> Result<(), CommandError> {
-        let Some(Paused { pushes_more: true, load_100pm, .. }) = self.paused else { return Ok(()) };
+        let Some(Paused { pushes_more: true, load_100pm, .. }) = self.print.paused else { return Ok(()) };
         self.check_extrusion_temperature()?;
-        if let Some(paused) = &mut self.paused {
+        if let Some(paused) = &mut self.print.paused {
             paused.load_100pm = 0;
         }
         let more_100pm = filament_100pm(self.profile.pause.more_10nm, 100);
@@ -116,7 +117,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 has ended the wait for heat. The
     /// print stays paused then, except after a halt.
     pub async fn resume(&mut self) -> Result<(), CommandError> {
-        let Some(mut paused) = self.paused else { return Ok(()) };
+        let Some(mut paused) = self.print.paused else { return Ok(()) };
         self.tell_host("//action:prompt_end");
         // In its place at once: otherwise it would be copied there, and take that much of the stack for the time of the wait.
         pin!(self.heat_again(paused.targets_celsius)).await?;
@@ -130,7 +131,7 @@ impl<P: Ports> Printer<'_, P> {
             self.check_extrusion_temperature()?;
         }
         self.move_filament(paused.load_100pm, self.profile.pause.filament_10nm_per_s).await?;
-        if let Some(paused) = &mut self.paused {
+        if let Some(paused) = &mut self.print.paused {
             // Where the way back is stopped, the next try pushes no second time.
             paused.load_100pm = 0;
         }
@@ -144,9 +145,9 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.go_on_as(&paused.modal);
         // The skew may be another one meanwhile.
         self.interpreter.follow_plane(paused.place_10nm);
-        self.paused = None;
+        self.print.paused = None;
         // A person has had it in hand.
-        self.lays_lines = false;
+        self.print.lays_lines = false;
         self.resume_print_clock();
         self.tell_host("//action:resumed");
         Ok(())
@@ -154,7 +155,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Forgets a paused print: the nozzle stays where it is, and the filament drawn back.
     pub fn cancel(&mut self) {
-        if self.paused.take().is_some() {
+        if self.print.paused.take().is_some() {
             self.stop_print_clock(false);
             self.tell_host("//action:prompt_end");
         }
@@ -168,9 +169,9 @@ impl<P: Ports> Printer<'_, P> {
         words: &PauseWords<'_>,
     ) -> Result<(), CommandError> {
         self.pause_at(reason, words).await?;
-        match self.source {
+        match self.lines.source {
             // Within a macro there is no reader that could wait.
-            Source::Card if !self.is_in_macro => return Ok(()),
+            Source::Card if !self.lines.is_in_macro => return Ok(()),
             Source::File => self.tell_long_pause(words.longest_ms),
             Source::Host { .. } | Source::Card => {
                 self.signals.set_paused_for_user(true);
@@ -189,8 +190,8 @@ impl<P: Ports> Printer<'_, P> {
     fn tell_long_pause(&self, longest_ms: Option<u64>) {
         let timeout_s = self.signals.heater_timeout_s();
         let is_longer = longest_ms.is_some_and(|longest_ms| longest_ms / 1000 >= timeout_s.into());
-        if is_longer && timeout_s > 0 && self.targets_celsius.iter().any(|celsius| *celsius > 0.0) {
-            let line = self.line;
+        if is_longer && timeout_s > 0 && self.modes.targets_celsius.iter().any(|celsius| *celsius > 0.0) {
+            let line = self.lines.number;
             self.replies.say(format_args!(
                 "echo:line {line}: a printer switches its heaters off after {timeout_s} s of this pause (M86), and heats up \
                  again when it ends"
@@ -201,12 +202,12 @@ impl<P: Ports> Printer<'_, P> {
     /// Waits until a person wants the print to go on.
     async fn answer_pause(&mut self) -> Result<(), CommandError> {
         loop {
-            let until_ms = self.paused.as_ref().and_then(|paused| paused.until_ms);
+            let until_ms = self.print.paused.as_ref().and_then(|paused| paused.until_ms);
             match self.waits().for_person(until_ms).await? {
                 PauseAnswer::Continue => return Ok(()),
                 PauseAnswer::PushMore => {
                     if let Err(error) = self.push_more().await {
-                        self.replies.refuse(self.line, &Failure::Command(error));
+                        self.replies.refuse(self.lines.number, &Failure::Command(error));
                     }
                 }
             }
@@ -220,7 +221,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     fn tell_paused(&self, text: &str) {
-        let line = self.line;
+        let line = self.lines.number;
         if !self.has_host() {
             return self
                 .replies
@@ -235,7 +236,7 @@ impl<P: Ports> Printer<'_, P> {
     fn show_prompt(&self, text: &str) {
         self.replies
             .say(format_args!("//action:prompt_end\n//action:prompt_begin {text}\n//action:prompt_button Continue"));
-        if self.paused.as_ref().is_some_and(|paused| paused.pushes_more) {
+        if self.print.paused.as_ref().is_some_and(|paused| paused.pushes_more) {
             let more_mm = Real::short(self.profile.pause.more_10nm as f64 / MM as f64, 2);
             self.replies.say(format_args!("//action:prompt_button Push {more_mm} mm"));
         }
@@ -269,7 +270,7 @@ impl<P: Ports> Printer<'_, P> {
             let word = word.map(|value| Decimal::from_nanos(value.nanos().saturating_abs()));
             self.length_within_10nm(letter, word, [0, PauseSettings::MAX_FILAMENT_10NM])
         };
-        let [unload_10nm, load_10nm] = self.filament_10nm;
+        let [unload_10nm, load_10nm] = self.modes.filament_10nm;
         Ok([length_10nm('U', unload)?.unwrap_or(unload_10nm), length_10nm('L', load)?.unwrap_or(load_10nm)])
     }
 
@@ -280,11 +281,11 @@ impl<P: Ports> Printer<'_, P> {
         load: Option<Decimal>,
     ) -> Result<(), CommandError> {
         if unload.is_none() && load.is_none() {
-            let [unload_mm, load_mm] = self.filament_10nm.map(|length| Real::short(length as f64 / MM as f64, 5));
+            let [unload_mm, load_mm] = self.modes.filament_10nm.map(|length| Real::short(length as f64 / MM as f64, 5));
             self.replies.say(format_args!("echo:M603 U{unload_mm} L{load_mm}"));
             return Ok(());
         }
-        self.filament_10nm = self.filament_lengths_10nm(unload, load)?;
+        self.modes.filament_10nm = self.filament_lengths_10nm(unload, load)?;
         Ok(())
     }
 
@@ -363,7 +364,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         let target_10nm = self.motion.position_10nm();
         let feed_mm_per_s = rate_10nm_per_s as f32 / MM as f32;
-        let request = Move { target_10nm, filament_100pm, feed_mm_per_s, line: self.line, ends_move: false };
+        let request = Move { target_10nm, filament_100pm, feed_mm_per_s, line: self.lines.number, ends_move: false };
         self.motion.add(request).await?;
         self.interpreter.take_retraction(filament_100pm, target_10nm);
         Ok(self.motion.finish().await?)
@@ -384,7 +385,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Makes a move that is not the print's, to its end. A person's next commands begin there.
     pub(crate) async fn go(&mut self, target_10nm: [i64; 3]) -> Result<(), CommandError> {
         let feed_mm_per_s = PARK_FEED_MM_PER_S;
-        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
+        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.lines.number, ends_move: false };
         self.motion.add(request).await?;
         self.motion.finish().await?;
         self.interpreter.follow(target_10nm);

@@ -21,7 +21,7 @@ impl<P: Ports> Printer<'_, P> {
     /// M413.
     pub(crate) async fn keep_prints(&mut self, on: Option<bool>) {
         let Some(on) = on else {
-            let state = if self.power_loss.is_on { "ON" } else { "OFF" };
+            let state = if self.print.power_loss.is_on { "ON" } else { "OFF" };
             let supply = match self.signals.is_supply_failing() {
                 _ if !self.watches_supply() => "",
                 true => "; the supply fails by its signal",
@@ -29,15 +29,15 @@ impl<P: Ports> Printer<'_, P> {
             };
             return self.replies.say(format_args!("echo:Power-loss recovery {state}{supply}"));
         };
-        self.power_loss.is_on = on;
+        self.print.power_loss.is_on = on;
         // A file on the desk has no power to lose.
-        if !self.card.is_there() && on && self.has_host() {
+        if !self.print.card.is_there() && on && self.has_host() {
             let text = "echo:power loss: the board has no slot for a card, and only prints from a card are kept";
             return self.replies.send(Reply::Text(text));
         }
-        if self.power_loss.is_keeping && !on {
+        if self.print.power_loss.is_keeping && !on {
             self.forget_place();
-        } else if self.prints_now() && on && !self.power_loss.is_keeping {
+        } else if self.prints_now() && on && !self.print.power_loss.is_keeping {
             self.begin_keeping(true).await;
         }
     }

@@ -6,11 +6,12 @@ use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::{Limits, Moved, Prepared, PreparedMove, Request, Retuned};
 
 use crate::error::{CommandError, Failure};
+use crate::job::lines::Source;
 use crate::job::prepared::{OtherMotion, PreparedPlace};
 use crate::motion::fault::MotionError;
 use crate::motion::interpreter::MAX_EXTRUDER_10NM;
 use crate::ports::{Heating, Motion, Ports};
-use crate::printer::{Printer, Source};
+use crate::printer::Printer;
 
 /// The limits, in a job's order and precision.
 fn limit_values(limits: &Limits) -> LimitValues {
@@ -65,7 +66,7 @@ impl<P: Ports> Printer<'_, P> {
         item: &PreparedMove,
         planned_with: &ModalState,
     ) -> Option<Result<(), CommandError>> {
-        self.line = item.line;
+        self.lines.number = item.line;
         if let Err(error) = self.allow(item) {
             return Some(Err(error));
         }
@@ -177,7 +178,7 @@ impl<P: Ports> Printer<'_, P> {
     /// # Errors
     /// As for [`Self::prepared_move`].
     pub async fn prepared_motion(&mut self, motion: OtherMotion<impl Request>) -> Result<(), CommandError> {
-        self.line = motion.line;
+        self.lines.number = motion.line;
         if self.signals.is_halted() {
             return Err(self.refused(CommandError::Halted));
         }
@@ -250,7 +251,7 @@ impl<P: Ports> Printer<'_, P> {
     /// # Errors
     /// Motion was stopped.
     pub async fn prepared_fan(&mut self, line: u32, power: u8) -> Result<(), CommandError> {
-        self.line = line;
+        self.lines.number = line;
         Ok(self.motion.set_fan_power(FanOutput::Part, power).await?)
     }
 
@@ -259,10 +260,10 @@ impl<P: Ports> Printer<'_, P> {
     /// # Errors
     /// It cannot be read, or not be done.
     pub async fn prepared_command(&mut self, line: u32, text: &str) -> Result<(), Failure> {
-        self.line = line;
+        self.lines.number = line;
         self.signals.note_host();
         if self.prints_from_card() {
-            self.source = Source::Card;
+            self.lines.source = Source::Card;
         }
         let command = parse(text).map_err(Failure::Parse)?;
         self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)

@@ -15,47 +15,47 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) fn print_clock(&mut self, command: PrintClockCommand) {
         match command {
             PrintClockCommand::Start => self.start_print_clock(),
-            PrintClockCommand::Pause => self.print_clock.pause(self.clock.now_ms()),
+            PrintClockCommand::Pause => self.print.clock.pause(self.clock.now_ms()),
             PrintClockCommand::Stop => self.stop_print_clock(true),
             PrintClockCommand::Report => self.report_statistics(),
             PrintClockCommand::Clear => {
                 self.see_heat();
-                (self.print_clock.statistics, self.print_clock.is_unsaved) = (Statistics::default(), true);
+                (self.print.clock.statistics, self.print.clock.is_unsaved) = (Statistics::default(), true);
                 self.replies.send(Reply::Text("echo:print statistics are cleared"));
             }
         }
     }
 
     pub(crate) fn start_print_clock(&mut self) {
-        self.print_clock.start(self.clock.now_ms(), self.interpreter.tally.filament_100pm);
+        self.print.clock.start(self.clock.now_ms(), self.interpreter.tally.filament_100pm);
     }
 
     /// A paused print goes on.
     pub(crate) fn resume_print_clock(&mut self) {
-        if self.print_clock.state == State::Paused {
+        if self.print.clock.state == State::Paused {
             self.start_print_clock();
         }
     }
 
     pub(crate) fn pause_print_clock(&mut self) {
-        self.print_clock.pause(self.clock.now_ms());
+        self.print.clock.pause(self.clock.now_ms());
     }
 
     pub(crate) fn stop_print_clock(&mut self, is_complete: bool) {
-        self.print_clock.stop(self.clock.now_ms(), self.interpreter.tally.filament_100pm, is_complete);
+        self.print.clock.stop(self.clock.now_ms(), self.interpreter.tally.filament_100pm, is_complete);
     }
 
     /// A wait for heat begins a host's print, as in Marlin.
     pub(crate) fn print_heats(&mut self) {
-        if self.print_clock.state == State::Stopped && self.targets_celsius.iter().any(|celsius| *celsius > 0.0) {
+        if self.print.clock.state == State::Stopped && self.modes.targets_celsius.iter().any(|celsius| *celsius > 0.0) {
             self.start_print_clock();
         }
     }
 
     /// The last heater that is switched off ends a host's print, as in Marlin. The card knows its end by itself.
     fn print_cools(&mut self) {
-        let is_cold = self.targets_celsius.iter().all(|celsius| *celsius <= 0.0);
-        if is_cold && self.card.job == Job::None && !self.is_paused() {
+        let is_cold = self.modes.targets_celsius.iter().all(|celsius| *celsius <= 0.0);
+        if is_cold && self.print.card.job == Job::None && !self.is_paused() {
             self.stop_print_clock(true);
         }
     }
@@ -63,7 +63,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Before and after a target is set: looks at the heaters.
     pub(crate) fn see_heat(&mut self) {
         let are_on = [self.is_a_nozzle_on(), self.heating.status(Heater::Bed).target_celsius > 0.0];
-        self.print_clock.see_heat(self.clock.now_ms(), are_on);
+        self.print.clock.see_heat(self.clock.now_ms(), are_on);
     }
 
     /// A target was set.
@@ -74,7 +74,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M31.
     pub(crate) fn report_print_time(&self) {
-        let elapsed = Duration(self.print_clock.elapsed_s(self.clock.now_ms()));
+        let elapsed = Duration(self.print.clock.elapsed_s(self.clock.now_ms()));
         self.replies.say(format_args!("echo:Print time: {elapsed}"));
     }
 
@@ -82,8 +82,8 @@ impl<P: Ports> Printer<'_, P> {
     fn report_statistics(&mut self) {
         self.see_heat();
         let Statistics { prints, finished, printed_s, longest_s, filament_10mm, heated_s } =
-            self.print_clock.statistics;
-        let at_work = u32::from(self.print_clock.state != State::Stopped);
+            self.print.clock.statistics;
+        let at_work = u32::from(self.print.clock.state != State::Stopped);
         let failed = prints.saturating_sub(finished).saturating_sub(at_work);
         let [total, longest] = [printed_s, longest_s].map(Duration);
         let [nozzle, bed] = heated_s.map(Duration);

@@ -19,20 +19,20 @@ impl<P: Ports> Printer<'_, P> {
     /// M115.
     pub(crate) fn report_firmware(&self) {
         self.replies.send(Reply::Firmware(FirmwareInfo {
-            version: self.version,
+            version: self.identity.version,
             source_code_url: env!("CARGO_PKG_REPOSITORY"),
-            identifier: self.identifier,
+            identifier: self.identity.identifier,
             machine: self.profile.name,
             kinematics: self.profile.kinematics.reported_name(),
             extruders: self.count_tools(),
             lower_end_10nm: self.profile.lower_end_10nm,
             size_10nm: self.profile.size_10nm,
-            emergency_parser: self.emergency_parser,
-            meatpack: self.meatpack,
-            thermal_protection: self.equipment.heaters,
+            emergency_parser: self.identity.emergency_parser,
+            meatpack: self.identity.meatpack,
+            thermal_protection: self.fitted.equipment.heaters,
             z_probe: self.profile.homing[2].sensor == HomeSensor::Probe,
-            card: self.card.is_there(),
-            stores_settings: self.settings_memory.is_some(),
+            card: self.print.card.is_there(),
+            stores_settings: self.fitted.settings_memory.is_some(),
             filament_sensor: self.profile.filament_sensor.is_some(),
             power_supply: self.has_supply(),
             chamber: self.heating.chamber_is_heated().is_some(),
@@ -41,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M798. Switching it on clears the values, so that a report contains one measurement only.
     pub(crate) fn timing(&self, on: Option<bool>, clear: bool) {
-        let Some(timing) = self.timing else {
+        let Some(timing) = self.fitted.timing else {
             return self.replies.send(Reply::Text("echo:timing: this machine measures none"));
         };
         if on == Some(false) {
@@ -85,9 +85,9 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M73; without words it is a query.
     pub(crate) fn progress(&mut self, percent: Option<u8>, minutes_left: Option<u16>) {
-        let (percent_before, minutes_before) = self.progress;
-        self.progress = (percent.or(percent_before), minutes_left.or(minutes_before));
-        let (percent, minutes_left) = self.progress;
+        let (percent_before, minutes_before) = self.print.progress;
+        self.print.progress = (percent.or(percent_before), minutes_left.or(minutes_before));
+        let (percent, minutes_left) = self.print.progress;
         if self.has_host() {
             self.replies.send(Reply::Progress { percent, minutes_left });
         }

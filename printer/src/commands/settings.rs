@@ -63,7 +63,7 @@ impl<P: Ports> Printer<'_, P> {
             if word.is_some() && *feed > FAR_FEED * of_profile {
                 let [feed, of_profile] = [*feed, of_profile].map(|feed| Real::short(feed, 2));
                 self.replies.note(
-                    self.line,
+                    self.lines.number,
                     format_args!(
                         "M203: {name} is {feed} mm/s now, and the profile's limit is {of_profile} mm/s (M203 takes mm/s, as in Marlin; \
                          RepRapFirmware's mm/min are 60 times as much)"

@@ -136,7 +136,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// M500, M501 and M504, if there is a memory.
     fn keep_settings(&mut self, command: SettingsCommand) -> Option<MotionChoice> {
-        let Some(memory) = self.settings_memory else {
+        let Some(memory) = self.fitted.settings_memory else {
             let text = "echo:M500, M501, M504: this machine has no memory for settings: write them into the profile";
             self.replies.send(Reply::Text(text));
             return None;
@@ -154,7 +154,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// Settings survive the power there (M500); those that are stored come into force with [`Self::restore_settings`].
     pub fn set_settings_memory(&mut self, memory: &'a impl SettingsMemory) {
-        self.settings_memory = Some(memory);
+        self.fitted.settings_memory = Some(memory);
     }
 
     /// Why M500, M501 or M502 has no effect now, in a print whose plan is made.
@@ -169,7 +169,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// Puts the stored settings in force, as the machine is switched on; says nothing if none are stored.
     pub fn restore_settings(&mut self) {
-        if let Some(memory) = self.settings_memory {
+        if let Some(memory) = self.fitted.settings_memory {
             let choice = memory.keep(self, None);
             self.choose_stored_motion(choice);
         }
@@ -181,7 +181,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     #[inline(never)]
     pub(crate) fn keep_statistics(&mut self) {
         let prints = self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused();
-        if let (Some(memory), true, false) = (self.settings_memory, self.print_clock.is_unsaved, prints) {
+        if let (Some(memory), true, false) = (self.fitted.settings_memory, self.print.clock.is_unsaved, prints) {
             memory.keep_statistics(self);
         }
     }
@@ -193,7 +193,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The settings of a motor's driver, if it can be set.
     fn live_driver(&self, motor: usize) -> Option<DriverSettings> {
-        Some(self.drivers?.report(motor)?.settings)
+        Some(self.fitted.drivers?.report(motor)?.settings)
     }
 
     /// The settings in force.
@@ -212,11 +212,12 @@ impl<'a, P: Ports> Printer<'a, P> {
             skew_factors: self.interpreter.skew.factors(),
             backlash: <P::Motion as Motion>::Backlash::of(self.has_backlash().then(|| self.motion.backlash())),
             probe_offset_10nm: self.has_probe().then_some(modal.probe_offset_10nm),
-            filament_10nm: self.filament_10nm,
+            filament_10nm: self.modes.filament_10nm,
             shapers,
             advance: advance_numbers(&pressure_advance),
             drivers: self.live_drivers(),
             gains: self
+                .fitted
                 .equipment
                 .heaters
                 .then(|| [Heater::Nozzle, Heater::Bed].map(|heater| self.heating.gains(heater))),
@@ -234,14 +235,15 @@ impl<'a, P: Ports> Printer<'a, P> {
             extruder_steps_per_mm: of_tool.steps_per_mm.to_f64(),
             offset_10nm: of_tool.offset_10nm,
             advance: advance_numbers(&of_tool.advance),
-            gains: (self.equipment.heaters && self.heating.has_nozzles()).then(|| self.heating.gains(Heater::Nozzle1)),
+            gains: (self.fitted.equipment.heaters && self.heating.has_nozzles())
+                .then(|| self.heating.gains(Heater::Nozzle1)),
             model: self.heating.model(Heater::Nozzle1),
             driver: self.live_driver(SECOND_EXTRUDER),
         })
     }
 
     fn profile_values(&self) -> Values<PartsOf<P>> {
-        let mut values = Values::of_profile(self.profile, &self.live_drivers(), self.equipment.heaters);
+        let mut values = Values::of_profile(self.profile, &self.live_drivers(), self.fitted.equipment.heaters);
         if let Some(tool) = values.tool()
             && self.live_driver(SECOND_EXTRUDER).is_none()
         {
@@ -316,7 +318,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         is_whole &= self.add_mesh(&mut record);
         let bytes = record.bytes();
         let saved = memory.save(bytes);
-        self.print_clock.is_unsaved &= !is_whole || saved.is_err();
+        self.print.clock.is_unsaved &= !is_whole || saved.is_err();
         match saved {
             Ok(()) if is_whole => self.replies.say(format_args!(
                 "echo:Settings Stored ({} bytes: {count} values that differ from the profile's)",
@@ -332,7 +334,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// Adds the statistics' numbers that are not 0. `false`: the record is full.
     #[inline(never)]
     fn add_statistics(&mut self, record: &mut RecordWriter) -> bool {
-        for (index, number) in (0..).zip(self.print_clock.statistics.numbers_mut()) {
+        for (index, number) in (0..).zip(self.print.clock.statistics.numbers_mut()) {
             if *number > 0 && !record.add(Entry { id: STATISTICS, index, value: f64::from(*number) }) {
                 return false;
             }
@@ -367,7 +369,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         self.see_heat();
         if self.add_statistics(&mut record) {
-            self.print_clock.is_unsaved = false;
+            self.print.clock.is_unsaved = false;
             if let Err(error) = memory.save(record.bytes()) {
                 self.replies.say(format_args!("echo:M78: the statistics are not stored: {error}"));
             }
@@ -379,7 +381,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) -> Option<MotionChoice> {
         let stored = self.read_settings(memory, "M501", is_start)?;
         if is_start {
-            self.print_clock.statistics = stored.statistics;
+            self.print.clock.statistics = stored.statistics;
         }
         if stored.known > 0 || stored.foreign > 0 || stored.mesh.is_some() || !is_start {
             self.replies.say(format_args!("echo:stored settings retrieved ({stored})"));

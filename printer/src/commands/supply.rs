@@ -82,7 +82,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// The drivers have lost their settings with their supply.
     fn set_drivers_up_again(&mut self) -> Result<(), CommandError> {
-        let Some(drivers) = self.drivers else { return Ok(()) };
+        let Some(drivers) = self.fitted.drivers else { return Ok(()) };
         for motor in 0..MOST_MOTORS {
             let Some(report) = drivers.report(motor) else { continue };
             drivers.set(motor, report.settings).map_err(|error| CommandError::DriverSettings { motor, error })?;

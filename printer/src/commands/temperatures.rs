@@ -28,13 +28,13 @@ impl<'a, P: Ports> Printer<'a, P> {
             let below = settings.max_target_celsius >= settings.max_celsius;
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius, below });
         }
-        self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
+        self.needs(self.fitted.equipment.heaters || celsius <= 0.0, "heaters")?;
         if celsius > 0.0 {
             self.supplied()?;
         }
         self.see_heat();
         self.heating.set_target(heater, target);
-        self.targets_celsius[heater.index()] = target;
+        self.modes.targets_celsius[heater.index()] = target;
         self.target_is_set();
         Ok(())
     }
@@ -63,7 +63,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// Whether any heater was switched off as unused: commands have set a target, and it is gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
-        let mut targets = Heater::ALL.into_iter().zip(self.targets_celsius);
+        let mut targets = Heater::ALL.into_iter().zip(self.modes.targets_celsius);
         targets.any(|(heater, celsius)| celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0)
     }
 
@@ -71,7 +71,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     pub(crate) fn forget_rested_heaters(&mut self) {
         for heater in Heater::ALL {
             if self.heating.status(heater).target_celsius <= 0.0 {
-                self.targets_celsius[heater.index()] = 0.0;
+                self.modes.targets_celsius[heater.index()] = 0.0;
             }
         }
     }
@@ -127,7 +127,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         let settings = self.heater_settings(heater)?;
         self.signals.set_waiting_for_heat(true);
         let mut waits = self.waits();
-        let (heating, replies, line) = (&self.heating, self.replies, self.line);
+        let (heating, replies, line) = (&self.heating, self.replies, self.lines.number);
         let outcome = waits
             .for_heat(heater, settings, until, heating, |report| match report {
                 WaitReport::Remaining(left_s) => replies.send(Reply::Waiting(temperatures(heating), left_s)),

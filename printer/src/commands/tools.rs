@@ -62,7 +62,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The selected tool.
     pub(crate) fn selected_tool(&self) -> u8 {
-        ToolsPart::<P>::get(&self.tools).map_or(0, |tools| tools.selected)
+        ToolsPart::<P>::get(&self.modes.tools).map_or(0, |tools| tools.selected)
     }
 
     /// The heater of the selected tool's nozzle.
@@ -111,7 +111,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             return Ok(None);
         }
         let tool = self.tool(tool)?;
-        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.tools) else { return Ok(None) };
+        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.modes.tools) else { return Ok(None) };
         Ok(if tool == tools.selected { None } else { tools.tools.get_mut(usize::from(tool)) })
     }
 
@@ -131,7 +131,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// From T0's nozzle to the selected one.
     pub(crate) fn tool_offset_10nm(&self) -> [i64; 3] {
-        let tools = ToolsPart::<P>::get(&self.tools);
+        let tools = ToolsPart::<P>::get(&self.modes.tools);
         tools.map_or([0; 3], |tools| tools.offset_10nm(tools.selected))
     }
 
@@ -204,7 +204,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.select_tool(tool);
         let (old_fan, new_fan) = (self.fan_of_tool(old), self.fan_of_tool(tool));
         if old_fan != new_fan {
-            let power = self.power_loss.move_fan(old_fan, new_fan);
+            let power = self.print.power_loss.move_fan(old_fan, new_fan);
             self.motion.set_fan_power(old_fan, 0).await?;
             self.motion.set_fan_power(new_fan, power).await?;
         }
@@ -220,8 +220,9 @@ impl<'a, P: Ports> Printer<'a, P> {
                 self.say_clamped(clamped, None);
             }
         }
-        let is_drawn_back =
-            ToolsPart::<P>::get(&self.tools).and_then(|tools| tools.get(tool)).is_some_and(|tool| tool.drawn_back);
+        let is_drawn_back = ToolsPart::<P>::get(&self.modes.tools)
+            .and_then(|tools| tools.get(tool))
+            .is_some_and(|tool| tool.drawn_back);
         if swaps && self.can_swap(self.nozzle()) && !self.interpreter.modal.retracted {
             let back_10nm = if is_drawn_back { settings.retract_10nm } else { 0 };
             self.move_filament(filament_100pm(back_10nm + settings.prime_10nm, 100), settings.prime_10nm_per_s).await?;
@@ -247,7 +248,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if self.is_paused() {
             return Err(CommandError::Tool(IN_A_PAUSE));
         }
-        if self.interpreter.modal.in_prepared_job || self.card.prints_prepared() {
+        if self.interpreter.modal.in_prepared_job || self.print.card.prints_prepared() {
             return Err(CommandError::Tool(IN_A_JOB));
         }
         Ok(())
@@ -260,7 +261,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     fn note_drawn_back(&mut self, is_drawn_back: bool) {
-        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.tools) else { return };
+        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.modes.tools) else { return };
         if let Some(tool) = tools.tools.get_mut(usize::from(tools.selected)) {
             tool.drawn_back = is_drawn_back;
         }
@@ -273,7 +274,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if stays || modal.homed != [true; 3] {
             return Ok(None);
         }
-        let Some(tools) = ToolsPart::<P>::get(&self.tools) else { return Ok(None) };
+        let Some(tools) = ToolsPart::<P>::get(&self.modes.tools) else { return Ok(None) };
         let (old_10nm, new_10nm) = (tools.offset_10nm(tools.selected), tools.offset_10nm(tool));
         let from_10nm = modal.machine_10nm;
         let asked_10nm: [i64; 3] = core::array::from_fn(|axis| from_10nm[axis] + old_10nm[axis] - new_10nm[axis]);
@@ -296,7 +297,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     #[inline(never)]
     fn select_tool(&mut self, tool: u8) {
         let live = self.live_of_tool();
-        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.tools) else { return };
+        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.modes.tools) else { return };
         let before_10nm = tools.offset_10nm(tools.selected);
         if let Some(old) = tools.tools.get_mut(usize::from(tools.selected)) {
             *old = OfTool { offset_10nm: old.offset_10nm, drawn_back: old.drawn_back, ..live };
@@ -312,7 +313,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// What belongs to a tool now, of a machine with several.
     pub(crate) fn values_of_tool(&self, tool: u8) -> Option<OfTool> {
         self.further_tools()?;
-        let tools = ToolsPart::<P>::get(&self.tools)?;
+        let tools = ToolsPart::<P>::get(&self.modes.tools)?;
         let kept = *tools.get(tool)?;
         if tool == tools.selected {
             Some(OfTool { offset_10nm: kept.offset_10nm, drawn_back: kept.drawn_back, ..self.live_of_tool() })
@@ -330,7 +331,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         second: (StepsPerMm, PressureAdvance),
         offset_10nm: [i64; 3],
     ) -> (StepsPerMm, PressureAdvance) {
-        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.tools) else { return first };
+        let Some(tools) = ToolsPart::<P>::get_mut(&mut self.modes.tools) else { return first };
         let selected = tools.selected;
         let before_10nm = tools.offset_10nm(1);
         for (tool, (steps_per_mm, advance)) in tools.tools.iter_mut().zip([first, second]) {
@@ -350,7 +351,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     pub(crate) fn take_tools(&mut self, kept: &<ToolsPart<P> as Part>::Of<ToolBox>) -> bool {
         let Some(kept) = ToolsPart::<P>::get(kept).copied() else { return false };
         let before_10nm = self.tool_offset_10nm();
-        if let Some(tools) = ToolsPart::<P>::get_mut(&mut self.tools) {
+        if let Some(tools) = ToolsPart::<P>::get_mut(&mut self.modes.tools) {
             *tools = kept;
         }
         self.shift_to(before_10nm, kept.offset_10nm(kept.selected));
@@ -430,7 +431,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if self.is_paused() {
             return Err(CommandError::Tool(OFFSET_IN_A_PAUSE));
         }
-        let Some(tools) = ToolsPart::<P>::get(&self.tools) else { return Ok(()) };
+        let Some(tools) = ToolsPart::<P>::get(&self.modes.tools) else { return Ok(()) };
         let (selected, before_10nm) = (tools.selected, tools.offset_10nm(tool));
         let mut offset_10nm = before_10nm;
         for (axis, word) in [words.x, words.y, words.z].into_iter().enumerate() {
@@ -447,7 +448,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// A tool has another offset, which comes into force elsewhere if it is the selected one.
     fn set_tool_offset(&mut self, tool: u8, offset_10nm: [i64; 3]) {
-        if let Some(tools) = ToolsPart::<P>::get_mut(&mut self.tools)
+        if let Some(tools) = ToolsPart::<P>::get_mut(&mut self.modes.tools)
             && let Some(tool) = tools.tools.get_mut(usize::from(tool))
         {
             tool.offset_10nm = offset_10nm;
@@ -455,7 +456,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     fn report_offsets(&self) {
-        let Some(tools) = ToolsPart::<P>::get(&self.tools) else { return };
+        let Some(tools) = ToolsPart::<P>::get(&self.modes.tools) else { return };
         for (tool, of_tool) in tools.tools.iter().enumerate().skip(1) {
             let [x, y, z] = of_tool.offset_10nm.map(|length| Real::short(length as f64 / 1e5, 3));
             self.replies.say(format_args!("echo:  M218 T{tool} X{x} Y{y} Z{z} ; (mm)"));
@@ -470,7 +471,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     /// Makes a move that is part of a change, to its end.
     async fn go_tool_at(&mut self, target_10nm: [i64; 3], feed_10nm_per_s: i64) -> Result<(), CommandError> {
         let feed_mm_per_s = feed_10nm_per_s as f32 / 1e5;
-        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
+        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.lines.number, ends_move: false };
         self.motion.add(request).await?;
         Ok(self.motion.finish().await?)
     }

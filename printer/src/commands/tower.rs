@@ -25,10 +25,10 @@ impl<P: Ports> Printer<'_, P> {
             if !tower.sets_a_value() {
                 return Err(CommandError::Tower(TowerRefusal::NoNumber(ShortText::new(words.parameter))));
             }
-            self.tower = Some(tower);
+            self.print.tower = Some(tower);
             return Ok(());
         }
-        match &self.tower {
+        match &self.print.tower {
             None => self.replies.send(ferrostep_gcode::Reply::Text("echo:TUNING_TOWER: none")),
             Some(tower) => {
                 self.replies.say(format_args!("echo:{tower}"));
@@ -44,7 +44,7 @@ impl<P: Ports> Printer<'_, P> {
     /// The line that a tower has to execute before this command, the first that prints at a new height.
     #[inline]
     pub(crate) fn due_of_tower(&mut self, command: &Command<'_>) -> Option<TowerLine> {
-        if self.tower.is_some() { self.line_of_tower(command) } else { None }
+        if self.print.tower.is_some() { self.line_of_tower(command) } else { None }
     }
 
     #[cold]
@@ -66,7 +66,7 @@ impl<P: Ports> Printer<'_, P> {
             return None;
         }
         let seen_10nm = height_10nm + modal.offset_10nm[2];
-        let tower = self.tower.as_mut()?;
+        let tower = self.print.tower.as_mut()?;
         let before_10nm = tower.height_10nm.replace(height_10nm);
         if before_10nm == Some(height_10nm) {
             return None;
@@ -90,7 +90,7 @@ impl<P: Ports> Printer<'_, P> {
             return None;
         }
         if !remarks.is_empty() {
-            self.remark(self.line, line, &remarks);
+            self.remark(self.lines.number, line, &remarks);
         }
         read.map_err(|error| self.fail_tower(line, &Failure::Parse(error))).ok()
     }
@@ -99,15 +99,16 @@ impl<P: Ports> Printer<'_, P> {
     #[cold]
     #[inline(never)]
     pub(crate) fn fail_tower(&mut self, line: &str, failure: &impl fmt::Display) {
-        self.tower = None;
-        self.replies.say(format_args!("echo:line {}: TUNING_TOWER has ended, \"{line}\": {failure}", self.line));
+        self.print.tower = None;
+        self.replies
+            .say(format_args!("echo:line {}: TUNING_TOWER has ended, \"{line}\": {failure}", self.lines.number));
     }
 
     /// What a tower has begun ends, and its value stays. One that waits for its print goes on waiting: a print begins by homing.
     #[cold]
     #[inline(never)]
     pub(crate) fn end_begun_tower(&mut self) {
-        if self.tower.as_ref().is_some_and(|tower| tower.value.is_some()) {
+        if self.print.tower.as_ref().is_some_and(|tower| tower.value.is_some()) {
             self.end_tower("the print has ended");
         }
     }
@@ -116,7 +117,7 @@ impl<P: Ports> Printer<'_, P> {
     #[cold]
     #[inline(never)]
     pub(crate) fn end_tower(&mut self, why: &str) {
-        if self.tower.take().is_some() {
+        if self.print.tower.take().is_some() {
             self.replies.say(format_args!("echo:TUNING_TOWER has ended: {why}"));
         }
     }

@@ -18,8 +18,9 @@ use ferrostep_planner::PLANNER_VERSION;
 
 use crate::commands::host::Host;
 use crate::error::{CommandError, Failure};
+use crate::job::print::JobRequest;
 use crate::ports::{Motion, Ports, Replies};
-use crate::printer::{JobRequest, Printer};
+use crate::printer::Printer;
 use crate::signals::Signals;
 
 /// Longest silence before the first frame, s: a host that asks for a transfer has its job ready.
@@ -239,21 +240,21 @@ async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()
 impl<P: Ports> Printer<'_, P> {
     /// The caller will call [`Self::receive_job`] when M790 asks for it.
     pub fn set_receives_jobs(&mut self) {
-        self.receives_jobs = true;
+        self.identity.receives_jobs = true;
     }
 
     /// Takes the request for a transfer, if the last command was one.
     pub fn take_job_request(&mut self) -> Option<JobRequest> {
-        self.job_request.take()
+        self.print.job_request.take()
     }
 
     /// M790.
     pub(crate) fn request_job(&mut self, size: u32, silence_s: u16) -> Result<(), CommandError> {
-        if !self.receives_jobs {
+        if !self.identity.receives_jobs {
             return Err(CommandError::NoJobs);
         }
         self.needs_profiles_steps()?;
-        self.job_request = Some(JobRequest { size, silence_s });
+        self.print.job_request = Some(JobRequest { size, silence_s });
         Ok(())
     }
 
@@ -286,7 +287,9 @@ impl<P: Ports> Printer<'_, P> {
                     self.stop_motion();
                 }
                 let Progress { frame, offset, .. } = progress;
-                finished.map_err(|error| Stop::of(Failure::Command(error), self.line, frame.saturating_sub(1), offset))
+                finished.map_err(|error| {
+                    Stop::of(Failure::Command(error), self.lines.number, frame.saturating_sub(1), offset)
+                })
             }
             Err(stop) => {
                 // After a halt no motion is left to end.
@@ -299,7 +302,7 @@ impl<P: Ports> Printer<'_, P> {
             let _ = self.between(line, &mut incoming).await;
             incoming.skip_frames();
         }
-        self.job_request = None;
+        self.print.job_request = None;
         let Progress { begun, frame, offset } = progress;
         // Bytes after a silence are no longer the rest of a frame.
         let in_frame = incoming.receiver.is_in_frame() && !matches!(ended, Err(Stop::Silent { .. }));
@@ -434,7 +437,7 @@ impl<P: Ports> Printer<'_, P> {
                     if incoming.of_job {
                         incoming.heard_ms = self.clock.now_ms();
                     }
-                    incoming.asked_again(self.job_request.take(), self.replies());
+                    incoming.asked_again(self.print.job_request.take(), self.replies());
                 } else if heard.is_ok() {
                     // Probably a person's, who must not wait for an answer until the job has ended.
                     let replies = self.replies();

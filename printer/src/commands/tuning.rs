@@ -73,7 +73,7 @@ pub(crate) const fn table_of(heater: Heater) -> &'static str {
 impl<P: Ports> Printer<'_, P> {
     /// M301, M304, M309.
     pub(crate) fn heater_gains(&mut self, heater: Heater, words: &GainWords) -> Result<(), CommandError> {
-        self.needs(self.equipment.heaters, "heaters")?;
+        self.needs(self.fitted.equipment.heaters, "heaters")?;
         if self.has_model(heater) {
             return Err(CommandError::HeaterControl(
                 "M301 and M304 are for a PID loop, and a model controls this heater: M306 sets its constants, M306 T finds them",
@@ -184,7 +184,7 @@ impl<P: Ports> Printer<'_, P> {
         let progress = self.heating.relay(heater);
         let step = if self.has_model(heater) { self.heating.step(heater) } else { None };
         self.heating.set_target(heater, 0.0);
-        self.targets_celsius[heater.index()] = 0.0;
+        self.modes.targets_celsius[heater.index()] = 0.0;
         outcome?;
         if self.has_model(heater) {
             self.end_step(heater, step, uses);
@@ -199,7 +199,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Refuses an autotune without heaters, and in a print.
     fn may_autotune(&self) -> Result<(), CommandError> {
-        self.needs(self.equipment.heaters, "heaters")?;
+        self.needs(self.fitted.equipment.heaters, "heaters")?;
         if self.is_paused() || self.is_a_nozzle_on() {
             return Err(CommandError::TunesNoPrint);
         }
@@ -210,7 +210,7 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     fn autotune_target(&self, heater: Heater, target: Option<Decimal>) -> Result<(f32, bool), CommandError> {
         let (mut usual, mut margin, has_fan) = match heater {
-            Heater::Nozzle | Heater::Nozzle1 => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.equipment.fan),
+            Heater::Nozzle | Heater::Nozzle1 => (NOZZLE_CELSIUS, NOZZLE_MARGIN_CELSIUS, self.fitted.equipment.fan),
             Heater::Bed => (BED_CELSIUS, BED_MARGIN_CELSIUS, false),
             Heater::Chamber => (CHAMBER_CELSIUS, BED_MARGIN_CELSIUS, false),
         };

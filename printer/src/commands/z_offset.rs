@@ -70,7 +70,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn shift_z(&mut self, words: &AxisWords, keeps_offset: bool) -> Result<(), CommandError> {
         if words.x.is_some() || words.y.is_some() || words.e.is_some() {
             // Start code of Bambu's X1 has one with a Z that would be no shift either.
-            self.replies.note(self.line, format_args!("M290 shifts Z alone: with X, Y or E it has no effect"));
+            self.replies.note(self.lines.number, format_args!("M290 shifts Z alone: with X, Y or E it has no effect"));
             return Ok(());
         }
         if let Some(value) = words.z {
@@ -144,7 +144,7 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.z.shift_10nm = before_10nm + by_10nm;
         let target_10nm = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2] as f32;
-        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
+        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.lines.number, ends_move: false };
         if let Err(error) = self.motion.add(request).await {
             self.interpreter.modal.z.shift_10nm = before_10nm;
             return Err(error.into());

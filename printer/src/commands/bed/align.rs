@@ -225,7 +225,7 @@ impl<P: Ports> Printer<'_, P> {
             self.motion.step_z_motors(motors);
             let [.., z_10nm] = self.motion.position_10nm();
             let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
-            let mut homing = Homing { motion, interpreter, drivers: self.drivers, line: self.line };
+            let mut homing = Homing { motion, interpreter, drivers: self.fitted.drivers, line: self.lines.number };
             outcome = homing.rise_over_bed(z_10nm + i64::from(next_10nm - done_10nm)).await;
             if outcome.is_err() {
                 break;

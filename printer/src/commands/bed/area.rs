@@ -35,7 +35,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(super) fn grid(&self, area: Option<BedArea>, settings: &MeshSettings) -> Result<MeshGrid, CommandError> {
         let mut ends_10nm = settings.area_10nm;
         let mut points = settings.points;
-        if let Some(area) = area.or(self.bed_area) {
+        if let Some(area) = area.or(self.modes.bed_area) {
             let asked_10nm = self.ends_10nm(&area, settings)?;
             for ((points, asked), whole) in points.iter_mut().zip(asked_10nm).zip(&mut ends_10nm) {
                 let ([whole_from, whole_to], [from, to]) = (*whole, asked);

@@ -6,9 +6,10 @@ use ferrostep_hal_shim::card::CardError;
 
 use crate::error::CommandError;
 use crate::job::card::{Job, Selected, Writing, is_a};
+use crate::job::lines::Source;
 use crate::job::paused::PauseReason;
 use crate::ports::{Heating, Ports, Replies};
-use crate::printer::{Printer, Source};
+use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {
     /// Looks for a card at the start, as M21 does.
@@ -63,7 +64,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Refuses a command that would take away the file that is being printed or written.
     fn unless_in_use(&self) -> Result<(), CommandError> {
-        if self.card.job == Job::Printing || self.card.writing != Writing::Not {
+        if self.print.card.job == Job::Printing || self.print.card.writing != Writing::Not {
             return Err(CommandError::CardInUse);
         }
         Ok(())
@@ -90,7 +91,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             if let Err(failure) = page {
                 self.replies.say(format_args!("echo:card: {failure}"));
-            } else if let Some(port) = self.card.port {
+            } else if let Some(port) = self.print.card.port {
                 let replies = self.replies;
                 port.with(&mut |mailbox| mailbox.page().lines().for_each(|line| replies.send(Reply::Text(line))));
             }
@@ -104,8 +105,8 @@ impl<P: Ports> Printer<'_, P> {
     async fn release_card(&mut self) -> Result<(), CommandError> {
         self.unless_in_use()?;
         // The file of a paused print stays selected.
-        if self.card.job == Job::None {
-            self.card.selected = None;
+        if self.print.card.job == Job::None {
+            self.print.card.selected = None;
         }
         let _ = self.ask_card(Request::Release).await;
         self.replies.send(Reply::Text("echo:SD card released"));
@@ -115,7 +116,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Selects a file. Returns whether that succeeded.
     async fn select_file(&mut self, path: &str) -> Result<bool, CommandError> {
         self.unless_in_use()?;
-        if self.card.job == Job::Paused {
+        if self.print.card.job == Job::Paused {
             return Err(CommandError::CardInUse);
         }
         let mut opened = self.open_file(path).await;
@@ -136,7 +137,7 @@ impl<P: Ports> Printer<'_, P> {
             replies.say(format_args!("File opened: {} Size: {}", file_name(&file.short), file.size));
         });
         self.replies.send(Reply::Text("File selected"));
-        (self.card.position, self.card.seek, self.card.selected) = (0, None, Some(selected));
+        (self.print.card.position, self.print.card.seek, self.print.card.selected) = (0, None, Some(selected));
         Ok(true)
     }
 
@@ -151,7 +152,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Calls `look` with the open file.
     pub(crate) fn with_opened<T>(&self, look: impl Fn(&OpenedFile) -> T) -> Option<T> {
         let mut seen = None;
-        self.card.port?.with(&mut |mailbox| seen = mailbox.opened().map(&look));
+        self.print.card.port?.with(&mut |mailbox| seen = mailbox.opened().map(&look));
         seen
     }
 
@@ -163,14 +164,14 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M24: resumes a paused print, the host's or the card's, or begins one.
     pub(crate) async fn start_print(&mut self, position: Option<u32>) -> Result<(), CommandError> {
-        if self.is_paused() && self.card.job == Job::None {
+        if self.is_paused() && self.print.card.job == Job::None {
             return self.resume().await;
         }
-        if self.card.selected.is_none() {
+        if self.print.card.selected.is_none() {
             self.replies.say(format_args!("echo:card: {}", CardFailure::NoFile));
             return Ok(());
         }
-        if self.card.job == Job::Printing {
+        if self.print.card.job == Job::Printing {
             return Ok(());
         }
         // The card may have been pulled out and put back.
@@ -179,16 +180,16 @@ impl<P: Ports> Printer<'_, P> {
             return Ok(());
         }
         if let Some(position) = position {
-            self.card.seek = Some((position, 0));
+            self.print.card.seek = Some((position, 0));
         }
-        self.begin_keeping(self.card.job == Job::None).await;
+        self.begin_keeping(self.print.card.job == Job::None).await;
         if self.is_paused() {
             self.resume().await?;
-        } else if self.card.job == Job::Paused {
+        } else if self.print.card.job == Job::Paused {
             self.replies.send(Reply::Text("//action:resumed"));
         } else {
             self.forget_rested_heaters();
-            self.card.aborted = false;
+            self.print.card.aborted = false;
         }
         self.set_card_job(Job::Printing);
         Ok(())
@@ -203,7 +204,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// A line has paused the print: reading the card stops here.
     pub(super) fn note_paused(&mut self) {
-        if self.is_paused() && self.card.job == Job::Printing {
+        if self.is_paused() && self.print.card.job == Job::Printing {
             self.set_card_job(Job::Paused);
         }
     }
@@ -211,11 +212,11 @@ impl<P: Ports> Printer<'_, P> {
     /// Pauses a print of the card that cannot go on here, as M25 does, with the nozzle aside. If even that fails, the nozzle stays
     /// where it is.
     pub(super) async fn pause_print(&mut self) {
-        self.source = Source::Card;
+        self.lines.source = Source::Card;
         // The failure has been reported; a stop ends the print.
         let _ = self.command_with_signs_of_life(&Command::Card(CardCommand::Pause)).await;
         self.signals.set_at_work(self.is_paused());
-        if self.card.job == Job::Printing {
+        if self.print.card.job == Job::Printing {
             self.set_card_job(Job::Paused);
             self.replies.send(Reply::Text("//action:paused"));
         }
@@ -223,11 +224,11 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M26.
     fn set_print_position(&mut self, position: u32) -> Result<(), CommandError> {
-        if self.card.job == Job::Printing {
+        if self.print.card.job == Job::Printing {
             return Err(CommandError::CardInUse);
         }
-        if self.card.selected.is_some() {
-            (self.card.seek, self.card.position) = (Some((position, 0)), position);
+        if self.print.card.selected.is_some() {
+            (self.print.card.seek, self.print.card.position) = (Some((position, 0)), position);
             self.note_card_progress();
         }
         Ok(())
@@ -235,8 +236,8 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M524.
     fn abort_print(&mut self) {
-        if self.card.job != Job::None {
-            self.card.aborted = true;
+        if self.print.card.job != Job::None {
+            self.print.card.aborted = true;
         }
     }
 
@@ -250,9 +251,9 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     fn report_progress(&self) {
-        match &self.card.selected {
+        match &self.print.card.selected {
             Some(selected) => {
-                self.replies.say(format_args!("SD printing byte {}/{}", self.card.position, selected.size));
+                self.replies.say(format_args!("SD printing byte {}/{}", self.print.card.position, selected.size));
             }
             None => self.replies.send(Reply::Text("Not SD printing")),
         }
@@ -270,11 +271,11 @@ impl<P: Ports> Printer<'_, P> {
 
     async fn delete_file(&mut self, path: &str) -> Result<(), CommandError> {
         self.unless_in_use()?;
-        if self.card.job == Job::Paused {
+        if self.print.card.job == Job::Paused {
             return Err(CommandError::CardInUse);
         }
         // It may be the selected file.
-        self.card.selected = None;
+        self.print.card.selected = None;
         let _ = self.ask_card(Request::Close).await;
         let deleted = match LongPath::try_from(path) {
             Ok(path) => self.ask_card(Request::Delete(path)).await,
@@ -296,7 +297,7 @@ impl<P: Ports> Printer<'_, P> {
         match found {
             Ok(_) => {
                 let replies = self.replies;
-                if let Some(port) = self.card.port {
+                if let Some(port) = self.print.card.port {
                     port.with(&mut |mailbox| replies.send(Reply::Text(mailbox.page())));
                 }
             }

@@ -3,8 +3,9 @@
 use ferrostep_gcode::{CardCommand, Command, Remark, Remarks};
 
 use crate::error::CommandError;
+use crate::job::lines::Source;
 use crate::ports::Ports;
-use crate::printer::{Answer, Printer, Source};
+use crate::printer::{Answer, Printer};
 
 /// The treatment of a command in the file of a print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +53,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         match command {
             CardCommand::Start { .. } => remarks.add(Remark::NotPaused),
-            CardCommand::Abort if self.source == Source::File => remarks.add(Remark::EndsCardPrint),
+            CardCommand::Abort if self.lines.source == Source::File => remarks.add(Remark::EndsCardPrint),
             command if in_file(command) == InFile::HasNoEffect => remarks.add(Remark::NoFiles),
             _ => {}
         }
@@ -74,6 +75,6 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     fn source_is_host(&self) -> bool {
-        matches!(self.source, Source::Host { .. })
+        matches!(self.lines.source, Source::Host { .. })
     }
 }

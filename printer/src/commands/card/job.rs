@@ -25,12 +25,12 @@ impl From<ReadError> for JobEnd {
 impl<P: Ports> Printer<'_, P> {
     /// Prints the job from its beginning.
     pub(super) async fn print_job(&mut self, hosts: &mut impl HostLines, room: &mut [u8], stops: u32) -> End {
-        if self.card.position != 0 {
+        if self.print.card.position != 0 {
             self.replies.say(format_args!("echo:card: a prepared job is printed from its beginning only"));
             return End::Stopped;
         }
         if let Err(error) = self.needs_profiles_steps() {
-            self.replies.refuse(self.line, &Failure::Command(error));
+            self.replies.refuse(self.lines.number, &Failure::Command(error));
             return End::Stopped;
         }
         self.interpreter.modal.in_prepared_job = true;
@@ -84,7 +84,7 @@ impl<P: Ports> Printer<'_, P> {
                     length
                 }
             };
-            self.card.position = self.card.position.saturating_add(used as u32);
+            self.print.card.position = self.print.card.position.saturating_add(used as u32);
             self.note_card_progress();
             room.copy_within(used..filled, 0);
             filled -= used;

@@ -8,10 +8,11 @@ use ferrostep_gcode::{Command, Line, LineError, Reply};
 use crate::commands::host::Host;
 use crate::error::Failure;
 use crate::job::card::Job;
+use crate::job::lines::Source;
 use crate::job::paused::PauseAnswer;
 use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
-use crate::printer::{Printer, Source};
+use crate::printer::Printer;
 
 /// Something that hosts have sent while the card prints.
 pub enum HostText<'a> {
@@ -57,27 +58,27 @@ pub(super) enum Bytes {
 impl<P: Ports> Printer<'_, P> {
     /// Whether [`Self::print_from_card`] is to be called.
     pub fn prints_from_card(&self) -> bool {
-        self.card.job != Job::None
+        self.print.card.job != Job::None
     }
 
     /// Prints the selected file to its end; hosts are answered meanwhile. `room` holds the frames of a prepared job, as for
     /// [`Self::receive_job`].
     pub async fn print_from_card(&mut self, hosts: &mut impl HostLines, room: &mut [u8]) {
         let stops = self.motion.stops();
-        self.card.own_stops = 0;
+        self.print.card.own_stops = 0;
         let end = loop {
             if self.is_returning() && !self.return_to_print().await {
                 break End::Stopped;
             }
-            if let Some((position, _)) = self.card.seek {
+            if let Some((position, _)) = self.print.card.seek {
                 if let Err(failure) = self.ask_card(Request::Seek(position)).await {
                     self.replies.say(format_args!("echo:card: byte {position} is not in the file: {failure}"));
                     break End::Stopped;
                 }
-                self.card.position = position;
+                self.print.card.position = position;
             }
-            let lines_before = self.card.seek.take().map_or(0, |(_, lines)| lines);
-            let is_prepared = self.card.selected.is_some_and(|selected| selected.is_prepared);
+            let lines_before = self.print.card.seek.take().map_or(0, |(_, lines)| lines);
+            let is_prepared = self.print.card.selected.is_some_and(|selected| selected.is_prepared);
             let end = if is_prepared {
                 self.print_job(hosts, room, stops).await
             } else {
@@ -96,7 +97,7 @@ impl<P: Ports> Printer<'_, P> {
             End::Complete if is_complete => self.replies.send(Reply::Text("Done printing file")),
             End::Aborted => self.end_aborted_print().await,
             End::Complete | End::Stopped | End::Elsewhere => {
-                self.replies.say(format_args!("echo:card: the print has ended at byte {}", self.card.position));
+                self.replies.say(format_args!("echo:card: the print has ended at byte {}", self.print.card.position));
                 self.replies.send(Reply::Text("//action:cancel"));
             }
         }
@@ -105,7 +106,7 @@ impl<P: Ports> Printer<'_, P> {
         self.cancel();
         let _ = self.ask_card(Request::Close).await;
         self.set_card_job(Job::None);
-        self.card.selected = None;
+        self.print.card.selected = None;
         self.note_card_progress();
         self.keep_statistics();
     }
@@ -131,14 +132,14 @@ impl<P: Ports> Printer<'_, P> {
                 return Err(End::Stopped);
             }
             self.follow_answer().await;
-            if self.card.aborted {
+            if self.print.card.aborted {
                 return Err(End::Aborted);
             }
-            if self.signals.is_halted() || self.motion.stops() != stops.wrapping_add(self.card.own_stops) {
+            if self.signals.is_halted() || self.motion.stops() != stops.wrapping_add(self.print.card.own_stops) {
                 return Err(End::Stopped);
             }
-            if self.card.job == Job::Printing {
-                return if self.card.seek.is_some() { Err(End::Elsewhere) } else { Ok(()) };
+            if self.print.card.job == Job::Printing {
+                return if self.print.card.seek.is_some() { Err(End::Elsewhere) } else { Ok(()) };
             }
             if !has_rested {
                 // To a standstill, so that a host may move the head.
@@ -158,7 +159,7 @@ impl<P: Ports> Printer<'_, P> {
             Some(PauseAnswer::PushMore) => self.push_more().await,
         };
         if let Err(error) = done {
-            self.replies.refuse(self.line, &Failure::Command(error));
+            self.replies.refuse(self.lines.number, &Failure::Command(error));
         }
     }
 
@@ -174,7 +175,7 @@ impl<P: Ports> Printer<'_, P> {
     ) -> Result<Bytes, End> {
         loop {
             let mut taken = Taken::Failed(CardFailure::NotMounted);
-            if let Some(port) = self.card.port {
+            if let Some(port) = self.print.card.port {
                 port.with(&mut |mailbox| taken = mailbox.take(out));
             }
             match taken {
@@ -195,11 +196,11 @@ impl<P: Ports> Printer<'_, P> {
     /// Whether a host's command would move the head or change how the lines of the file are read, while the card prints.
     /// Whether a print from the card is under way, and the present line comes from elsewhere.
     pub(crate) fn is_of_other_print(&self) -> bool {
-        self.card.job == Job::Printing && self.source != Source::Card
+        self.print.card.job == Job::Printing && self.lines.source != Source::Card
     }
 
     pub(crate) fn disturbs_print(&self, command: &Command<'_>) -> bool {
-        self.card.job == Job::Printing
+        self.print.card.job == Job::Printing
             && match command {
                 Command::Bed(bed) => self.has_bed() && !bed.is_query(),
                 // M306 T is an autotune.

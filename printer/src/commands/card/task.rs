@@ -16,12 +16,12 @@ pub(super) const LOOK_MS: u32 = 1;
 impl<'a, P: Ports> Printer<'a, P> {
     /// The board has a slot for a memory card, served by this task.
     pub fn set_card(&mut self, port: &'a dyn CardPort) {
-        self.card.port = Some(port);
+        self.print.card.port = Some(port);
     }
 
     /// Hands a request to the card's task at once. The future returned waits for the answer and does not hold the request.
     pub(crate) fn ask_card(&mut self, request: Request) -> impl Future<Output = Result<Answer, CardFailure>> {
-        let port = self.card.post(request);
+        let port = self.print.card.post(request);
         async move {
             let Some(port) = port else { return Err(CardFailure::Slot(CardError::Missing)) };
             loop {
@@ -42,16 +42,16 @@ impl<'a, P: Ports> Printer<'a, P> {
             // Its end has stopped the clock.
             Job::None => {}
         }
-        self.card.job = job;
+        self.print.card.job = job;
         if job == Job::Paused {
-            self.power_loss.note_pause();
+            self.print.power_loss.note_pause();
         }
         self.note_card_progress();
     }
 
     /// Notes the print's progress for the reports of M27 S.
     pub(super) fn note_card_progress(&self) {
-        let size = self.card.selected.filter(|_| self.card.job != Job::None).map(|selected| selected.size);
-        self.signals.set_card_progress(size.map(|size| (self.card.position, size)));
+        let size = self.print.card.selected.filter(|_| self.print.card.job != Job::None).map(|selected| selected.size);
+        self.signals.set_card_progress(size.map(|size| (self.print.card.position, size)));
     }
 }

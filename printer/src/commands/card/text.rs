@@ -5,8 +5,9 @@ use ferrostep_gcode::{Checksum, Command, Line, LineError, LineReader, Reply};
 use super::print::{Bytes, End, HostLines};
 use crate::commands::filament::lays;
 use crate::error::{CommandError, Failure};
+use crate::job::lines::Source;
 use crate::ports::{Motion, Ports, Replies, temperatures};
-use crate::printer::{Answer, Printer, Source};
+use crate::printer::{Answer, Printer};
 
 /// Most bytes taken from the card's task at once.
 const CHUNK_BYTES: usize = 64;
@@ -18,7 +19,7 @@ impl<P: Ports> Printer<'_, P> {
         let mut chunk = [0; CHUNK_BYTES];
         let (mut at, mut end) = (0, 0);
         // Where the chunk begins in the file.
-        let mut chunk_start = self.card.position;
+        let mut chunk_start = self.print.card.position;
         loop {
             if let Err(end) = self.answer_hosts(hosts, stops).await {
                 return end;
@@ -35,12 +36,12 @@ impl<P: Ports> Printer<'_, P> {
                     Err(end) => return end,
                 };
             }
-            let line_start = self.card.position;
+            let line_start = self.print.card.position;
             let (used, line) =
                 if has_ended { (0, reader.finish()) } else { reader.feed(chunk.get(at..end).unwrap_or_default()) };
             at += used;
             if let Some(line) = line {
-                self.card.position = chunk_start.saturating_add(at as u32);
+                self.print.card.position = chunk_start.saturating_add(at as u32);
                 self.note_card_progress();
                 if let Some(end) = self.card_line(line, lines_before, line_start).await {
                     return end;
@@ -67,7 +68,7 @@ impl<P: Ports> Printer<'_, P> {
             Err(error) => error.line_number(),
         };
         let number = number.saturating_add(lines_before);
-        self.line = number;
+        self.lines.number = number;
         let (mut is_refused, mut is_mendable) = (true, false);
         match line {
             Ok(line) if matches!(line.checksum, Checksum::Wrong { .. } | Checksum::Malformed) => {
@@ -90,8 +91,8 @@ impl<P: Ports> Printer<'_, P> {
                 "echo:card: the print is paused at line {number}; M24 {goes_on}, M524 ends the print"
             ));
             if is_mendable {
-                self.card.seek = Some((line_start, number.saturating_sub(1)));
-                self.card.position = line_start;
+                self.print.card.seek = Some((line_start, number.saturating_sub(1)));
+                self.print.card.position = line_start;
             }
             self.pause_print().await;
         }
@@ -100,7 +101,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Executes a line's text without an `ok`, because no host has sent it.
     async fn execute_from_card(&mut self, number: u32, line_start: u32, text: &str) -> Result<(), Failure> {
-        self.source = Source::Card;
+        self.lines.source = Source::Card;
         // A pause must act within seconds.
         self.motion.set_bounded_in_time(true);
         self.signals.set_at_work(true);
@@ -135,7 +136,7 @@ impl<P: Ports> Printer<'_, P> {
             _ => {}
         }
         // A print that goes on begins with a whole line of the file, and so with the first line of a macro.
-        self.keep_place(number, line_start, lays(command) && !self.is_in_macro);
+        self.keep_place(number, line_start, lays(command) && !self.lines.is_in_macro);
         Ok(Answer::Ok)
     }
 }

@@ -14,15 +14,15 @@ use crate::printer::Printer;
 impl<P: Ports> Printer<'_, P> {
     /// Takes whether the last command has begun to write the lines of its host into a file.
     pub(crate) fn take_begun_writing(&mut self) -> bool {
-        core::mem::take(&mut self.card.begun_writing)
+        core::mem::take(&mut self.print.card.begun_writing)
     }
 
     /// M28, M928.
     pub(super) async fn begin_write(&mut self, path: &str, writing: Writing) -> Result<(), CommandError> {
-        if self.card.job != Job::None || self.card.writing != Writing::Not {
+        if self.print.card.job != Job::None || self.print.card.writing != Writing::Not {
             return Err(CommandError::CardInUse);
         }
-        self.card.selected = None;
+        self.print.card.selected = None;
         let created = match LongPath::try_from(path) {
             Ok(path) => self.ask_card(Request::Create(path)).await,
             Err(_) => Err(CardFailure::BadName),
@@ -33,14 +33,14 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.replies.say(format_args!("echo:Now fresh file: {path}"));
         self.replies.say(format_args!("Writing to file: {path}"));
-        (self.card.writing, self.card.begun_writing) = (writing, writing == Writing::File);
+        (self.print.card.writing, self.print.card.begun_writing) = (writing, writing == Writing::File);
         self.signals.set_writing(writing == Writing::File);
         Ok(())
     }
 
     /// M29.
     pub(super) async fn end_write(&mut self) {
-        let writing = core::mem::replace(&mut self.card.writing, Writing::Not);
+        let writing = core::mem::replace(&mut self.print.card.writing, Writing::Not);
         self.signals.set_writing(false);
         if writing == Writing::Not {
             return;
@@ -58,26 +58,26 @@ impl<P: Ports> Printer<'_, P> {
         self.signals.note_host();
         if is_end_of_file(text) {
             self.end_write().await;
-        } else if self.card.writing == Writing::File
+        } else if self.print.card.writing == Writing::File
             && let Err(failure) = self.put_line(text).await
         {
             self.tell_write_error(failure);
             // The lines that follow are a part of the file and must not be executed.
-            self.card.writing = Writing::Lost;
+            self.print.card.writing = Writing::Lost;
         }
         self.replies.send(Reply::Ok);
-        self.card.writing != Writing::Not
+        self.print.card.writing != Writing::Not
     }
 
     /// Writes a line that is also executed (M928).
     pub(crate) async fn log_line(&mut self, text: &str) {
         // M29 ends the log and is no part of it.
-        if self.card.writing == Writing::Log
+        if self.print.card.writing == Writing::Log
             && !is_end_of_file(text)
             && let Err(failure) = self.put_line(text).await
         {
             self.tell_write_error(failure);
-            self.card.writing = Writing::Not;
+            self.print.card.writing = Writing::Not;
         }
     }
 
@@ -90,7 +90,7 @@ impl<P: Ports> Printer<'_, P> {
         for mut bytes in [text.as_bytes(), b"\n"] {
             while !bytes.is_empty() {
                 let mut put = Put::Failed(CardFailure::NotMounted);
-                if let Some(port) = self.card.port {
+                if let Some(port) = self.print.card.port {
                     port.with(&mut |mailbox| put = mailbox.put(bytes));
                 }
                 match put {

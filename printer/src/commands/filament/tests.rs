@@ -14,8 +14,8 @@ use ferrostep_hal_shim::{Clock, Heater};
 use super::*;
 use crate::heat::report::{HeatFault, HeaterStatus};
 use crate::job::filament::FilamentWatch;
+use crate::job::lines::Source;
 use crate::motion::homing::tests::rig::{Rig, RigMotion, wait_once};
-use crate::printer::Source;
 use crate::settings::profile::filament::FilamentSensorKind;
 use crate::signals::Signals;
 
@@ -179,7 +179,7 @@ fn a_print_from_a_card_is_paused_after_the_line() {
     let world = World::new(210.0, Some(SENSOR));
     let mut printer = world.printer();
     world.signals.set_filament_missing(true);
-    printer.source = Source::Card;
+    printer.lines.source = Source::Card;
     let command = ferrostep_gcode::parse("G1 X20 E2 F600").unwrap();
     let outcome = {
         let mut execution = pin!(printer.command_with_signs_of_life(&command));

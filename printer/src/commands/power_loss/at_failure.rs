@@ -78,29 +78,29 @@ impl<P: Ports> Printer<'_, P> {
     /// The place has the height at which the motors stand now, and is written again.
     fn follow_rise(&mut self) {
         let [.., z_10nm] = self.motion.position_10nm();
-        if let Some(port) = self.card.port() {
+        if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| {
                 set_stands(mailbox.kept_mut(), z_10nm);
                 mailbox.keep();
             });
         }
-        self.power_loss.stands_10nm = Some(z_10nm);
+        self.print.power_loss.stands_10nm = Some(z_10nm);
     }
 
     /// Lets the card's task write the newest place that the motors have passed, with the height at which they stand now.
     #[inline(never)]
     fn begin_last_place(&mut self) -> Outcome {
-        if !self.power_loss.is_keeping {
+        if !self.print.power_loss.is_keeping {
             return Outcome::Before;
         }
         if self.is_paused() {
             self.keep_pause();
             return Outcome::Kept;
         }
-        let Some(port) = self.card.port().filter(|_| self.power_loss.noted_ms.is_some()) else {
+        let Some(port) = self.print.card.port().filter(|_| self.print.power_loss.noted_ms.is_some()) else {
             return Outcome::Before;
         };
-        let is_passed = !self.power_loss.is_pending || self.motion.has_passed_line();
+        let is_passed = !self.print.power_loss.is_pending || self.motion.has_passed_line();
         let [.., z_10nm] = self.motion.position_10nm();
         let mut outcome = Outcome::Before;
         port.with(&mut |mailbox| {
@@ -110,14 +110,14 @@ impl<P: Ports> Printer<'_, P> {
                 outcome = Outcome::Kept;
             }
         });
-        (self.power_loss.is_pending, self.power_loss.stands_10nm) = (false, Some(z_10nm));
+        (self.print.power_loss.is_pending, self.print.power_loss.stands_10nm) = (false, Some(z_10nm));
         outcome
     }
 
     /// Whether the card's task has done with the place.
     fn is_place_written(&self, outcome: &mut Outcome) -> bool {
         let mut is_done = true;
-        if let Some(port) = self.card.port() {
+        if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| {
                 is_done = !mailbox.is_keeping();
                 if mailbox.take_keep_failure().is_some() {

@@ -23,18 +23,18 @@ const LINE_MS: u64 = 30_000;
 impl<P: Ports> Printer<'_, P> {
     /// Whether lines are read from the card.
     pub(super) fn prints_now(&self) -> bool {
-        self.card.job == Job::Printing
+        self.print.card.job == Job::Printing
     }
 
     /// Prepares the card to keep the place of the print that begins (`fresh`) or goes on. The print goes on without, too.
     pub(crate) async fn begin_keeping(&mut self, fresh: bool) {
-        let forgets = fresh && core::mem::take(&mut self.power_loss.is_offered);
+        let forgets = fresh && core::mem::take(&mut self.print.power_loss.is_offered);
         if forgets {
             self.replies.say(format_args!("echo:power loss: the print that was interrupted before is forgotten"));
         }
-        let keeps = self.power_loss.is_on && !self.card.prints_prepared();
-        (self.power_loss.is_pending, self.power_loss.noted_ms) = (false, None);
-        self.power_loss.is_keeping = false;
+        let keeps = self.print.power_loss.is_on && !self.print.card.prints_prepared();
+        (self.print.power_loss.is_pending, self.print.power_loss.noted_ms) = (false, None);
+        self.print.power_loss.is_keeping = false;
         if self.watches_supply() && keeps && self.signals.is_supply_failing() {
             self.replies.send(Reply::Text(
                 "echo:power loss: by its signal the supply fails already, so it is not watched: see power_loss in the profile",
@@ -44,13 +44,13 @@ impl<P: Ports> Printer<'_, P> {
             return;
         }
         match self.ask_card(Request::BeginKeeping { fresh }).await {
-            Ok(_) => self.power_loss.is_keeping = keeps,
+            Ok(_) => self.print.power_loss.is_keeping = keeps,
             Err(failure) => {
                 self.replies.say(format_args!("echo:power loss: the place of this print is not kept: {failure}"));
             }
         }
         // The nozzle of a paused print goes down to it next.
-        if let Some(paused) = &self.paused {
+        if let Some(paused) = &self.print.paused {
             let [.., z_10nm] = paused.place_10nm;
             self.lower_kept_height(z_10nm);
         }
@@ -60,16 +60,16 @@ impl<P: Ports> Printer<'_, P> {
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_place(&mut self, line: u32, offset: u32, lays: bool) {
-        self.power_loss.line = line;
-        if !self.power_loss.is_keeping {
+        self.print.power_loss.line = line;
+        if !self.print.power_loss.is_keeping {
             return;
         }
-        if self.power_loss.is_pending {
+        if self.print.power_loss.is_pending {
             if !self.motion.has_passed_line() {
                 return;
             }
-            self.power_loss.is_pending = false;
-            if self.power_loss.is_due {
+            self.print.power_loss.is_pending = false;
+            if self.print.power_loss.is_due {
                 self.write_place();
             }
         }
@@ -78,9 +78,9 @@ impl<P: Ports> Printer<'_, P> {
             return;
         }
         let now_ms = self.clock.now_ms();
-        let is_layer = modal.machine_10nm[2] != self.power_loss.layer_10nm;
+        let is_layer = modal.machine_10nm[2] != self.print.power_loss.layer_10nm;
         let least_ms = if is_layer { LAYER_MS } else { LINE_MS };
-        let is_due = self.power_loss.noted_ms.is_none_or(|noted_ms| now_ms.saturating_sub(noted_ms) >= least_ms);
+        let is_due = self.print.power_loss.noted_ms.is_none_or(|noted_ms| now_ms.saturating_sub(noted_ms) >= least_ms);
         // Where the supply says that it fails, the newest place is at hand then.
         if !is_due && !self.watches_supply() {
             return;
@@ -100,16 +100,16 @@ impl<P: Ports> Printer<'_, P> {
             return;
         }
         if is_due {
-            self.power_loss.layer_10nm = self.interpreter.modal.machine_10nm[2];
-            self.power_loss.noted_ms = Some(now_ms);
+            self.print.power_loss.layer_10nm = self.interpreter.modal.machine_10nm[2];
+            self.print.power_loss.noted_ms = Some(now_ms);
         }
-        (self.power_loss.is_pending, self.power_loss.is_due) = (true, is_due);
+        (self.print.power_loss.is_pending, self.print.power_loss.is_due) = (true, is_due);
         self.motion.watch_line(line);
     }
 
     /// After a line of the card: the kept height is not above where the motors go.
     pub(crate) fn follow_height(&mut self) {
-        if self.power_loss.is_keeping && self.power_loss.stands_10nm.is_some() {
+        if self.print.power_loss.is_keeping && self.print.power_loss.stands_10nm.is_some() {
             let [.., z_10nm] = self.motion.position_10nm();
             self.lower_kept_height(z_10nm);
         }
@@ -118,43 +118,46 @@ impl<P: Ports> Printer<'_, P> {
     /// The print is paused: its place is where it goes back to, its height where the motors stand.
     #[inline(never)]
     pub(super) fn keep_pause(&mut self) {
-        let Some(paused) = self.paused.filter(|_| self.power_loss.is_keeping) else { return };
+        let Some(paused) = self.print.paused.filter(|_| self.print.power_loss.is_keeping) else { return };
         if paused.modal.homed != [true; 3] {
             return;
         }
         let [.., z_10nm] = self.motion.position_10nm();
-        let (offset, lines) = self.card.place(self.power_loss.line);
+        let (offset, lines) = self.print.card.place(self.print.power_loss.line);
         // Where the place before is still being written, the next look tries again.
-        self.power_loss.is_pending = !self.note_place(z_10nm, offset, lines, paused);
-        if !self.power_loss.is_pending {
+        self.print.power_loss.is_pending = !self.note_place(z_10nm, offset, lines, paused);
+        if !self.print.power_loss.is_pending {
             self.write_place();
         }
     }
 
     /// While the print is paused: keeps its place, and the height to which a person moves the nozzle.
     pub(crate) fn keep_while_paused(&mut self) {
-        if !self.power_loss.is_keeping || self.card.job != Job::Paused {
+        if !self.print.power_loss.is_keeping || self.print.card.job != Job::Paused {
             return;
         }
         let [.., z_10nm] = self.motion.position_10nm();
-        if self.power_loss.is_pending || self.power_loss.stands_10nm.is_some_and(|stands_10nm| stands_10nm != z_10nm) {
+        if self.print.power_loss.is_pending
+            || self.print.power_loss.stands_10nm.is_some_and(|stands_10nm| stands_10nm != z_10nm)
+        {
             self.keep_pause();
         }
     }
 
     /// The print has ended. The place of one that a halt has ended stays: it can go on.
     pub(crate) fn end_keeping(&mut self) {
-        let is_resumable = self.signals.is_halted() || core::mem::take(&mut self.power_loss.is_resuming);
-        if self.power_loss.is_keeping && !is_resumable {
+        let is_resumable = self.signals.is_halted() || core::mem::take(&mut self.print.power_loss.is_resuming);
+        if self.print.power_loss.is_keeping && !is_resumable {
             self.forget_place();
         }
-        (self.power_loss.is_keeping, self.power_loss.is_pending) = (false, false);
+        (self.print.power_loss.is_keeping, self.print.power_loss.is_pending) = (false, false);
     }
 
     /// The card keeps no place any more.
     pub(super) fn forget_place(&mut self) {
-        (self.power_loss.is_keeping, self.power_loss.is_pending, self.power_loss.stands_10nm) = (false, false, None);
-        if let Some(port) = self.card.port() {
+        (self.print.power_loss.is_keeping, self.print.power_loss.is_pending, self.print.power_loss.stands_10nm) =
+            (false, false, None);
+        if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| mailbox.kept_mut().clear());
         }
         self.write_place();
@@ -168,17 +171,17 @@ impl<P: Ports> Printer<'_, P> {
             lines,
             profile: hash_of(self.profile.name),
             paused,
-            fans: self.power_loss.fans,
+            fans: self.print.power_loss.fans,
             limits: self.motion.limits(),
             advance: self.motion.motion_choice().pressure_advance,
             extruder_steps: self.motion.extruder_steps_per_mm().hundred_thousandths(),
             skew: self.interpreter.skew,
-            tools: self.tools,
+            tools: self.modes.tools,
         };
         let mut is_noted = false;
         let mut failure = None;
-        let has_another = self.watches_supply() && self.power_loss.noted_ms.is_some();
-        if let Some(port) = self.card.port() {
+        let has_another = self.watches_supply() && self.print.power_loss.noted_ms.is_some();
+        if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| {
                 failure = mailbox.take_keep_failure();
                 is_noted = failure.is_none() && !mailbox.is_keeping();
@@ -191,29 +194,29 @@ impl<P: Ports> Printer<'_, P> {
             });
         }
         if let Some(failure) = failure {
-            self.power_loss.is_keeping = false;
+            self.print.power_loss.is_keeping = false;
             self.replies.say(format_args!("echo:power loss: the place of this print is no longer kept: {failure}"));
         }
         if is_noted {
-            self.power_loss.stands_10nm = Some(stands_10nm);
+            self.print.power_loss.stands_10nm = Some(stands_10nm);
         }
         is_noted
     }
 
     fn write_place(&self) {
-        if let Some(port) = self.card.port() {
+        if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| mailbox.keep());
         }
     }
 
     /// The motors of Z go to this height: if it is below the kept one, that follows, before they are there.
     fn lower_kept_height(&mut self, z_10nm: i64) {
-        if self.power_loss.stands_10nm.is_none_or(|stands_10nm| z_10nm >= stands_10nm) {
+        if self.print.power_loss.stands_10nm.is_none_or(|stands_10nm| z_10nm >= stands_10nm) {
             return;
         }
-        self.power_loss.stands_10nm = Some(z_10nm);
-        if let Some(port) = self.card.port() {
-            let writes = !self.power_loss.is_pending;
+        self.print.power_loss.stands_10nm = Some(z_10nm);
+        if let Some(port) = self.print.card.port() {
+            let writes = !self.print.power_loss.is_pending;
             port.with(&mut |mailbox| {
                 set_stands(mailbox.kept_mut(), z_10nm);
                 if writes {

@@ -11,11 +11,12 @@ use ferrostep_settings::hash_of;
 use crate::error::{CommandError, Failure};
 use crate::heat::fans::FanSettings;
 use crate::job::card::{Job, Selected};
+use crate::job::lines::Source;
 use crate::job::paused::Paused;
 use crate::job::power_loss::place::Place;
 use crate::motion::skew::Skew;
 use crate::ports::{Motion, Ports, Replies, Text};
-use crate::printer::{Printer, Source};
+use crate::printer::Printer;
 use crate::settings::profile::filament::PauseSettings;
 
 /// The place of a print on this machine.
@@ -49,14 +50,14 @@ impl core::fmt::Display for NoWay {
 impl<P: Ports> Printer<'_, P> {
     /// M1000.
     pub(crate) async fn interrupted_print(&mut self, command: InterruptedPrint) -> Result<(), CommandError> {
-        if self.card.job != Job::None || self.is_paused() || self.card.is_written() {
+        if self.print.card.job != Job::None || self.is_paused() || self.print.card.is_written() {
             return Err(CommandError::CardInUse);
         }
-        self.card.deselect();
+        self.print.card.deselect();
         let opened = self.ask_card(Request::OpenKept).await.map(|_| ());
         if command == InterruptedPrint::Resume {
-            self.needs(self.equipment.end_stops, "end stops")?;
-            self.needs(self.equipment.heaters, "heaters")?;
+            self.needs(self.fitted.equipment.end_stops, "end stops")?;
+            self.needs(self.fitted.equipment.heaters, "heaters")?;
         }
         self.settle(command, opened);
         Ok(())
@@ -66,7 +67,7 @@ impl<P: Ports> Printer<'_, P> {
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     fn settle(&mut self, command: InterruptedPrint, opened: Result<(), CardFailure>) {
-        self.power_loss.is_offered = false;
+        self.print.power_loss.is_offered = false;
         if let Err(failure @ (CardFailure::Slot(_) | CardFailure::NotMounted)) = opened {
             return self.replies.say(format_args!("echo:card: {failure}"));
         }
@@ -79,7 +80,7 @@ impl<P: Ports> Printer<'_, P> {
                 .replies
                 .send(Reply::Text("echo:power loss: the interrupted print is forgotten\n//action:prompt_end"));
         }
-        self.power_loss.is_offered = true;
+        self.print.power_loss.is_offered = true;
         if let Err(why) = opened.map_err(NoWay::Card).and_then(|()| self.checked_place()) {
             let name = self.kept_name();
             self.replies.say(format_args!("echo:power loss: the interrupted print of {name} cannot go on: {why}"));
@@ -89,11 +90,11 @@ impl<P: Ports> Printer<'_, P> {
             return self.offer();
         }
         if let Some(selected) = self.with_opened(|file: &OpenedFile| Selected::from(file)) {
-            self.card.select(selected);
+            self.print.card.select(selected);
             self.replies.send(Reply::Text(
                 "//action:prompt_end\necho:power loss: the print goes on: heating, then X and Y are homed",
             ));
-            (self.power_loss.is_offered, self.power_loss.is_resuming) = (false, true);
+            (self.print.power_loss.is_offered, self.print.power_loss.is_resuming) = (false, true);
             self.set_card_job(Job::Paused);
         }
     }
@@ -101,11 +102,11 @@ impl<P: Ports> Printer<'_, P> {
     /// After the card was mounted: whether it has an interrupted print. Where the motors have not moved since the start, they stand as
     /// high as they did then.
     pub(crate) async fn find_interrupted_print(&mut self) {
-        if self.card.job != Job::None || self.card.has_selected() {
+        if self.print.card.job != Job::None || self.print.card.has_selected() {
             return;
         }
         let opened = self.ask_card(Request::OpenKept).await.map(|_| ());
-        self.power_loss.is_offered = false;
+        self.print.power_loss.is_offered = false;
         if opened != Err(CardFailure::NothingKept) {
             self.take_kept_height();
             self.settle(InterruptedPrint::Report, opened);
@@ -119,9 +120,9 @@ impl<P: Ports> Printer<'_, P> {
         if self.motion.position_10nm() == [0; 3] && self.interpreter.modal.homed == [false; 3] {
             self.motion.set_position([0, 0, stands_10nm]);
             self.interpreter.follow([0, 0, stands_10nm]);
-            self.power_loss.stands_10nm = Some(stands_10nm);
-        } else if self.power_loss.stands_10nm != Some(stands_10nm) {
-            self.power_loss.stands_10nm = None;
+            self.print.power_loss.stands_10nm = Some(stands_10nm);
+        } else if self.print.power_loss.stands_10nm != Some(stands_10nm) {
+            self.print.power_loss.stands_10nm = None;
         }
     }
 
@@ -145,7 +146,7 @@ impl<P: Ports> Printer<'_, P> {
     /// The path of the interrupted print, as the card keeps it.
     fn kept_name(&self) -> Text {
         let mut name = Text::new();
-        if let Some(port) = self.card.port() {
+        if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| {
                 name.clear();
                 // Both hold any path.
@@ -177,10 +178,10 @@ impl<P: Ports> Printer<'_, P> {
             advance: self.motion.motion_choice().pressure_advance,
             extruder_steps: 0,
             skew: Skew::NONE,
-            tools: self.tools,
+            tools: self.modes.tools,
         };
         let mut is_read = false;
-        if let Some(port) = self.card.port() {
+        if let Some(port) = self.print.card.port() {
             port.with(&mut |mailbox| is_read = place.read(mailbox.kept()));
         }
         if is_read && place.profile == hash_of(self.profile.name) { Ok(place) } else { Err(NoWay::Foreign) }
@@ -190,7 +191,7 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     fn checked_place(&self) -> Result<(), NoWay> {
         let Place { paused, .. } = self.kept_place()?;
-        if self.power_loss.stands_10nm.is_none() {
+        if self.print.power_loss.stands_10nm.is_none() {
             return Err(NoWay::Moved);
         }
         let is_within = |axis: usize| {
@@ -204,12 +205,12 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Whether M1000 is to be done.
     pub(crate) fn is_returning(&self) -> bool {
-        self.power_loss.is_resuming
+        self.print.power_loss.is_resuming
     }
 
     /// Takes the nozzle back to the interrupted print, which goes on then. `false`: it cannot, and has said why.
     pub(crate) async fn return_to_print(&mut self) -> bool {
-        (self.source, self.line) = (Source::Card, 0);
+        self.lines.begin(Source::Card, 0);
         self.signals.set_at_work(true);
         let mut step = 0;
         while let Some(command) = self.return_step(step) {
@@ -220,8 +221,8 @@ impl<P: Ports> Printer<'_, P> {
             step += 1;
         }
         self.signals.set_at_work(self.is_paused());
-        let goes_on = self.card.job == Job::Printing;
-        self.power_loss.is_resuming = !goes_on;
+        let goes_on = self.print.card.job == Job::Printing;
+        self.print.power_loss.is_resuming = !goes_on;
         if !goes_on {
             self.replies.send(Reply::Text("echo:power loss: the print cannot go on; M1000 tries again"));
         }
@@ -258,7 +259,7 @@ impl<P: Ports> Printer<'_, P> {
                     Command::NamedFan { name, power }
                 }
                 (Some(_), _) => Command::Accepted,
-                (None, _) if self.card.job == Job::Printing => return None,
+                (None, _) if self.print.card.job == Job::Printing => return None,
                 (None, _) => {
                     self.take_kept_state(&place);
                     Command::Card(CardCommand::Start { position: None })
@@ -282,10 +283,10 @@ impl<P: Ports> Printer<'_, P> {
         if print.modal.follows_bed {
             self.replies.send(Reply::Text("echo:power loss: the measured bed is lost: Z follows it no more"));
         }
-        if let Some(paused) = &mut self.paused {
+        if let Some(paused) = &mut self.print.paused {
             // Drawn back just now, and by the pause in which the power was cut.
             *paused = Paused { drawn_100pm: paused.drawn_100pm.saturating_add(print.drawn_100pm), ..*print };
         }
-        self.card.wait_at((*offset, *lines));
+        self.print.card.wait_at((*offset, *lines));
     }
 }

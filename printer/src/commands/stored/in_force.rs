@@ -38,7 +38,7 @@ impl<P: Ports> Printer<'_, P> {
             }
         }
         if let (Some(ToolValues { driver: Some(driver), .. }), Some(other)) = (values.tool(), of_profile.tool())
-            && self.drivers.is_some_and(|drivers| drivers.check(SECOND_EXTRUDER, driver).is_err())
+            && self.fitted.drivers.is_some_and(|drivers| drivers.check(SECOND_EXTRUDER, driver).is_err())
         {
             *driver = other.driver.unwrap_or(*driver);
             mend("tools.t1.driver", ' ');
@@ -74,7 +74,7 @@ impl<P: Ports> Printer<'_, P> {
             mend("pressure_advance", ' ');
         }
         for (motor, (driver, other)) in values.drivers.iter_mut().zip(of_profile.drivers).enumerate() {
-            if let (Some(settings), Some(drivers)) = (&*driver, self.drivers)
+            if let (Some(settings), Some(drivers)) = (&*driver, self.fitted.drivers)
                 && drivers.check(motor, settings).is_err()
             {
                 *driver = other;
@@ -124,7 +124,7 @@ impl<P: Ports> Printer<'_, P> {
 
     #[inline(never)]
     fn put_drivers_in_force(&mut self, values: &Values<PartsOf<P>>) {
-        let Some(bank) = self.drivers else { return };
+        let Some(bank) = self.fitted.drivers else { return };
         let of_tool = match <P::Motion as Motion>::Tools::get(&values.tool) {
             Some(Some(ToolValues { driver: Some(driver), .. })) => Some((SECOND_EXTRUDER, *driver)),
             _ => None,
@@ -162,7 +162,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(Some(backlash)) = <P::Motion as Motion>::Backlash::get(&values.backlash) {
             self.motion.set_backlash(backlash);
         }
-        self.filament_10nm = values.filament_10nm;
+        self.modes.filament_10nm = values.filament_10nm;
         if let Some(offset_10nm) = values.probe_offset_10nm {
             self.interpreter.modal.probe_offset_10nm = offset_10nm;
         }

@@ -61,9 +61,9 @@ fn every_live_value_has_its_tower() {
         ("\"M572 S0.5 T3\"", "L", |_, rig| rig.choice().pressure_advance.above.map_or(0.0, |above| above.seconds)),
         ("M593", "D", |_, rig| rig.choice().shapers[1].damping),
         ("'SET_INPUT_SHAPER SHAPER_TYPE=\"zv\"'", "DAMPING_RATIO_X", |_, rig| rig.choice().shapers[0].damping),
-        ("M140", "S", |printer, _| printer.targets_celsius[1].into()),
-        ("M104", "s", |printer, _| printer.targets_celsius[0].into()),
-        ("'SET_HEATER_TEMPERATURE HEATER=extruder'", "TARGET", |printer, _| printer.targets_celsius[0].into()),
+        ("M140", "S", |printer, _| printer.modes.targets_celsius[1].into()),
+        ("M104", "s", |printer, _| printer.modes.targets_celsius[0].into()),
+        ("'SET_HEATER_TEMPERATURE HEATER=extruder'", "TARGET", |printer, _| printer.modes.targets_celsius[0].into()),
         ("M220", "S", |printer, _| printer.interpreter.modal.feed_percent.into()),
         ("m221", "S", |printer, _| printer.interpreter.modal.flow_percent.into()),
         ("M204", "P", |_, rig| rig.limits().print_acceleration_mm_per_s2),
@@ -133,11 +133,11 @@ fn a_tower_waits_for_its_print_and_ends_with_it() {
         for line in [tower, "M110 N0", "G28", "G1 Z3.5", "G28 X", "G1 X10 E1"] {
             execute(&mut printer, line).unwrap();
         }
-        assert!(printer.tower.is_some(), "{ends}");
+        assert!(printer.print.tower.is_some(), "{ends}");
         let set = rig.choice();
         rig.last_texts();
         execute(&mut printer, ends).unwrap();
-        assert!(printer.tower.is_none(), "{ends}");
+        assert!(printer.print.tower.is_none(), "{ends}");
         assert_eq!(rig.last_texts(), [format!("echo:TUNING_TOWER has ended: {why}")]);
         assert_eq!(rig.choice(), set, "the value stays after {ends}");
     }
@@ -173,7 +173,7 @@ fn refused(line: &str) -> String {
     let set = "TUNING_TOWER COMMAND=M900 PARAMETER=K START=0.5 FACTOR=0";
     execute(&mut printer, set).unwrap();
     let failure = execute(&mut printer, line).unwrap_err().to_string();
-    let kept = printer.tower.as_ref().map(|tower| tower.start);
+    let kept = printer.print.tower.as_ref().map(|tower| tower.start);
     assert_eq!(kept, Some(Decimal::from_nanos(500_000_000)), "the tower before stays: {line}");
     failure
 }
@@ -233,7 +233,7 @@ fn a_value_that_the_command_refuses_ends_the_tower_and_not_the_print() {
         let said: Vec<String> = rig.last_texts().into_iter().filter(|text| text.contains("TUNING_TOWER")).collect();
         let [said] = said.as_slice() else { panic!("{said:?}") };
         assert!(said.starts_with("echo:line 1: TUNING_TOWER has ended, ") && said.contains(refusal), "{said}");
-        assert!(printer.tower.is_none());
+        assert!(printer.print.tower.is_none());
         if tower.contains("M900") {
             assert_eq!(rig.choice().pressure_advance.seconds, good);
         }
@@ -249,7 +249,7 @@ fn a_halt_and_a_prepared_job_end_it() {
     execute(&mut printer, tower).unwrap();
     printer.emergency_stop().unwrap_err();
     execute(&mut printer, "M999").unwrap();
-    assert!(printer.tower.is_none());
+    assert!(printer.print.tower.is_none());
     printer.interpreter.modal.in_prepared_job = true;
     let says = execute(&mut printer, tower).unwrap_err().to_string();
     assert_eq!(says, "a prepared job has its own values: TUNING_TOWER needs G-code");

@@ -21,9 +21,10 @@ use crate::heat::relay::RelayProgress;
 use crate::heat::report::{HeatFault, HeaterStatus};
 use crate::heat::sample_time::SAMPLE_MS;
 use crate::heat::step_response::StepProgress;
+use crate::job::lines::Source;
 use crate::motion::homing::tests::rig::{Rig, RigMotion, wait_once};
 use crate::ports::{Heating, Replies};
-use crate::printer::{Printer, Source};
+use crate::printer::Printer;
 use crate::signals::Signals;
 
 /// Heaters, their control and the time.
@@ -362,7 +363,7 @@ fn a_target_out_of_range_and_a_print_refuse_it() {
     }
     let world = World::new();
     let mut printer = world.printer();
-    printer.source = Source::Card;
+    printer.lines.source = Source::Card;
     let paused = {
         let mut pausing = pin!(printer.pause(crate::job::paused::PauseReason::Pause));
         loop {

@@ -1,0 +1,29 @@
+//! The identity: what M115 says of the board and its firmware.
+
+/// What M115 says of the board and its firmware, beside what the profile says.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Identity<'a> {
+    /// Version of the firmware, `0.1.0 (commit abcdef0)`.
+    pub version: &'a str,
+    /// The board's own number.
+    pub identifier: Option<[u32; 3]>,
+    /// M112, M108 and M410 are acted on as their bytes arrive.
+    pub emergency_parser: bool,
+    /// The ports' bytes may be packed.
+    pub meatpack: bool,
+    /// Prepared jobs may be sent (M790).
+    pub receives_jobs: bool,
+}
+
+impl Identity<'_> {
+    /// This version, without a commit, on a board that has said nothing.
+    pub const fn new() -> Self {
+        Self {
+            version: env!("CARGO_PKG_VERSION"),
+            identifier: None,
+            emergency_parser: false,
+            meatpack: false,
+            receives_jobs: false,
+        }
+    }
+}
