@@ -32,7 +32,7 @@ pub(crate) type Text = heapless::String<384>;
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
-    /// Whether the filament that the extruder pushes can be watched ([`crate::motion::machine::Machine::pushed_filament`]).
+    /// Whether the filament that the extruder pushes can be watched ([`crate::machine::Machine::pushed_filament`]).
     const FOLLOWS_FILAMENT: bool = true;
 
     /// As [`ferrostep_hal_shim::MotionWatch::HAS_FILAMENT_SWITCH`].
@@ -46,11 +46,11 @@ pub trait Motion {
     fn stops(&self) -> u32 {
         0
     }
-    /// Whether [`Self::wait_for_room_in_time`] waits at all ([`crate::motion::machine::Machine::set_bounded_in_time`]).
+    /// Whether [`Self::wait_for_room_in_time`] waits at all ([`crate::machine::Machine::set_bounded_in_time`]).
     fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
-    /// Waits while so much motion is queued that a host should send no more ([`crate::motion::machine::Machine::holds_enough`]).
+    /// Waits while so much motion is queued that a host should send no more ([`crate::machine::Machine::holds_enough`]).
     fn wait_for_room_in_time(&mut self) -> impl Future<Output = Result<(), MotionError>> {
         async { Ok(()) }
     }
@@ -110,7 +110,7 @@ pub trait Motion {
     fn mesh<T>(&mut self, _act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
         None
     }
-    /// Lets Z follow the bed, or stops it, at standstill ([`crate::motion::machine::Machine::follow_bed`]).
+    /// Lets Z follow the bed, or stops it, at standstill ([`crate::machine::Machine::follow_bed`]).
     ///
     /// # Errors
     /// [`MeshError`]; Z follows nothing then.
@@ -127,12 +127,12 @@ pub trait Motion {
     }
     /// Several motors that lift Z and are aligned, or not: the code for that is compiled only then.
     type ZMotors: Part;
-    /// Of these motors those in the mask make the steps to come ([`crate::motion::machine::Machine::step_z_motors`]).
+    /// Of these motors those in the mask make the steps to come ([`crate::machine::Machine::step_z_motors`]).
     fn step_z_motors(&mut self, _motors: u8) {}
     /// Several tools, of which one is selected, or not: the code for that is compiled only then.
     type Tools: Part;
     /// The extruder of this tool makes the steps to come, and its nozzle is so far from the first's
-    /// ([`crate::motion::machine::Machine::step_extruder`]).
+    /// ([`crate::machine::Machine::step_extruder`]).
     fn step_extruder(&mut self, _tool: u8, _offset_10nm: [i32; 2]) {}
     /// Play of the drives that is taken up, or none: the code for that is compiled only then.
     type Backlash: Part;
@@ -146,7 +146,7 @@ pub trait Motion {
     type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
-    /// Takes whether [`crate::motion::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned
+    /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned
     /// since.
     fn take_switched_off(&mut self) -> bool {
         false
@@ -232,7 +232,7 @@ pub trait Heating {
     }
     /// Sets the gains of a heater.
     fn set_gains(&mut self, _heater: Heater, _gains: PidGains) {}
-    /// Tunes a heater by a relay, see [`crate::heat::control::HeatControl::begin_relay`].
+    /// Tunes a heater by a relay, see [`crate::heat::HeatControl::begin_relay`].
     fn begin_relay(&mut self, _heater: Heater, _celsius: f32, _cycles: u8, _has_fan: bool) {}
     /// How far the autotune of a heater has come; `None` without one.
     fn relay(&self, _heater: Heater) -> Option<RelayProgress> {
@@ -246,7 +246,7 @@ pub trait Heating {
     }
     /// Changes the model of a heater.
     fn set_model(&mut self, _heater: Heater, _model: HeaterModel) {}
-    /// Finds the model of a heater, see [`crate::heat::control::HeatControl::begin_step`].
+    /// Finds the model of a heater, see [`crate::heat::HeatControl::begin_step`].
     fn begin_step(&mut self, _heater: Heater, _celsius: f32, _has_fan: bool) {}
     /// How far the step response of a heater has come; `None` without one.
     fn step(&self, _heater: Heater) -> Option<StepProgress> {

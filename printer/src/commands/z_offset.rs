@@ -12,7 +12,7 @@ use crate::settings::bounds::within;
 use crate::settings::profile::homing::{HomeSensor, SafeHoming};
 
 /// Units of 10 nm in a millimetre.
-pub(crate) const MM: i64 = 100_000;
+const MM: i64 = 100_000;
 
 /// Largest shift by one M290, and by all since Z was homed, units of 10 nm, either way.
 const MAX_SHIFT_AT_ONCE_10NM: i64 = MM;
