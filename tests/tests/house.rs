@@ -181,6 +181,16 @@ fn files_do_not_import_each_other_in_circles() {
 }
 
 #[test]
+fn only_commands_know_the_printer() {
+    let imports = Imports::of(&repository().join("printer"));
+    assert_eq!(imports.importers("commands"), ["lib"]);
+    let others = imports.importers("printer");
+    let outside: Vec<&String> = others.iter().filter(|file| !file.starts_with("commands")).collect();
+    assert_eq!(outside, ["lib"]);
+    assert!(others.len() > 40, "{others:?}");
+}
+
+#[test]
 fn nothing_is_left_out_without_a_word() {
     let mut found = Vec::new();
     packages(&repository(), &mut found);

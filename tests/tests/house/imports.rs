@@ -19,6 +19,11 @@ pub struct Imports {
     passed_on: BTreeMap<(Module, String), Vec<String>>,
 }
 
+/// A module's file, without `.rs`.
+fn named(module: &Module) -> String {
+    if module.is_empty() { "lib".to_owned() } else { module.join("/") }
+}
+
 /// The segments of a path.
 fn segments(path: &str) -> impl Iterator<Item = String> {
     path.split("::").map(|segment| segment.trim().to_owned()).filter(|segment| !segment.is_empty())
@@ -181,6 +186,14 @@ impl Imports {
         all.filter_map(|path| self.target(from, &path, 0)).filter(|to| to != from).collect()
     }
 
+    /// The files that import from a module of the top level, or from below it, and do not lie there themselves.
+    pub fn importers(&self, of: &str) -> Vec<String> {
+        let is_there = |module: &Module| module.first().is_some_and(|first| first == of);
+        let imports = |(module, text): &(&Module, &String)| self.imported(module, text).iter().any(is_there);
+        let others = self.texts.iter().filter(|(module, _)| !is_there(module));
+        others.filter(imports).map(|(module, _)| named(module)).collect()
+    }
+
     /// The circles of more than two files: each imports, directly or through others, from each of the same circle.
     pub fn circles(&self) -> Vec<Vec<String>> {
         let arrows: BTreeMap<&Module, BTreeSet<Module>> =
@@ -197,7 +210,7 @@ impl Imports {
             self.texts.keys().map(|module| (module, reached(module))).collect();
         let circle = |module: &Module| -> Vec<String> {
             let round = reached[module].iter().filter(|other| reached[other].contains(module));
-            round.map(|module| if module.is_empty() { "lib".to_owned() } else { module.join("/") }).collect()
+            round.map(named).collect()
         };
         let circles: BTreeSet<Vec<String>> = self.texts.keys().map(circle).filter(|circle| circle.len() > 2).collect();
         circles.into_iter().collect()
@@ -218,5 +231,7 @@ fn circles_are_found_through_lists_aliases_and_names_passed_on() {
         Imports::of_texts(files.collect())
     };
     assert_eq!(imports(&files).circles(), [["a", "b", "c"]]);
+    assert_eq!(imports(&files).importers("c"), ["b", "lib"]);
+    assert_eq!(imports(&files).importers("d"), ["c"]);
     assert!(imports(&files[..3]).circles().is_empty());
 }
