@@ -231,7 +231,7 @@ fn circles_are_found_through_lists_aliases_and_names_passed_on() {
         Imports::of_texts(files.collect())
     };
     assert_eq!(imports(&files).circles(), [["a", "b", "c"]]);
-    assert_eq!(imports(&files).importers("c"), ["b", "lib"]);
+    assert_eq!(imports(&files).importers("c"), ["lib", "b"]);
     assert_eq!(imports(&files).importers("d"), ["c"]);
     assert!(imports(&files[..3]).circles().is_empty());
 }
