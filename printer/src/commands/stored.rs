@@ -1,7 +1,7 @@
 //! M500 to M504: settings that survive the power.
 //!
-//! A memory keeps the values that differ from the profile's ([`groups::Group::all`]): where a new image brings a better profile, that one's
-//! values come into force wherever no others were set.
+//! A memory keeps the values that differ from the profile's ([`crate::settings::stored::groups::Group::all`]): where a new image brings
+//! a better profile, that one's values come into force wherever no others were set.
 
 mod in_force;
 mod mesh;

@@ -1,4 +1,4 @@
-//! M301, M303, M304 and M309: the gains of heaters, and how they are found. Of a heater with a model M303 finds that ([`crate::heater_model`]).
+//! M301, M303, M304 and M309: the gains of heaters, and how they are found. Of a heater with a model M303 finds that ([`crate::commands::heater_model`]).
 
 use ferrostep_gcode::{Decimal, GainWords, Real, Reply, TunedHeater};
 use ferrostep_hal_shim::Heater;

@@ -77,7 +77,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Takes a sample of every thermometer and sets every heater; to be called every [`SAMPLE_MS`].
+    /// Takes a sample of every thermometer and sets every heater; to be called every [`super::SAMPLE_MS`].
     ///
     /// # Errors
     /// A heater or thermometer has failed: all heaters are off and all fans on, until [`Self::restart`], and a supply that can be
@@ -227,7 +227,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Finds the model of a heater that has one, and is not hotter than [`hottest_start`], by a step response up to a target, and with the
+    /// Finds the model of a heater that has one, and is not hotter than [`super::hottest_start`], by a step response up to a target, and with the
     /// part-cooling fan at full power if `has_fan`. All checks go on; after it the heater is off. [`Self::set_target`], a fault and [`Self::all_off`]
     /// end it. Ignored after a fault.
     pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
