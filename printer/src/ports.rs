@@ -333,7 +333,7 @@ pub trait Replies {
     /// Sends a reply, line by line.
     fn send(&self, reply: Reply<'_>);
 
-    /// Formats a line and sends it; a line that is too long is cut.
+    /// Formats a line and sends it. Where it is kept as a text before, one that is too long is cut.
     fn say(&self, line: fmt::Arguments<'_>) {
         let mut text = Text::new();
         let _ = fmt::write(&mut text, line);
