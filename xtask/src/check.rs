@@ -11,6 +11,7 @@ use crate::share::{self, Share};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 use crate::tools::{self, Installed};
+use crate::turns::Turns;
 use crate::workbench::Workbench;
 use crate::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, budget, cost, mutants, policy, seed};
 
@@ -20,13 +21,10 @@ const CI_PROPTEST_CASES: &str = "4096";
 /// Package of the image tests, some of which take turns.
 const MAINBOARD: &str = "ferrostep-mainboard";
 
-/// Image tests that take turns, with what each costs, from the root.
-const SLOW_TESTS: &str = "tests/mainboard/tests/shares.toml";
-
 /// Arguments of `test`.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// The share of long sweeps and slow image tests: 0 to 19, or all; the commit's own by default
+    /// The share of long sweeps and image tests: 0 to 19, or all; the commit's own by default
     #[arg(long, value_name = "K|all")]
     share: Option<Share>,
     /// Leaves out what `cargo test` runs, which has just been run
@@ -67,7 +65,7 @@ fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
     })?;
     let installed = tools::install(run)?;
     run.step("format", || system::run(cargo().args(["fmt", "--all", "--check"])))?;
-    let share = run.step("share of long sweeps and slow image tests", || Ok(chosen(options.share)))?;
+    let share = run.step("share of long sweeps and image tests", || Ok(chosen(options.share)))?;
     let affected = programs::affected(&options.since).unwrap_or_else(|reason| {
         eprintln!("    tests run in the packages' order: {reason}");
         Default::default()
@@ -148,21 +146,13 @@ fn arguments(program: &Program, share: Share) -> Result<Vec<String>, Failure> {
     if program.package != MAINBOARD || program.target != "mainboard" {
         return Ok(Vec::new());
     }
-    let (turns, slow) = slow_image_tests()?;
-    let waiting: Vec<&String> =
-        (0..).zip(&slow).filter(|(number, _)| !share.has(*number, turns)).map(|(_, name)| name).collect();
-    eprintln!("    {} of {} slow image tests wait for one of the next {turns} commits", waiting.len(), slow.len());
-    let skipped = waiting.into_iter().flat_map(|name| ["--skip".to_owned(), name.clone()]);
-    Ok(std::iter::once("--exact".to_owned()).chain(skipped).collect())
-}
-
-/// In how many commits in a row each slow image test runs once, and the names of these tests, by [`SLOW_TESTS`].
-fn slow_image_tests() -> Result<(u64, Vec<String>), Failure> {
-    let path = system::root().join(SLOW_TESTS);
-    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let turns = text.lines().find_map(|line| line.strip_prefix("shares = ")?.parse().ok());
-    let name = |line: &str| Some(line.trim().strip_prefix("{ name = \"")?.split_once('"')?.0.to_owned());
-    Ok((turns.ok_or_else(|| format!("{}: no shares", path.display()))?, text.lines().filter_map(name).collect()))
+    let turns = Turns::read()?;
+    let names = program.tests()?;
+    let waiting: Vec<String> = turns.waiting(&names, share).map(str::to_owned).collect();
+    eprintln!("    {} of {} image tests wait for one of the next {} commits", waiting.len(), names.len(), turns.turns);
+    Ok(std::iter::once("--exact".to_owned())
+        .chain(waiting.into_iter().flat_map(|name| ["--skip".to_owned(), name]))
+        .collect())
 }
 
 /// Packages that `cargo test` tests.

@@ -19,6 +19,7 @@ pub mod share;
 pub mod steps;
 pub mod system;
 pub mod tools;
+pub mod turns;
 pub mod workbench;
 
 /// Environment variable that tells the tests where the firmware image is.

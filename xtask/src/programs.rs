@@ -48,6 +48,15 @@ impl Program {
         is_test.then_some(Self { package, folder, target, path })
     }
 
+    /// Names of its tests.
+    ///
+    /// # Errors
+    /// It does not list them.
+    pub fn tests(&self) -> Result<BTreeSet<String>, Failure> {
+        let said = system::run_for_output(Command::new(&self.path).args(["--list", "--format", "terse"]))?;
+        Ok(said.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_owned).collect())
+    }
+
     /// Runs it with arguments and variables.
     ///
     /// # Errors

@@ -37,10 +37,10 @@ mod prepared;
 mod real_hosts;
 mod rehearsal;
 mod same_steps;
-mod shares;
 mod shipped;
 mod supply;
 mod timing;
 mod tools;
+
 mod watchdog;
 mod z_motors;
