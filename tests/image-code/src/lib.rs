@@ -11,3 +11,4 @@ mod graph;
 pub mod interrupt_time;
 pub mod masked;
 pub mod stack;
+pub mod stack_need;

@@ -6,6 +6,7 @@ use std::process::Command;
 use ferrostep_boards::Board;
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::interrupt_time;
+use ferrostep_image_code::stack_need::StackNeed;
 use ferrostep_planner::MotionChoice;
 use ferrostep_step_player::MIN_GAP_TICKS;
 use serde_json::{Value, json};
@@ -206,13 +207,15 @@ pub fn build_image(run: &mut Run, target: &Target, shown: Shown) -> Result<Image
     eprintln!("\n{}", target.board.title);
     target.board.notes.iter().for_each(|note| eprintln!("    note: {note}"));
     let elf = build(run, Program::Firmware, target)?;
-    run.step("time of the step interrupt", || {
+    run.step("time of the step interrupt, and stack", || {
         let code = Code::of(&elf)?;
         let clock = &target.board.clock;
         let gap_cycles = MIN_GAP_TICKS * (clock.core_hz / clock.timer_hz);
         let [time, measured] = interrupt_time::check(&code, gap_cycles)?;
         eprintln!("    step interrupt: {time}; at most {gap_cycles}\n    measured (M798): {measured}");
-        Ok(())
+        let need = StackNeed::of(&code)?;
+        eprintln!("    stack: at most {need}, with all tasks interrupting each other");
+        need.check()
     })?;
     run.step("files and sizes", || {
         names_no_folder(&elf)?;
