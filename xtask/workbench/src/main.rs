@@ -32,7 +32,7 @@ use ferrostep_oracle::reference::ReferenceProfile;
 
 use steps::{Failure, Run};
 // Where the modules look for them: at the root, as in `xtask`.
-use xtask::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, core_library, generated, hosts, policy, steps, system};
+use xtask::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, core_library, generated, hosts, policy, share, steps, system};
 
 /// Tasks of the Ferrostep workspace that need its crates.
 #[derive(Parser)]

@@ -5,6 +5,7 @@ use std::process::Command;
 use std::sync::Mutex;
 
 use crate::firmware::{self, Shown, Target};
+use crate::share::Share;
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
@@ -40,12 +41,15 @@ pub struct Options {
     /// Prints the first layers of a cube by the image of every board, as `cargo xtask firmware` has left them
     #[arg(long, conflicts_with_all = ["file", "pty", "tcp", "json"])]
     prints: bool,
+    /// With --prints, a share of the boards: 0 to 19, or all
+    #[arg(long, value_name = "K|all", default_value_t = Share::All, requires = "prints")]
+    share: Share,
     /// More arguments for the program, such as --gdb 3333 or --entry-ns 173
     #[arg(last = true)]
     more: Vec<String>,
 }
 
-/// Boards whose images print in every test, with the line that each prints over: each line once at least. The bench has no sensors
+/// Boards whose images print in turn, with the line that each prints over: each line once at least. The bench has no sensors
 /// and no drivers of its own.
 const PRINTS: [(&str, &str); 3] = [("prusa-buddy", "usb"), ("btt-octopus-1.1", "uart"), ("bench", "uart")];
 const PRINTED: &str = "examples/cube.gcode";
@@ -116,7 +120,7 @@ pub fn output_of(command: &mut Command) -> Result<String, Failure> {
 /// `cargo xtask mainboard`.
 pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
     if options.prints {
-        return prints(run);
+        return prints(run, options.share);
     }
     if options.program {
         return build(run).map(|program| println!("{}", program.display()));
@@ -154,12 +158,14 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
     })
 }
 
-/// Prints the first layers of the cube on every board.
-fn prints(run: &mut Run) -> Result<(), Failure> {
+/// Prints the first layers of the cube on each board of a share.
+fn prints(run: &mut Run, share: Share) -> Result<(), Failure> {
     let program = build(run)?;
     run.step("virtual mainboard: the images print", || {
+        let boards = PRINTS.len() as u64;
+        let of_share = (0..).zip(&PRINTS).filter(|(number, _)| share.has(*number, boards)).map(|(_, print)| print);
         // Two at a time: each runs on one core, and some take twice as long as others.
-        let left = Mutex::new(PRINTS.iter());
+        let left = Mutex::new(of_share);
         let next = || left.lock().ok()?.next();
         let prints = || -> Vec<Failure> {
             std::iter::from_fn(next).filter_map(|(board, via)| print(&program, board, via).err()).collect()
