@@ -13,7 +13,7 @@ use crate::system::{self, cargo};
 use crate::tools::{self, Installed};
 use crate::turns::Turns;
 use crate::workbench::Workbench;
-use crate::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, budget, cost, mutants, policy, seed};
+use crate::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, budget, cost, mutants, policy, prose, seed};
 
 /// Proptest cases a property in `ci`; the default of 256 serves `test`.
 const CI_PROPTEST_CASES: &str = "4096";
@@ -68,6 +68,7 @@ fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
     })?;
     let installed = tools::install(run)?;
     run.step("format", || system::run(cargo().args(["fmt", "--all", "--check"])))?;
+    run.step("wording of comments and pages", prose::check)?;
     let share = run.step("share of long sweeps and image tests", || Ok(chosen(options.share)))?;
     let affected = programs::affected(&options.since).unwrap_or_else(|reason| {
         eprintln!("    tests run in the packages' order: {reason}");

@@ -14,6 +14,7 @@ pub mod images;
 pub mod mutants;
 pub mod policy;
 pub mod programs;
+pub mod prose;
 pub mod seed;
 pub mod share;
 pub mod steps;
