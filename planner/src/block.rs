@@ -1,4 +1,4 @@
-//! What look-ahead hands to interpolation: a move made of integers.
+//! A move made of integers: the interface between look-ahead and interpolation.
 
 use crate::inner_ends::InnerEnds;
 use crate::kinematics::UNITS_PER_MM;
@@ -42,7 +42,7 @@ impl Speed {
         self.mm_per_s() * self.mm_per_s()
     }
 
-    /// As [`Self::from_mm_per_s`], of a single-precision speed.
+    /// Single-precision version of [`Self::from_mm_per_s`].
     pub fn from_mm_per_s_f32(mm_per_s: f32) -> Self {
         Self((mm_per_s * 65_536.0) as u32)
     }
@@ -103,10 +103,10 @@ impl SquaredSpeed {
         }
         // The single-precision root is off by a few units, the more the faster: 2 at 256 mm/s, 12 at 2 m/s.
         let mut speed = square_root_f32(crate::u64_to_f32::of_u64(self.0) * SCALE) as u32;
-        // What is left of this, in 2^-20 units. It is so much less than 2^63 that the terms may wrap.
+        // Remainder, in 2^-20 units: so much smaller than 2^63 that the terms may wrap.
         let square = u64::from(speed) * u64::from(speed);
         let mut rest = (self.0 << 20).wrapping_sub(square.wrapping_mul(3_125)).cast_signed();
-        // From the square to the next one.
+        // Difference between the squares of a speed and of the next one.
         let step = |speed: u32| (2 * i64::from(speed) + 1) * 3_125;
         while rest < 0 {
             speed = speed.wrapping_sub(1);
@@ -163,7 +163,7 @@ impl Acceleration {
         self.0 as f32 / 256.0
     }
 
-    /// As [`Self::from_mm_per_s2`], of a single-precision acceleration.
+    /// Single-precision version of [`Self::from_mm_per_s2`].
     pub fn from_mm_per_s2_f32(mm_per_s2: f32) -> Self {
         Self::from_quantised((mm_per_s2 * 256.0) as u32)
     }
@@ -185,14 +185,14 @@ pub struct Block {
     pub acceleration: Acceleration,
     /// Number of the source line.
     pub line: u32,
-    /// Whether the line's move ends with this block (an arc has many).
+    /// True if the line's move ends with this block (an arc has many).
     pub ends_move: bool,
     /// Moves that end inside, where several were merged.
     pub inner_ends: InnerEnds,
 }
 
 impl Block {
-    /// What an unused place holds.
+    /// Content of an unused place.
     pub(crate) const NONE: Self = Self {
         steps: [0; 3],
         extruder_256ths: 0,

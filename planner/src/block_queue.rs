@@ -52,17 +52,17 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.speeds = Speeds::Given(GivenSpeeds::default());
     }
 
-    /// Whether blocks bring their speeds.
+    /// True if blocks come with their speeds already planned.
     pub fn has_given_speeds(&self) -> bool {
         matches!(self.speeds, Speeds::Given(_))
     }
 
-    /// Whether another block or marker fits.
+    /// True if another block or marker fits.
     pub fn has_room(&self) -> bool {
         self.ring.has_room()
     }
 
-    /// Whether the ring is empty.
+    /// True if the ring is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -77,25 +77,25 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         self.ring.last_nominal
     }
 
-    /// Whether the oldest block or marker may leave.
+    /// True if the oldest block or marker may leave.
     pub fn can_leave(&self) -> bool {
         self.ring.can_leave()
     }
 
-    /// Whether the oldest place is final: no block that is still to come can change its speeds. Look-ahead by blocks alone
-    /// knows that; under an S-curve, and with given speeds, none is.
+    /// True if the oldest place is final: no later block can change its speeds. Only look-ahead by single blocks knows
+    /// final places; under an S-curve and with given speeds this is always `false`.
     pub fn is_first_final(&self) -> bool {
         self.ring.is_first_final()
     }
 
-    /// See `LookAhead::foresee`.
+    /// Forwards to `LookAhead::foresee`.
     pub fn foresee(&mut self, block: &Block, corner: Speed) {
         if let Speeds::LookAhead(plan) = &self.speeds {
             plan.foresee(&mut self.ring, block, corner);
         }
     }
 
-    /// How long the blocks in the final places last, ticks.
+    /// Duration of the blocks in the final places, ticks.
     pub fn final_ticks(&mut self) -> u64 {
         self.ring.final_ticks(|waiting, exit| {
             let (entry, exit) = (waiting.entry.root(), exit.root());
@@ -189,8 +189,8 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         if self.fault?.is_reported { None } else { self.report_fault() }
     }
 
-    /// For a recorder: if a block is the oldest, its bound and the planned entry of the next one, zero if it is missing,
-    /// all as squared speeds.
+    /// Bound of the oldest block and planned entry of the next one (zero if missing), as squared speeds, for a
+    /// recorder. `None` if the oldest place holds no block.
     pub(crate) fn oldest_bound_and_next_entry(&self) -> Option<(SquaredSpeed, SquaredSpeed)> {
         let Some(Content::Block(oldest)) = self.ring.first() else { return None };
         let next = self.ring.second_block().map_or(SquaredSpeed::ZERO, |next| next.entry);

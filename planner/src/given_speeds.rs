@@ -16,7 +16,7 @@ use crate::speed_plan::{BlockStart, EntrySpeed, PlanFault, Released, SpeedPlan};
 pub struct ForwardPass {
     /// Planned entry of the newest block.
     planned: SquaredSpeed,
-    /// What acceleration leaves of it.
+    /// Planned speed, as far as acceleration allows it.
     settled: SquaredSpeed,
     /// 2 a S of the block.
     reach: u64,
@@ -47,7 +47,7 @@ impl ForwardPass {
     ) -> Result<SquaredSpeed, PlanFault> {
         let planned = match entry {
             EntrySpeed::Bound => bound,
-            // Where the machine was stopped inside a block, the rest of it is a block that falls on.
+            // The machine was stopped inside a block: the rest of it is a block that keeps slowing down.
             EntrySpeed::Falling | EntrySpeed::Continues => self.planned.slowed_by(self.reach),
             EntrySpeed::Given(planned) => planned,
         };
@@ -157,7 +157,7 @@ impl SpeedPlan for GivenSpeeds {
         Ok(())
     }
 
-    /// What is after the block must be able to stop the machine.
+    /// Takes the oldest block or marker out of the ring. What follows a block must be able to stop the machine.
     #[inline(never)]
     fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released> {
         let Some(Content::Block(waiting)) = ring.first() else { return ring.pop_marker().map(Released::Marker) };

@@ -16,16 +16,16 @@ pub use crate::given_speeds::ForwardPass;
 pub use crate::ring::{Marker, RingMemory, Slot};
 pub use crate::speed_plan::{BlockStart, EntrySpeed, Part, PlanFault, Released};
 
-/// How speeds change along the blocks.
+/// Law by which speeds change along the blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpeedLaw<R = Never> {
-    /// At a constant acceleration.
+    /// Constant acceleration.
     Trapezoid,
-    /// At a constant jerk, under which neighbouring blocks share one law where that is faster.
+    /// Constant jerk, under which neighbouring blocks share one law if that is faster.
     SCurve(Jerks),
-    /// At a constant jerk, with zero acceleration at the ends of every block: what shared laws gain shows against this.
+    /// Constant jerk, with zero acceleration at the ends of every block: the baseline for the gain of shared laws.
     SCurveBlockByBlock(Jerks),
-    /// By another rule.
+    /// Another rule.
     Other(R),
 }
 
@@ -101,7 +101,7 @@ impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
             return Ok(());
         }
         let entry_bound = SquaredSpeed::from(bound);
-        // Where the block before has left already, it left with a speed that this one starts with.
+        // The previous block has already left, with the speed that this one starts with.
         let settled = !ring.has_blocks();
         let place = ring.len();
         let reachable = reach(self.rule(), SquaredSpeed::ZERO, block);

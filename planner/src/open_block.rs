@@ -17,7 +17,7 @@ use crate::speed_plan::{BlockStart, EntrySpeed};
 pub(crate) struct Closing<'a> {
     pub block: &'a Block,
     pub start: BlockStart,
-    /// How many moves the budget has made slower than planned.
+    /// Moves that the budget has made slower than planned.
     pub slowed_moves: u32,
 }
 
@@ -30,13 +30,13 @@ pub(crate) struct OpenBlock {
     events: f32,
     /// Bound of the speed at its start.
     corner: Speed,
-    /// Where its entry speed comes from.
+    /// Source of its entry speed.
     entry: EntrySpeed,
     /// Its nominal speed at the present feed, which may differ from the feed of a prepared job's plan.
     nominal_now: Speed,
     /// Number of moves in it; 0 where no block is open.
     moves: u32,
-    /// What the last of its moves adds to the block.
+    /// Steps that the last of its moves adds to the block.
     last_steps: [i32; 3],
     last_extruder_256ths: i32,
     /// The acceleration as all but the corner at its end leave it.
@@ -60,12 +60,12 @@ impl OpenBlock {
         is_end_known: false,
     };
 
-    /// Whether there is a block.
+    /// True if there is a block.
     pub fn is_some(&self) -> bool {
         self.moves > 0
     }
 
-    /// Whether it is too long to take another move in.
+    /// True if it is too long to take another move.
     pub fn is_full(&self) -> bool {
         self.is_some() && self.block.length_10nm >= MAX_LENGTH_10NM
     }
@@ -108,7 +108,7 @@ impl OpenBlock {
         }
     }
 
-    /// Whether the corner at its end is known.
+    /// True if the corner at its end is known.
     pub fn is_end_known(&self) -> bool {
         self.is_end_known
     }
@@ -181,7 +181,7 @@ impl OpenBlock {
         let Some(extruder_256ths) = block.extruder_256ths.checked_add(next.extruder_256ths) else { return false };
         block.steps = steps;
         block.extruder_256ths = extruder_256ths;
-        // At most 0.65 mm.
+        // Both lengths together are at most 0.65 mm.
         block.length_10nm = block.length_10nm.saturating_add(next.length_10nm);
         block.line = next.line;
         block.ends_move = next.ends_move;

@@ -49,7 +49,7 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     rules: BlockRules<M>,
     choice: MotionChoice,
     pace: Pace,
-    /// At the end of the last move taken.
+    /// Position at the end of the last move taken.
     position: Position,
     previous: Previous,
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
@@ -65,7 +65,7 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     /// Another time law than trapezoid and S-curve.
     rule: Option<M::Rule>,
     interpolator: Interpolator<M>,
-    /// In its place while axes are shaped.
+    /// Steps in place of the interpolator while axes are shaped.
     shaped: ShapedStepper,
     shaping: Shaping,
     /// The moves to come are not shaped: a sensor ends them.
@@ -143,49 +143,49 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.tallies.motion_ticks
     }
 
-    /// How long all blocks begun so far would have lasted at their nominal speeds, in ticks: neither the pace nor ramps
-    /// make them longer. What planning may take of the processor's time to keep up at full speed.
+    /// Duration of all blocks begun so far at their nominal speeds, in ticks, without pace and ramps: the processor
+    /// time that planning may take and still keep up at full speed.
     pub fn nominal_ticks(&self) -> u64 {
         self.tallies.nominal_ticks
     }
 
-    /// How often a block left the look-ahead ring early because steps ran out.
+    /// Number of blocks that left the look-ahead ring early because steps ran out.
     pub fn starvation_flushes(&self) -> u64 {
         self.tallies.starvation_flushes
     }
 
-    /// How many moves were joined to the one before, two moves that became one block counting as one.
+    /// Number of moves joined to the previous one; two moves that became one block count as one.
     pub fn merged_moves(&self) -> u64 {
         self.tallies.merged_moves
     }
 
-    /// How many moves became slower because the processor could not have kept up with them.
+    /// Number of moves slowed down because the processor could not have kept up with them.
     pub fn slowed_moves(&self) -> u64 {
         self.tallies.slowed_moves
     }
 
-    /// Whether a move or fan change would be taken now; some are even if this says no, and one is not for which moves that were held
-    /// back have to enter the ring first.
+    /// True if a move or fan change would be taken now. Conservative: after a `false` some are still taken. A move can
+    /// also be refused after a `true`, if held moves have to enter the ring first.
     pub fn has_room(&self) -> bool {
         self.queue.has_room() && (!self.queue.is_switching || self.is_look_ahead_empty())
     }
 
-    /// Whether all moves taken have become step entries.
+    /// True if all moves taken have become step entries.
     pub fn is_idle(&self) -> bool {
         self.is_look_ahead_empty() && !self.interpolator.is_busy() && self.shaped.is_at_rest()
     }
 
-    /// Whether all moves have their speeds.
+    /// True if all moves have their speeds.
     pub fn is_look_ahead_empty(&self) -> bool {
         !self.open.is_some() && self.held.is_none() && self.queue.is_empty()
     }
 
-    /// Whether the last entry handed out leaves the motors running.
+    /// True if the last entry handed out leaves the motors running.
     pub fn is_in_motion(&self) -> bool {
         self.interpolator.is_busy() || !self.shaped.is_at_rest() || self.exit > Speed::ZERO
     }
 
-    /// Whether moves may share a block. Another pattern may decide from the start of a block, and another law count the
+    /// True if moves may share a block. Another pattern may decide from the start of a block, and another law count the
     /// steps of a whole one.
     #[inline]
     fn shares_blocks(&self) -> bool {
@@ -201,7 +201,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.position.advance(target);
     }
 
-    /// What is held and the open block enter the ring; `false` without room. A flush that waited for it follows.
+    /// Moves what is held and the open block into the ring, then does a flush that waited for it; `false` without room.
     #[inline(never)]
     fn close_open_block(&mut self) -> bool {
         if !(self.plan_held() && self.push_open_block()) {
@@ -231,7 +231,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         true
     }
 
-    /// As [`Self::close_open_block`]; calls `make_room` where the ring is full.
+    /// Version of [`Self::close_open_block`] that calls `make_room` while the ring is full.
     #[inline(always)]
     fn close_making_room(&mut self, mut make_room: impl FnMut(&mut Self) -> bool) -> Result<(), MoveError> {
         while !self.close_open_block() {
@@ -277,9 +277,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// How long the machine can go on at full speed whatever comes next, or does not come: the blocks in the ring whose speeds
-    /// are final, and the rest of the one that is being interpolated. In ticks after `tick`, at which the entries handed out
-    /// so far end.
+    /// Time for which the machine can continue at full speed whatever moves follow: the blocks in the ring whose speeds
+    /// are final, and the rest of the block that is being interpolated. In ticks after `tick`, at which the entries
+    /// handed out so far end.
     pub fn certain_ticks(&mut self, tick: u64) -> u64 {
         let rest = if self.shaped.is_busy() {
             self.shaped.end_tick().saturating_sub(tick)
@@ -298,9 +298,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.queue.final_ticks().saturating_add(rest)
     }
 
-    /// How long the machine goes on beyond [`Self::certain_ticks`] if nothing more comes, but for its braking, ticks: the first block
-    /// whose speeds are not final, at its nominal speed. Those after it only brake, which takes no longer than from its speed to
-    /// standstill.
+    /// Time for which the machine continues after [`Self::certain_ticks`] if no more moves come, without its braking,
+    /// ticks: the first block whose speeds are not final, at its nominal speed. Those after it only brake, which takes
+    /// no longer than from its speed to standstill.
     pub fn unsettled_ticks(&self) -> u64 {
         let block = self.queue.first_not_final().or(self.open.block());
         block.map_or(0, |block| block.nominal.ticks_for(block.length_10nm))

@@ -19,12 +19,12 @@ pub(crate) struct Waiting {
     pub entry_speed: Speed,
     /// Under an S-curve: how many places ahead the corner is to which one ramp leads from here.
     pub anchor: u8,
-    /// How long it lasts, ticks, where [`Ring::final_ticks`] has counted it.
+    /// Duration, ticks, once [`Ring::final_ticks`] has counted it.
     pub ticks: u32,
 }
 
 impl Waiting {
-    /// What an unused place holds.
+    /// Content of an unused place.
     pub const NONE: Self = Self {
         block: Block::NONE,
         entry_bound: SquaredSpeed::ZERO,
@@ -81,11 +81,11 @@ pub struct Ring<S> {
     length: usize,
     /// Blocks in the ring, markers not counted.
     blocks: usize,
-    /// How many of the oldest places may leave although the ring is not full.
+    /// Number of the oldest places that may leave although the ring is not full.
     released: usize,
-    /// How many of the oldest places are final: no block that is still to come can change their speeds.
+    /// Number of the oldest places that are final: no later block can change their speeds.
     final_places: usize,
-    /// Of these, the places whose time is in `timed_ticks`.
+    /// Number of the final places whose time is in `timed_ticks`.
     timed_places: usize,
     timed_ticks: u64,
     /// Squared entry speed of the block that comes next, where it is known before the block has come.
@@ -117,7 +117,7 @@ impl<S: RingMemory> Ring<S> {
         }
     }
 
-    /// Whether another block or marker fits.
+    /// True if another block or marker fits.
     pub(crate) fn has_room(&self) -> bool {
         self.length < self.slots.as_ref().len()
     }
@@ -127,12 +127,12 @@ impl<S: RingMemory> Ring<S> {
         self.length
     }
 
-    /// Whether a block is in the ring.
+    /// True if a block is in the ring.
     pub(crate) fn has_blocks(&self) -> bool {
         self.blocks > 0
     }
 
-    /// Whether the oldest block or marker may leave.
+    /// True if the oldest block or marker may leave.
     pub(crate) fn can_leave(&self) -> bool {
         self.length > 0 && (self.released > 0 || !self.has_room())
     }
@@ -164,8 +164,8 @@ impl<S: RingMemory> Ring<S> {
         has_room
     }
 
-    /// What is in a place, counted from the oldest; for the place after the newest in a ring that has room, what was
-    /// there before.
+    /// Content of a place, counted from the oldest; for the place after the newest in a ring that has room, its
+    /// previous content.
     #[inline(always)]
     pub(crate) fn at(&mut self, place: usize) -> Option<&mut Content> {
         let slots = self.slots.as_mut();
@@ -174,7 +174,7 @@ impl<S: RingMemory> Ring<S> {
         slots.get_mut(if index >= capacity { index.wrapping_sub(capacity) } else { index }).map(|slot| &mut slot.0)
     }
 
-    /// What is in a place, counted from the oldest; `None` after the newest.
+    /// Content of a place, counted from the oldest; `None` after the newest.
     pub(crate) fn get(&self, place: usize) -> Option<&Content> {
         let slots = self.slots.as_ref();
         let (index, capacity) = (self.first.wrapping_add(place), slots.len());
@@ -182,7 +182,7 @@ impl<S: RingMemory> Ring<S> {
         slots.get(index).filter(|_| place < self.length).map(|slot| &slot.0)
     }
 
-    /// What is in the oldest place.
+    /// Content of the oldest place.
     #[inline(always)]
     pub(crate) fn first(&self) -> Option<&Content> {
         self.slots.as_ref().get(self.first).map(|slot| &slot.0)
@@ -254,12 +254,12 @@ impl<S: RingMemory> Ring<S> {
         self.final_places = self.final_places.max(place);
     }
 
-    /// Whether the oldest place is final.
+    /// True if the oldest place is final.
     pub(crate) fn is_first_final(&self) -> bool {
         self.final_places > 0
     }
 
-    /// How long the blocks in the final places last, ticks. Each block is asked for its time once.
+    /// Duration of the blocks in the final places, ticks. Each block's time is computed once.
     pub(crate) fn final_ticks(&mut self, ticks_of: impl Fn(&Waiting, SquaredSpeed) -> u64) -> u64 {
         while self.timed_places < self.final_places {
             let place = self.timed_places;

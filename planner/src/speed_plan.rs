@@ -1,4 +1,4 @@
-//! What gives the blocks in the look-ahead ring their speeds, how blocks come to it and how they leave it.
+//! Sources of the speeds of the blocks in the look-ahead ring, and how blocks come to it and leave it.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::motion_choice::AccelerationProfile;
@@ -9,7 +9,7 @@ use crate::s_curve::Run;
 use crate::s_curve::law::Curve;
 use crate::time_law::TimeLaw;
 
-/// Where a move's planned entry speed comes from.
+/// Source of a move's planned entry speed.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,12 +51,12 @@ pub enum PlanFault {
     NotTrapezoid(AccelerationProfile),
 }
 
-/// How a block begins.
+/// Begin of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockStart {
     /// Bound of the speed by the corner before it.
     pub corner: Speed,
-    /// Where its entry speed comes from; look-ahead finds it by itself.
+    /// Source of its entry speed; look-ahead finds it by itself.
     pub entry: EntrySpeed,
     /// The nominal speed that it was planned with. The block's own differs where the feed was changed since.
     pub nominal: Speed,
@@ -76,7 +76,7 @@ pub struct Part {
     pub block: Block,
     /// The run that it is part of.
     pub run: Run,
-    /// Where in the run it begins, units of 10 nm.
+    /// Begin within the run, units of 10 nm.
     pub offset_10nm: u32,
 }
 
@@ -87,7 +87,7 @@ impl Part {
     }
 }
 
-/// What leaves the ring.
+/// Item that leaves the ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Released {
     /// A block with settled speeds.

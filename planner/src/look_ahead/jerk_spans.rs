@@ -36,11 +36,11 @@ struct Leaving {
     blocks: usize,
 }
 
-/// What look-ahead under an S-curve knows besides the ring.
+/// State of look-ahead under an S-curve, besides the ring.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Runs {
     jerks: Jerks,
-    /// Whether blocks share laws at all.
+    /// True if blocks share laws.
     joins: bool,
     leaving: Option<Leaving>,
 }
@@ -102,7 +102,7 @@ struct Anchor {
 }
 
 impl Anchor {
-    /// With one more block before it.
+    /// Returns the span extended by one more block before it.
     fn with_block_before(&self, block: &Block, jerk: Jerk) -> Self {
         Self {
             length_10nm: self.length_10nm.saturating_add(block.length_10nm),
@@ -141,7 +141,7 @@ impl Runs {
         self.reverse_pass_over_corners(ring, newest);
     }
 
-    /// From the newest corner backwards, to one that is as fast as it may be already.
+    /// Walks backwards from the newest corner to one that is already as fast as it may be.
     fn reverse_pass_over_corners<S: RingMemory>(&self, ring: &mut Ring<S>, newest: usize) {
         let end = Anchor {
             place: newest + 1,
@@ -218,7 +218,7 @@ impl Runs {
         let (mut end, mut speeds) = law.unwrap_or_else(|| settling.granted(ring, first));
         let may_grow = end.is_last && !ring.stopped;
         if let Some(cut) = settling.cut_in_cruise(ring, &end, &speeds) {
-            // What was asked of the law holds for the same law only.
+            // Answers of a law hold for that law only.
             end = End { acceleration: end.acceleration, jerk: end.jerk, ..cut };
             speeds.exit = speeds.peak;
         } else if may_grow && let Some((cut, slower)) = settling.cut_in_middle(ring, &end) {
@@ -239,11 +239,11 @@ impl Runs {
     }
 }
 
-/// What a run begins with.
+/// State at the start of a run.
 #[derive(Clone, Copy, Debug)]
 struct Settling {
     jerks: Jerks,
-    /// Whether blocks share laws at all.
+    /// True if blocks share laws.
     joins: bool,
     entry: Speed,
     pace: Pace,

@@ -129,7 +129,8 @@ fn as_they_leave(
 }
 
 proptest! {
-    /// What makes the plan of a host's moves that of a file's, though the ring is seldom full.
+    /// Final blocks leave with the same speeds at any time, so the plan of a host's moves is that of a file's, though
+    /// the ring is seldom full.
     #[test]
     fn final_blocks_leave_with_the_same_speeds_at_any_time(
         moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..120),

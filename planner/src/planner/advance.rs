@@ -1,4 +1,4 @@
-//! From the blocks that leave look-ahead to step entries.
+//! Execution: turns the blocks that leave look-ahead into step entries.
 
 use super::Planner;
 use crate::block::{PlannedBlock, Speed};
@@ -10,12 +10,12 @@ use crate::speed_plan::{Part, Released};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 
-/// What [`Planner::advance`] did.
+/// Result of [`Planner::advance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// Something; call again.
     Worked,
-    /// Nothing: no block may leave the look-ahead ring now.
+    /// No work: no block may leave the look-ahead ring now.
     Waiting,
 }
 
@@ -53,7 +53,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Progress::Worked
     }
 
-    /// What stands between the blocks takes effect.
+    /// Executes a marker between blocks.
     #[cold]
     fn pass_marker(&mut self, marker: &Marker, sink: &mut impl StepSink) {
         match *marker {
@@ -85,7 +85,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// Whether the blocks to come are shaped.
+    /// True if the blocks to come are shaped.
     pub(super) fn is_shaping(&self) -> bool {
         self.shaping.is_active() && !self.is_unshaped
     }
@@ -136,7 +136,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         (PlannedBlock { block: part.block, entry, exit }, law)
     }
 
-    /// What may leave look-ahead now.
+    /// Takes the next block or marker that may leave look-ahead now.
     #[inline]
     pub(super) fn release_next(&mut self) -> Option<Released> {
         if self.flushing {

@@ -69,17 +69,17 @@ pub(crate) struct Travel {
     pub feed_mm_per_s: f32,
     pub line: u32,
     pub ends_move: bool,
-    /// What limits it, where it is a part of a travel on which filament moves.
+    /// Its limits, if it is a part of a travel on which filament moves.
     pub part: Option<PartLimits>,
 }
 
-/// What limits a part of a travel on which filament moves.
+/// Limits of a part of a travel on which filament moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PartLimits {
     /// Along the path.
     pub feed_mm_per_s: f32,
     pub acceleration_mm_per_s2: f32,
-    /// Of the filament.
+    /// Limits of the filament.
     pub filament_feed_mm_per_s: f32,
     pub filament_acceleration_mm_per_s2: f32,
     /// The length of the travel, units of 10 nm.
@@ -123,7 +123,7 @@ pub(crate) struct Planned {
     pub is_forgotten: bool,
 }
 
-/// What every block of a machine keeps to.
+/// Rules that every block of a machine keeps to.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlockRules<M: MotionMethods> {
     pub geometry: Geometry,
@@ -136,10 +136,10 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     /// Every motor steps in its own time.
     is_shaped: bool,
     advance: ExtruderAdvance,
-    /// What the filtered path keeps, if that is asked for and there are filters.
+    /// Tolerance of the filtered path; `None` if none is asked for or without filters.
     pub tolerance: Option<PathTolerance>,
     pub budget: Budget,
-    /// What following the bed asks of Z; `None`: Z follows nothing.
+    /// Limits on Z for following the bed; `None`: Z follows nothing.
     surface: Option<SurfaceBounds>,
 }
 
@@ -195,7 +195,7 @@ impl<M: MotionMethods> BlockRules<M> {
         if M::Bed::PRESENT { self.surface.as_ref() } else { None }
     }
 
-    /// As [`PathLimits::along`], with what Z needs to follow the surface.
+    /// Version of [`PathLimits::along`] that leaves Z what it needs to follow the surface.
     #[inline(always)]
     pub fn limits_along(&self, feed: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
         match self.surface() {
@@ -204,19 +204,19 @@ impl<M: MotionMethods> BlockRules<M> {
         }
     }
 
-    /// What the extruder's advance takes in the moves to come.
+    /// Sets the extruder's advance for the moves to come.
     pub fn set_advance(&mut self, advance: ExtruderAdvance) {
         self.advance = advance;
         self.path_limits = PathLimits::new(&self.limits, &self.advance);
     }
 
-    /// By how much the extruder's speed may change at once where filament moves along a travel, mm/s.
+    /// Largest change of the extruder's speed at once where filament moves along a travel, mm/s.
     pub fn extruder_jump_mm_per_s(&self) -> f32 {
         let [.., extruder] = self.limits.instantaneous_corner_velocity_mm_per_s;
         smaller(EXTRUDER_JUMP_MM_PER_S, extruder as f32)
     }
 
-    /// Where a move takes the machine; `None` if it displaces nothing.
+    /// Target of a move; `None` if it displaces nothing.
     #[inline(always)]
     pub fn target(&self, travel: &Travel, from: &Position) -> Result<Option<Target>, MoveError> {
         // NaN is in no range. `is_finite` takes the number's bits apart.
@@ -378,7 +378,7 @@ fn differences(to: [i32; 3], from: [i32; 3]) -> [i32; 3] {
 /// Filament of units of 0.1 nm in units of 10 nm.
 #[inline(always)]
 fn filament_10nm(filament_100pm: i64) -> f32 {
-    // Of up to 43 cm the processor makes a float.
+    // Up to 43 cm fit in 32 bits, which the processor converts to a float.
     let filament = match u32::try_from(filament_100pm) {
         Ok(filament) => filament as f32,
         Err(_) => u64_to_f32::of_i64(filament_100pm),

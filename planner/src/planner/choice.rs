@@ -1,4 +1,4 @@
-//! How the planner moves: the methods that make the steps, the filters and the pressure advance that are chosen.
+//! Choice of the methods that make the steps, the filters and the pressure advance.
 
 use crate::kinematics::{Geometry, Kinematics, StepsPerMm};
 use crate::limits::ExtruderAdvance;
@@ -43,7 +43,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     }
 
     /// The filters, as chosen.
-    // Not beside the methods: each takes much of the stack.
+    // Kept out of the function that sets the methods: each takes much of the stack.
     #[inline(never)]
     fn set_shaping(&mut self, shaping: &Shaping) {
         let Self { choice, .. } = *self;
@@ -158,8 +158,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.is_unshaped = is_unshaped;
     }
 
-    /// For comparison: under an S-curve, lets every block begin and end without acceleration instead of giving neighbours
-    /// one law. Returns `false` and changes nothing if moves are queued or the profile is another.
+    /// Lets every block begin and end without acceleration under an S-curve instead of giving neighbours one law, for
+    /// comparison. Returns `false` and changes nothing if moves are queued or the profile is another.
     pub fn plan_block_by_block(&mut self) -> bool {
         match speed_law::<M>(&self.choice) {
             Ok(SpeedLaw::SCurve(jerks)) if self.is_idle() => {
@@ -171,7 +171,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     }
 }
 
-/// Whether there are such methods.
+/// Checks that the chosen methods are compiled in and fit the kinematics.
 #[inline(never)]
 fn check_methods<M: MotionMethods>(choice: &MotionChoice, kinematics: Kinematics) -> Result<(), ChoiceError> {
     speed_law::<M>(choice)?;
@@ -179,7 +179,7 @@ fn check_methods<M: MotionMethods>(choice: &MotionChoice, kinematics: Kinematics
     Ok(())
 }
 
-/// How speeds change under a choice.
+/// Speed law of a choice.
 pub(super) fn speed_law<M: MotionMethods>(choice: &MotionChoice) -> Result<SpeedLaw<M::Rule>, ChoiceError> {
     if let Some(rule) = M::rule(choice)? {
         return Ok(SpeedLaw::Other(rule));

@@ -31,19 +31,19 @@ struct FilamentMove {
     ends_move: bool,
 }
 
-/// Where X, Y and Z go without filament; how is in the [`Leg`] beside it.
+/// Target of a travel without filament; its speeds are in the [`Leg`] of the same index.
 #[derive(Clone, Copy, Debug)]
 struct TravelMove {
     target_10nm: [i32; 3],
-    /// As it was asked for.
+    /// Feed as asked for.
     feed_mm_per_s: f32,
     line: u32,
 }
 
-/// What is held.
+/// Moves that are held.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
-    /// Where it begins, and where what has been planned of it ends.
+    /// Its begin, and the end of what has been planned of it.
     begin_10nm: [i32; 3],
     from: Position,
     retraction: Option<FilamentMove>,
@@ -52,17 +52,17 @@ pub(super) struct Held {
     moves: [TravelMove; MOST_LEGS],
     travels: usize,
     recovery: Option<FilamentMove>,
-    /// Whether blocks are planned under an S-curve.
+    /// True if blocks are planned under an S-curve.
     is_s_curve: bool,
-    /// As soon as no more moves can join.
+    /// Set as soon as no more moves can join.
     spread: Spread,
     next: Next,
 }
 
-/// What is to be planned next.
+/// Part to plan next.
 #[derive(Clone, Copy, Debug)]
 enum Next {
-    /// Nothing has been planned: more moves may join.
+    /// No part has been planned: more moves may join.
     Begin,
     /// A stage of the retraction, counted from 1, after so much of it; or all of it by itself.
     Retraction {
@@ -88,7 +88,7 @@ enum Next {
     Done,
 }
 
-/// What is planned of it at once.
+/// Part that is planned at once.
 #[derive(Clone, Copy, Debug)]
 enum Part {
     Move(Travel),
@@ -99,7 +99,7 @@ enum Part {
 }
 
 impl Held {
-    /// Nothing yet, at this place.
+    /// Holds nothing yet, at this place.
     fn nothing(from: Position, is_s_curve: bool) -> Self {
         Self {
             begin_10nm: from.coordinates_10nm,
@@ -115,7 +115,7 @@ impl Held {
         }
     }
 
-    /// Whether such a move may join.
+    /// True if such a move may join.
     fn admits(&self, kind: Kind) -> bool {
         let is_open = matches!(self.next, Next::Begin) && self.recovery.is_none();
         is_open
@@ -130,13 +130,13 @@ impl Held {
         self.legs.get(..self.travels).unwrap_or(&[])
     }
 
-    /// Where leg `leg` begins: where the one before ends.
+    /// Begin of leg `leg`: the end of the previous one.
     fn begin_of(&self, leg: usize) -> [i32; 3] {
         let before = leg.checked_sub(1).and_then(|before| self.moves.get(before));
         before.map_or(self.begin_10nm, |before| before.target_10nm)
     }
 
-    /// Where it ends.
+    /// End of the last leg.
     fn end_10nm(&self) -> [i32; 3] {
         self.begin_of(self.travels)
     }
@@ -233,7 +233,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// What is held is planned, and a flush that waits happens.
+    /// Plans what is held, then does a flush that waits for it.
     fn settle_held(&mut self, make_room: &mut impl FnMut(&mut Self) -> bool) -> Result<(), MoveError> {
         while !(if self.flushing { self.close_open_block() } else { self.plan_held() }) {
             if !make_room(self) {
@@ -306,7 +306,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     }
 }
 
-/// What a move is to those that are held.
+/// Role of a move among those that are held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Retraction,
@@ -331,7 +331,7 @@ fn kind(travel: &Travel, target: &Target) -> Kind {
     }
 }
 
-/// Whether filament may move along it.
+/// True if filament may move along it.
 fn is_long(vector_10nm: [i32; 3]) -> bool {
     Path::along(vector_10nm).length_10nm() >= LEAST_TRAVEL_10NM
 }

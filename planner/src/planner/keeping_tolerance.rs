@@ -1,4 +1,4 @@
-//! What a tolerance of the filtered path asks of a move and of the block before it.
+//! Limits that a tolerance of the filtered path sets for a move and the block before it.
 
 use super::Planner;
 use super::block_rules::Planned;
@@ -8,7 +8,7 @@ use crate::ring::RingMemory;
 use crate::tolerance::{Beside, PathTolerance};
 
 impl Planned {
-    /// As its corners see it.
+    /// The move as its corners see it.
     fn beside(&self) -> Beside<'_> {
         Beside {
             path: &self.path,

@@ -1,4 +1,4 @@
-//! For estimates and for counts of what planning costs: blocks that are planned and not executed.
+//! Planning without execution, for estimates and for counts of what planning costs.
 
 use crate::block::PlannedBlock;
 use crate::methods::MotionMethods;
@@ -8,7 +8,7 @@ use crate::speed_plan::Released;
 use super::Planner;
 
 impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
-    /// For estimates: takes the next block that may leave without executing it.
+    /// Takes the next block that may leave without executing it, for estimates.
     pub fn next_planned(&mut self) -> Option<PlannedBlock> {
         loop {
             let released = self.release_next()?;
@@ -18,8 +18,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// For estimates: counts the time in which the motors come to rest, if all blocks were passed over. Returns how many ticks
-    /// that is.
+    /// Counts the time in which the motors come to rest, if all blocks were passed over, for estimates. Returns it in
+    /// ticks.
     pub fn pass_over_rest(&mut self) -> u64 {
         if !self.owes_rest || !self.is_look_ahead_empty() {
             return 0;
@@ -45,8 +45,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Some(planned)
     }
 
-    /// For those who count what planning costs: takes the next block that may leave, shows it with its speeds, and does
-    /// nothing more. Whether there was one.
+    /// Takes the next block that may leave, shows it with its speeds, and does nothing more, to count what planning
+    /// costs. Returns `false` if there was no block.
     pub fn take_planned(&mut self, see: impl FnOnce(&PlannedBlock)) -> bool {
         loop {
             match &self.release_next() {

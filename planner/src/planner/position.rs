@@ -1,10 +1,10 @@
-//! Where the machine is, in every unit that planning needs.
+//! Position of the machine, in every unit that planning needs.
 
 use crate::block::Block;
 use crate::extruder::{Extruder, ExtruderPosition, rounded_steps};
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM};
 
-/// Where the machine is at the end of the last move taken.
+/// Position of the machine at the end of the last move taken.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Position {
     /// X, Y and Z, units of 10 nm.
@@ -14,7 +14,7 @@ pub(crate) struct Position {
     pub extruder: Extruder,
 }
 
-/// Where a move takes the machine.
+/// Target of a move.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Target {
     pub coordinates_10nm: [i32; 3],
@@ -69,7 +69,7 @@ fn within_reach(coordinate_10nm: i64) -> i32 {
     coordinate_10nm.clamp(-MAX_COORDINATE_10NM, MAX_COORDINATE_10NM) as i32
 }
 
-/// Where the motors are at the end of the last block that left look-ahead.
+/// Motor positions at the end of the last block that left look-ahead.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MotorPosition {
     /// X, Y and Z.
@@ -82,7 +82,7 @@ impl MotorPosition {
     #[inline(always)]
     pub fn advance(&mut self, block: &Block) {
         let ([x, y, z], [dx, dy, dz]) = (self.steps, block.steps);
-        // As the sums that were taken: within 31 and 63 bits.
+        // Within 31 and 63 bits, as the sums of the moves taken.
         self.steps = [x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz)];
         self.extruder_256ths = self.extruder_256ths.wrapping_add(i64::from(block.extruder_256ths));
     }

@@ -18,7 +18,7 @@ use crate::speed_plan::{EntrySpeed, PlanFault};
 /// A move of a prepared job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreparedMove {
-    /// Where X, Y and Z end, machine coordinates.
+    /// Target of X, Y and Z, machine coordinates.
     pub target: [Coordinate; 3],
     /// Filament to push (or draw back), units of 0.1 nm.
     pub filament_100pm: i64,
@@ -26,17 +26,17 @@ pub struct PreparedMove {
     pub feed_mm_per_s: f32,
     /// Number of the source line.
     pub line: u32,
-    /// Whether the line's move ends here (an arc has many).
+    /// True if the line's move ends here (an arc has many).
     pub ends_move: bool,
-    /// Whether the filament counts in the G-code's E coordinate; that of a firmware retraction does not. Planning does not
-    /// use this.
+    /// True if the filament counts in the G-code's E coordinate; that of a firmware retraction does not. Planning does
+    /// not use this.
     pub counts: bool,
     /// Planned speed at its start.
     pub entry: EntrySpeed,
 }
 
 impl PreparedMove {
-    /// Where X, Y and Z end, units of 10 nm.
+    /// Target of X, Y and Z, units of 10 nm.
     #[inline(always)]
     pub fn target_10nm(&self) -> [i32; 3] {
         self.target.map(Coordinate::units)
@@ -51,7 +51,7 @@ impl PreparedMove {
     }
 }
 
-/// What differs from a prepared move's plan when it is executed.
+/// Differences between a prepared move's plan and its execution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Retuned {
     /// Filament at the present flow (M221), units of 0.1 nm.
@@ -156,7 +156,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         true
     }
 
-    /// Whether the ring is empty; if not, all in it may leave.
+    /// Lets everything in the ring leave; returns true if it is empty.
     fn drain(&mut self) -> bool {
         let empty = self.is_look_ahead_empty();
         if !empty && !self.queue.is_switching {

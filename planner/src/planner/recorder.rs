@@ -1,4 +1,4 @@
-//! For preparing a job: the blocks that leave look-ahead, with their planned speeds.
+//! Recording of a prepared job: the blocks that leave look-ahead, with their planned speeds.
 
 use super::Planner;
 use crate::block::{PlannedBlock, SquaredSpeed};
@@ -15,12 +15,12 @@ pub enum Recorded {
         planned: PlannedBlock,
         /// Squared entry speed from the reverse pass.
         entry: SquaredSpeed,
-        /// What the corner and both nominal speeds allow.
+        /// Limit set by the corner and both nominal speeds.
         bound: SquaredSpeed,
     },
     /// A fan changes.
     FanPower {
-        /// Which.
+        /// Number of the fan.
         fan: u8,
         /// Power, 0 to 255.
         power: u8,
@@ -30,7 +30,7 @@ pub enum Recorded {
 /// Takes what leaves look-ahead and notes the entry speeds that the reverse pass has found, before acceleration lowers them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recorder {
-    /// Of the next block.
+    /// Planned entry of the next block.
     entry: SquaredSpeed,
 }
 

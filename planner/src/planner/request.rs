@@ -31,7 +31,7 @@ pub trait Request {
 /// A straight move to a machine position, whose speeds the planner plans.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// Where X, Y and Z end, machine coordinates in units of 10 nm, at most 5 m either way.
+    /// Target of X, Y and Z, machine coordinates in units of 10 nm, at most 5 m either way.
     pub target_10nm: [i64; 3],
     /// Filament to push (or draw back), units of 0.1 nm.
     pub filament_100pm: i64,
@@ -39,7 +39,7 @@ pub struct Move {
     pub feed_mm_per_s: f32,
     /// Number of the source line.
     pub line: u32,
-    /// Whether the line's move ends here.
+    /// True if the line's move ends here.
     pub ends_move: bool,
 }
 
@@ -91,8 +91,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         request.add_to(self, |_| false)
     }
 
-    /// As [`Self::add`], but where the motion needs room it is made: `make_room` takes a block with [`Self::next_planned`] or a
-    /// [`crate::Recorder`], and returns whether there was one. So a move is planned once, not again after it was refused.
+    /// Version of [`Self::add`] that makes room while the motion needs it: `make_room` takes a block with
+    /// [`Self::next_planned`] or a [`crate::Recorder`], and returns false if there was none. A move is then planned
+    /// once, not again after it was refused.
     ///
     /// # Errors
     /// See [`MoveError`].

@@ -6,7 +6,7 @@ use crate::extruder::FILAMENT_UNITS_PER_MM;
 use crate::kinematics::UNITS_PER_MM;
 use crate::on_the_way::{FilamentLaw, Leg, Ride, Stage, Way};
 
-/// Which line a part of a leg belongs to, and whether the line's move ends there.
+/// Line that a part of a leg belongs to, and whether the line's move ends there.
 #[derive(Clone, Copy, Debug)]
 struct LineEnd {
     line: u32,
@@ -14,7 +14,7 @@ struct LineEnd {
 }
 
 impl FilamentMove {
-    /// By itself, at this place.
+    /// The whole filament move by itself, at this place.
     fn alone(&self, target_10nm: [i32; 3]) -> Part {
         let Self { filament_100pm, feed_mm_per_s, line, ends_move, .. } = *self;
         let corner_filament_100pm = filament_100pm;
@@ -39,7 +39,8 @@ impl FilamentMove {
         }
     }
 
-    /// So much of it, mm, after what is done of it; `is_last`: what is left. Units of 0.1 nm.
+    /// Next part of the filament move, `filament_mm` long, in units of 0.1 nm, after what is done of it; `is_last`: all
+    /// that is left.
     fn part_100pm(&self, filament_mm: f32, done_100pm: i64, is_last: bool) -> i64 {
         let left_100pm = self.filament_100pm.wrapping_sub(done_100pm);
         if is_last {
@@ -49,7 +50,7 @@ impl FilamentMove {
         if self.filament_100pm < 0 { left_100pm.max(-part_100pm) } else { left_100pm.min(part_100pm) }
     }
 
-    /// What limits a part of this leg that its filament moves along, or that follows such a part.
+    /// Limits of a part of this leg that its filament moves along, or that follows such a part.
     fn limits(&self, leg: &Leg, slowness: f32) -> PartLimits {
         PartLimits {
             feed_mm_per_s: leg.feed_mm_per_s / slowness,
@@ -146,7 +147,7 @@ impl Held {
         Some((part, Next::Recovery { stage: number.saturating_sub(1), done_100pm }))
     }
 
-    /// What of a leg has no filament, from there on; `None` where the recovery begins, and after the last leg.
+    /// Part of a leg without filament, from `begin_mm` on; `None` at the begin of the recovery and after the last leg.
     fn travel(&self, leg: usize, begin_mm: f32, is_after: bool) -> Option<(Part, Next)> {
         let (until_leg, until_mm) = self.spread.recovery.map_or((self.travels, 0.0), |ride| {
             let leg = self.forwards(ride.leg.into());
