@@ -49,12 +49,12 @@ pub const SMOOTH_TIME_S: [f64; 2] = [0.001, 0.05];
 /// The filters of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaping {
-    /// That of X.
+    /// Kernel of X.
     pub x: Kernel,
-    /// That of Y.
+    /// Kernel of Y.
     pub y: Kernel,
-    /// By how much the shapers and the frame together spread the path of the nozzle, squared ticks: the mean of X's variance and Y's,
-    /// at least 0. The extruder's impulses have it too.
+    /// Variance by which the shapers and the frame together spread the path of the nozzle, squared ticks: the mean of
+    /// X's and Y's, at least 0. The extruder's impulses have the same variance.
     pub extruder_variance: f64,
     /// Over how many ticks X, Y, Z and the extruder are averaged after that, an even number; 0: they are not.
     pub smooth_ticks: u32,
@@ -104,14 +104,14 @@ impl Shaping {
         even_ticks(ticks)
     }
 
-    /// What an advance takes of the extruder; `None`: nothing.
+    /// Share of the extruder taken by an advance; `None`: nothing.
     pub(crate) fn extruder_advance(&self, advance: &PressureAdvance) -> Option<ExtruderAdvance> {
         let seconds = advance.largest_seconds() as f32;
         let smooth_time_s = self.advance_ticks as f32 / TICKS_PER_SECOND as f32;
         (seconds > 0.0 && smooth_time_s > 0.0).then_some(ExtruderAdvance { seconds, smooth_time_s })
     }
 
-    /// Whether anything is filtered.
+    /// True if anything is filtered.
     pub fn is_active(&self) -> bool {
         *self != Self::NONE
     }

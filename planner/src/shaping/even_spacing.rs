@@ -20,11 +20,11 @@ pub struct EvenSpacing {
 }
 
 impl EvenSpacing {
-    /// Which numbers there are, in words.
+    /// Allowed numbers, in words.
     pub const RULE: &'static str =
         "N from 3 to 5, and T below (N-1)/2 but not so small that an impulse would be negative";
 
-    /// What a name such as `mzv(5,0.9)` or, in Klipper's way, `mzv(n=5,t=0.9)` has in its parentheses.
+    /// Parses the parentheses of a name such as `mzv(5,0.9)` or, in Klipper's form, `mzv(n=5,t=0.9)`.
     #[cold]
     #[inline(never)]
     pub(super) fn from_text(text: &str) -> Option<Self> {
@@ -119,6 +119,6 @@ fn thousandths(text: &str) -> Option<u16> {
     for _ in 0..missing {
         value = value.checked_mul(10)?;
     }
-    // Without a digit there is no number.
+    // A number has at least one digit.
     (text.len() > usize::from(after_point)).then_some(value)
 }

@@ -40,7 +40,7 @@ pub(super) const fn of_256ths(steps_256ths: i32) -> i64 {
 pub(super) struct PartLaw {
     /// The part at the piece's start, 2^-56.
     start: i64,
-    /// What the speed there makes of the line in the span, 2^-56 over 2^[`PartScale::enlarged`].
+    /// Coefficient of the speed at the start: its part of the line in the span, 2^-56 over 2^[`PartScale::enlarged`].
     speed: i64,
     /// The same of half the acceleration, and of a sixth of the jerk, without the lower 32 bits.
     acceleration: i32,
@@ -50,13 +50,13 @@ pub(super) struct PartLaw {
 /// The units of a [`PartLaw`]; apart from it, so that a piece of the plan has no gaps in memory.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PartScale {
-    /// By how much the coefficients are larger, a shift.
+    /// Shift by which the coefficients are enlarged.
     enlarged: u8,
     /// Ticks of the span: 2 to the power of this.
     span_bits: u8,
 }
 
-/// How fast something goes at a moment: parts of a line, or steps, and ticks.
+/// Speed, acceleration and jerk at a moment: in parts of a line, or steps, and ticks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PartRates {
     pub speed: f32,
@@ -89,11 +89,11 @@ impl PartScale {
 }
 
 impl PartLaw {
-    /// Nothing is done.
+    /// Rest.
     pub const NONE: Self = Self { start: 0, speed: 0, acceleration: 0, jerk: 0 };
 
-    /// That of a piece which lasts `ticks`. Once a piece, and in f64; at its end it is where the polynomial is, however the
-    /// coefficients are rounded.
+    /// Law of a piece that lasts `ticks`. Computed once a piece, in f64; at the piece's end it is exactly where the
+    /// polynomial is, however the coefficients are rounded.
     #[inline(never)]
     pub fn new(part: &Polynomial, ticks: u64) -> (Self, PartScale) {
         let duration = ticks as f64;
@@ -106,7 +106,7 @@ impl PartLaw {
         let enlarged = (COEFFICIENT_BITS - PART_BITS - largest).clamp(0, MOST_ENLARGED);
         let bits = PART_BITS + enlarged;
         let (acceleration, jerk) = ((whole(of_acceleration, bits) >> 32) as i32, (whole(of_jerk, bits) >> 32) as i32);
-        // What rounding takes from these, the speed gets.
+        // The speed gets what rounding takes from these.
         let share = scaled(duration, -span_bits);
         let bent = if acceleration | jerk == 0 {
             0.0
@@ -150,7 +150,7 @@ impl PartLaw {
         chord.wrapping_sub(times(bend, SIXTH) >> (scale.enlarged & 63))
     }
 
-    /// How fast it is done after `ticks`.
+    /// Rates after `ticks`.
     #[inline]
     pub fn rates_at(&self, scale: PartScale, ticks: u64) -> PartRates {
         let unit = single_power_of_two(32 - PART_BITS - i32::from(scale.enlarged));
@@ -171,20 +171,20 @@ impl PartLaw {
         }
     }
 
-    /// Whether it has no motion at all.
+    /// True if it has no motion at all.
     #[inline]
     pub fn is_at_rest(&self) -> bool {
         self.speed == 0 && !self.is_bent()
     }
 
-    /// Whether the speed changes.
+    /// True if the speed changes.
     #[inline]
     fn is_bent(&self) -> bool {
         self.acceleration | self.jerk != 0
     }
 }
 
-/// What a part of a line (2^-56) makes of `steps`.
+/// Part of a line (2^-56) times `steps`.
 #[inline]
 pub(super) fn along(steps: i32, part: i64) -> i64 {
     let steps = i64::from(steps);
@@ -193,7 +193,7 @@ pub(super) fn along(steps: i32, part: i64) -> i64 {
     (upper << (64 - PART_BITS)).wrapping_add(lower >> (PART_BITS - STEP_BITS.cast_signed()))
 }
 
-/// What a distance (2^-32 of 1/256 steps) is, summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
+/// Distance (2^-32 of 1/256 steps) summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
 #[inline]
 pub(super) fn summed_over_time(distance: i64, ticks: u32) -> i64 {
     let upper = i64::from((distance >> 32) as i32).wrapping_mul(i64::from(ticks));
@@ -201,7 +201,7 @@ pub(super) fn summed_over_time(distance: i64, ticks: u32) -> i64 {
     (upper << 8).wrapping_add((lower >> 24).cast_signed())
 }
 
-/// What a position (2^-32 step) is, summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
+/// Position (2^-32 step) summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
 #[inline]
 pub(super) fn position_over_time(position: i64, ticks: u32) -> i64 {
     let upper = i64::from((position >> 32) as i32).wrapping_mul(i64::from(ticks));
@@ -209,7 +209,7 @@ pub(super) fn position_over_time(position: i64, ticks: u32) -> i64 {
     (upper << 16).wrapping_add((lower >> 16).cast_signed())
 }
 
-/// What a constant distance (2^-20 steps) is, summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
+/// Constant distance (2^-20 steps) summed over `ticks`: 2^-16 steps times ticks, modulo 2^64.
 #[inline]
 pub(super) fn constant_over_time(distance: i32, ticks: u64) -> i64 {
     let distance = i64::from(distance);
@@ -226,7 +226,7 @@ pub(super) struct Mean {
 }
 
 impl Mean {
-    /// Of nothing.
+    /// Mean over no time.
     pub const NONE: Self = Self { reciprocal: 0, bits: 0 };
 
     /// Over `ticks`, at least 2 and at most 2^30.
@@ -253,9 +253,9 @@ impl Mean {
 /// A sum of positions with weights.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct WeightedSum {
-    /// Of whole steps, 2^-30.
+    /// Whole steps, 2^-30.
     steps: i64,
-    /// Of the rest, 2^-62. It cannot wrap, as the weights sum to one.
+    /// Fractions of a step, 2^-62. They cannot wrap, as the weights sum to one.
     fractions: u64,
 }
 
@@ -283,7 +283,7 @@ fn times(number: i64, share: u64) -> i64 {
     let (whole, part) = ((number >> 32) as i32, number as u32);
     let (upper, lower) = ((share >> 32) as u32, share as u32);
     let below = (u64::from(part) * u64::from(upper)) >> 32;
-    // Of a span longer than 2^32 ticks only.
+    // Needed only for a span longer than 2^32 ticks.
     let far_below = (i64::from(whole) * i64::from(lower)) >> 32;
     (i64::from(whole) * i64::from(upper)).wrapping_add(below.cast_signed()).wrapping_add(far_below)
 }
@@ -377,7 +377,7 @@ mod tests {
                 exact += i128::from(*position) * i128::from(*weight);
             }
             prop_assert_eq!(i128::from(sum.position()), (exact + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS);
-            // At rest it is exact.
+            // The sum is exact at rest.
             let mut sum = WeightedSum::default();
             weights.iter().for_each(|weight| sum.add(of_steps(-77_123), *weight));
             prop_assert_eq!(sum.position(), of_steps(-77_123));

@@ -8,7 +8,7 @@ pub const MAX_IMPULSES: usize = 5;
 pub struct Impulse {
     /// Its part of the command; those of a kernel sum to 1.
     pub weight: f64,
-    /// By how much it is later than the command, ticks.
+    /// Delay against the command, ticks.
     pub delay_ticks: u32,
 }
 

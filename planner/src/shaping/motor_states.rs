@@ -1,4 +1,4 @@
-//! How the motors move at the start of a window of time.
+//! Motion of the motors at the start of a window of time.
 
 use crate::square_root::square_root_f32;
 use crate::u64_to_f32::of_i64;
@@ -12,7 +12,7 @@ const ROUNDING: f32 = 256.0;
 /// The shortest window in which a motor's speed is taken to change, ticks.
 const SHORTEST_TICKS: u32 = 24;
 
-/// How all motors move, steps and ticks.
+/// Speed, acceleration and jerk of all motors, in steps and ticks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MotorStates {
     pub speed: [f32; 4],
@@ -43,7 +43,7 @@ impl MotorStates {
             }
             let (first, middle) = (one.wrapping_sub(*start), two.wrapping_sub(*one));
             let before = of_i64(middle.wrapping_sub(first));
-            // As if the last part were as long as the others.
+            // Extrapolated as if the last part were as long as the others.
             let rest = i64::from((left_over * (of_i64(middle) / g)) as i32);
             let after = of_i64(end.wrapping_sub(*two).wrapping_sub(middle).wrapping_sub(rest));
             let after = after * (2.0 * g * g / (last * (g + last)));

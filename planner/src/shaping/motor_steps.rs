@@ -1,4 +1,4 @@
-//! When a motor steps while its position follows a polynomial.
+//! Times of a motor's steps while its position follows a polynomial.
 
 use super::fixed;
 use crate::cubic::cube_root_above;
@@ -31,12 +31,12 @@ pub(super) struct WindowMotion {
 /// slower one: there 20 ticks are the least part of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MotorSteps {
-    /// Where it stands after all steps of the window.
+    /// Position after all steps of the window.
     pub steps: i64,
     /// Steps left in the window, and whether they go backwards.
     left: u32,
     pub is_backwards: bool,
-    /// When the next one is due, ticks from the window's start; [`NEVER`] without one.
+    /// Time of the next step, ticks from the window's start; [`NEVER`] without one.
     pub due: u32,
     /// The slow end: the speed there, and acceleration and jerk away from it.
     speed: f32,
@@ -46,7 +46,7 @@ pub(super) struct MotorSteps {
     from_end: bool,
     /// Position of the step that is nearest to the slow end, steps from that end.
     nearest: f32,
-    /// How many steps the next one is farther from the slow end than the nearest one.
+    /// Steps by which the next one is farther from the slow end than the nearest one.
     index: u32,
     /// Duration of the window, ticks.
     ticks: f32,
@@ -75,7 +75,7 @@ impl MotorSteps {
     #[inline(never)]
     pub fn begin(&mut self, motion: &WindowMotion) {
         let WindowMotion { ends: [start, end], acceleration, jerk, ticks } = *motion;
-        // From where it stands.
+        // Relative to the motor's position.
         let here = fixed::of_steps(self.steps);
         let (start, end) = (start.wrapping_sub(here), end.wrapping_sub(here));
         let backwards = end < 0;
@@ -160,7 +160,7 @@ impl MotorSteps {
         let mut time = quadratic;
         if jerk > 0.0 {
             let cubic = cube_root_above(6.0 * distance / jerk);
-            // Without speed and acceleration the quadratic is infinite.
+            // The quadratic is infinite without speed and acceleration.
             if time > cubic {
                 time = cubic;
             }

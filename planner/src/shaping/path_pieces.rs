@@ -72,7 +72,7 @@ impl Polynomial {
 /// A piece of a block's law: path in units of 10 nm from the block's start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PathPiece {
-    /// When it begins and ends, ticks from the block's start.
+    /// Begin and end, ticks from the block's start.
     pub start: f64,
     pub end: f64,
     /// The path from its start.
@@ -89,7 +89,7 @@ pub(super) struct PathPieces {
 }
 
 impl PathPieces {
-    /// None.
+    /// Empty.
     pub const NONE: Self = Self {
         pieces: [PathPiece { start: 0.0, end: 0.0, path: Polynomial::ZERO }; MAX_PIECES],
         count: 0,
@@ -137,7 +137,7 @@ impl PathPieces {
         }
     }
 
-    /// In their order.
+    /// The pieces in order.
     pub fn iter(&self) -> impl Iterator<Item = &PathPiece> {
         self.pieces.iter().take(self.count)
     }
@@ -184,7 +184,7 @@ fn from_anchor(piece: &Piece<f64>, length: f64) -> (f64, f64, f64, f64) {
     (end - piece.position, speed, acceleration, jerk)
 }
 
-/// How long a piece takes from its anchor over a distance, ticks.
+/// Time of a piece from its anchor over a distance, ticks.
 fn distance_ticks(piece: &Piece<f64>, distance: f64) -> f64 {
     if distance > 0.0 { piece.motion.time_over(distance) * (1.0 / UNITS_PER_TICK) } else { 0.0 }
 }

@@ -10,23 +10,23 @@ use crate::square_root::square_root_f32;
 use crate::stretches::Stretches;
 use crate::time_law::TimeLaw;
 
-/// What is planned, as far back as a filter sees.
+/// The plan, as far back as a filter sees.
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub ring: PlanRing,
     /// The plan so far ends at this tick.
     pub end: u64,
-    /// Where the motors are there.
+    /// Motor positions there.
     pub steps: [i32; 3],
     pub extruder_256ths: i64,
     /// The extruder's advance there, summed over time: 2^-16 steps times ticks, modulo 2^64.
     advance_sum: i64,
-    /// How the blocks to come advance.
+    /// Advance of the blocks to come.
     pub advance: AdvanceLaw,
 }
 
 impl Plan {
-    /// Nothing yet, at standstill.
+    /// Empty plan, at standstill.
     // No constant: that would be 6 KB of flash, nearly all of it zeros.
     #[inline(always)]
     pub fn new() -> Self {
@@ -135,7 +135,7 @@ impl Plan {
         self.advance_sum = piece.advance_sum_after(piece.part_after(ticks), ticks);
     }
 
-    /// After how many ticks of a piece the filament passes the speed at which the advance has another slope: the piece is to end
+    /// Ticks after which the filament passes the speed at which the advance has another slope: the piece is to end
     /// there. 0 if it does not.
     #[inline(never)]
     fn advance_turns(&self, line: &[i32; 4], part: &Polynomial, ticks: u64) -> u64 {
@@ -149,7 +149,7 @@ impl Plan {
         if faster == (speed > knee) {
             return 0;
         }
-        // In single precision: a tick more or less changes nothing, since the advance is continuous there.
+        // Single precision is enough: a tick more or less changes nothing, since the advance is continuous there.
         let [missing, acceleration, jerk] = [knee - speed, acceleration, jerk].map(|value| value as f32);
         let root = square_root_f32(acceleration * acceleration + 2.0 * jerk * missing);
         let after = 2.0 * missing / (acceleration + if acceleration < 0.0 { -root } else { root });

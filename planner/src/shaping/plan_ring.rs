@@ -1,4 +1,4 @@
-//! What the plan was and is: the pieces that a filter still sees.
+//! Past and present plan: the pieces that a filter still sees.
 
 use super::fixed::{self, PartLaw, PartRates, PartScale};
 use crate::pressure_advance::AdvanceSlope;
@@ -9,7 +9,7 @@ const PIECES: u32 = 64;
 /// The most pieces that may begin within the length of a filter: the ring's, less those of a block that enters it.
 pub(crate) const MOST_IN_FILTER: u32 = PIECES - 28;
 
-/// What is added to the extruder's position away from zero, 2^-32 step: more than rounding leaves, less than a tick.
+/// Amount added to the extruder's position away from zero, 2^-32 step: more than rounding leaves, less than a tick.
 const HALF_AWAY: i64 = 4;
 
 /// A piece of the plan: all motors on a straight line, by one law.
@@ -19,17 +19,17 @@ pub(super) struct PlanPiece {
     pub start: u64,
     /// Part of the line that is done.
     pub part: PartLaw,
-    /// Where X, Y and Z (A, B, Z) are where the line begins.
+    /// Positions of X, Y and Z (A, B, Z) at the line's begin.
     pub steps: [i32; 3],
     /// The extruder there, 1/256 steps, modulo 2^32: it is seen from places near it.
     pub extruder_256ths: i32,
     /// The units of [`Self::part`].
     pub scale: PartScale,
-    /// Whether the extruder's whole position is below zero.
+    /// True if the extruder's whole position is below zero.
     pub is_extruder_below_zero: bool,
-    /// Whether the move of [`Self::source_line`] ends with the piece.
+    /// True if the move of [`Self::source_line`] ends with the piece.
     pub ends_move: bool,
-    /// How far the extruder runs ahead, and that summed over time where the line begins, 2^-16 steps times ticks and modulo 2^64.
+    /// Lead of the extruder, and its sum over time at the line's begin, 2^-16 steps times ticks and modulo 2^64.
     pub advance: AdvanceSlope,
     pub advance_sum: i64,
     /// The line, in steps, that of the extruder in 1/256 steps.
@@ -39,7 +39,7 @@ pub(super) struct PlanPiece {
 }
 
 impl PlanPiece {
-    /// Nothing.
+    /// Empty.
     const NONE: Self = Self {
         start: 0,
         part: PartLaw::NONE,
@@ -71,13 +71,13 @@ impl PlanPiece {
         Self { line, part, scale, ..self }
     }
 
-    /// Which part of the line is done `ticks` after the start, 2^-56.
+    /// Part of the line done `ticks` after the start, 2^-56.
     #[inline]
     pub fn part_after(&self, ticks: u64) -> i64 {
         self.part.at(self.scale, ticks)
     }
 
-    /// How fast it is done then.
+    /// Rates of the part `ticks` after the start.
     #[inline]
     pub fn rates_after(&self, ticks: u64) -> PartRates {
         self.part.rates_at(self.scale, ticks)
@@ -98,8 +98,9 @@ impl PlanPiece {
         sum
     }
 
-    /// Where the motors of this mask are, 2^-32 step, where this part of the line is done (others anywhere); the extruder from this
-    /// place, 1/256 steps. It may have gone so far that its whole position is out of range.
+    /// Positions of the motors of this mask, 2^-32 step, once this part of the line is done (the others' are
+    /// arbitrary); the extruder's counts from `extruder_zero_256ths`, 1/256 steps. The extruder may have moved so far
+    /// that its whole position is out of range.
     #[inline]
     pub fn motors_at(&self, part: i64, mask: u8, extruder_zero_256ths: i64) -> [i64; 4] {
         let ([x, y, z], [dx, dy, dz, de]) = (self.steps, self.line);
@@ -135,14 +136,14 @@ impl PlanPiece {
         [x, y, z, self.extruder_start_256ths(near_256ths).wrapping_mul(ticks) << 8].map(i64::wrapping_neg)
     }
 
-    /// Where the extruder is where the line begins, 1/256 steps, not modulo 2^32; found by a place near it.
+    /// Extruder position at the line's begin, 1/256 steps, not modulo 2^32; found from a position near it.
     #[inline]
     fn extruder_start_256ths(&self, near_256ths: i64) -> i64 {
         near_256ths.wrapping_add(i64::from(self.extruder_256ths.wrapping_sub(near_256ths as i32)))
     }
 
-    /// By how much the extruder's position is moved away from zero, 2^-32 step: halves are rounded away from it, and must be however
-    /// a sum of them comes out.
+    /// Amount by which the extruder's position is moved away from zero, 2^-32 step: halves are rounded away from zero,
+    /// whatever rounding a sum of them has.
     #[inline]
     pub fn extruder_away(&self) -> i64 {
         if self.is_extruder_below_zero { -HALF_AWAY } else { HALF_AWAY }

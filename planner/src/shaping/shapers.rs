@@ -14,7 +14,7 @@ use crate::time_units::TICKS_PER_SECOND;
 /// The kinds of shaper.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub enum ShaperKind {
-    /// None: the command itself.
+    /// No shaper: the command itself.
     #[default]
     None,
     /// Zero vibration: two impulses.
@@ -42,7 +42,7 @@ pub enum ShaperKind {
 /// A shaper of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisShaper {
-    /// Which.
+    /// Kind of shaper.
     pub kind: ShaperKind,
     /// Undamped frequency of the axis's mode, Hz.
     pub frequency_hz: f64,
@@ -63,7 +63,7 @@ pub enum ShaperError {
     TooLong {
         /// The lowest frequency at which it is not, 1/100 Hz.
         lowest_hundredths_hz: u32,
-        /// Whether a moving average is a part of the filter.
+        /// True if a moving average is a part of the filter.
         is_smooth: bool,
     },
     /// The time of the moving average is not within [`super::SMOOTH_TIME_S`].
@@ -133,7 +133,7 @@ impl AxisShaper {
         if frequency_hz <= lowest { lowest } else { f64::from(hundredths.saturating_add(1)) / 100.0 }
     }
 
-    /// By how much this shaper's kernel and the mode that it is made for spread the path together, squared ticks.
+    /// Variance by which this shaper's kernel and the mode that it is made for spread the path together, squared ticks.
     ///
     /// The mode 1 / (1 + 2 zeta s / omega + s^2 / omega^2) has the variance -2 (1 - 2 zeta^2) / omega^2, the second derivative of its
     /// logarithm at s = 0. It is negative: the frame runs wide where the kernel cuts a corner. Without a shaper nothing is known
@@ -235,7 +235,8 @@ impl fmt::Display for ShaperKind {
 }
 
 impl fmt::Debug for ShaperKind {
-    /// With the type's name: an image's profile is compiled from this form, where `None` alone is an `Option`'s.
+    /// Writes the type's name too: an image's profile is compiled from this form, in which `None` alone would be an
+    /// `Option`'s.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
             Self::None => "ShaperKind::None",
@@ -287,7 +288,7 @@ struct Mode {
     damping: f64,
     undamped_period_ticks: f64,
     damped_period_ticks: f64,
-    /// How the vibration decays over a damped period: to e to the power of this.
+    /// Decay of the vibration over a damped period, as an exponent of e.
     decrement: f64,
 }
 

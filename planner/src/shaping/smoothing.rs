@@ -22,7 +22,7 @@ pub(super) struct Anchor<'a> {
     pub motors: u8,
 }
 
-/// Where positions count from: X's, Y's and Z's motors (A, B, Z) and the extruder, whole steps. Near where they are.
+/// Origin of positions: X's, Y's and Z's motors (A, B, Z) and the extruder, whole steps, near their positions.
 pub(super) type Reference = [i64; 4];
 
 impl Anchor<'_> {
@@ -40,7 +40,7 @@ impl Anchor<'_> {
 }
 
 impl PositionSums {
-    /// Nothing, at the start of the first piece.
+    /// Zero sums, at the start of the first piece.
     pub const NONE: Self = Self([0; 4]);
 
     fn add(&mut self, added: [i64; 4]) {
@@ -91,7 +91,7 @@ pub(super) struct MovingAverage {
 pub(super) type Seen<'a> = (&'a PositionSums, Anchor<'a>, i64);
 
 impl MovingAverage {
-    /// None.
+    /// No average.
     pub const NONE: Self = Self { ticks: 0, mean: Mean::NONE };
 
     /// Over `ticks`.
@@ -100,8 +100,8 @@ impl MovingAverage {
         Self { ticks, mean: Mean::over(ticks) }
     }
 
-    /// Where the motors are on the average between two times of the plan that are its ticks apart, 2^-32 step; the extruder from the
-    /// reference's.
+    /// Mean positions of the motors between two times of the plan that are `ticks` apart, 2^-32 step; the extruder's
+    /// counts from the reference's.
     pub fn between(&self, late: Seen<'_>, early: Seen<'_>, near: &Reference) -> [i64; 4] {
         let at = |(sums, anchor, ticks): Seen<'_>| sums.at(&anchor, ticks, near);
         let (mut places, before) = (at(late), at(early));

@@ -1,4 +1,4 @@
-//! From filtered positions to ordered step events, every motor in its own time.
+//! Stepping of filtered positions: turns them into ordered step events, every motor in its own time.
 //!
 //! Time goes on in windows, within which every motor follows one polynomial and none turns. A window's ends are worked out
 //! afresh from the plan, so nothing drifts; within it each motor's steps are solved for, and the four streams merge. Steps
@@ -25,7 +25,7 @@ const EVENTS_AT_ONCE: usize = 16;
 /// The longest window, ticks: single precision holds its times to a quarter of a tick.
 const LONGEST_WINDOW_TICKS: u64 = 1 << 22;
 
-/// Where the motors are, and the state of the output: what one stepper hands to the other.
+/// Motor positions and state of the output: one stepper hands it to the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Standing {
     /// Motion clock, ticks.
@@ -57,7 +57,7 @@ pub(crate) struct ShapedStepper {
     positions: [i64; 4],
     /// The extruder's counts from [`Self::extruder_zero`].
     motors: [MotorSteps; 4],
-    /// Where the extruder stood when the window began, steps.
+    /// Extruder position at the window's begin, steps.
     extruder_zero: i64,
     /// Number of the first piece that has not ended.
     ending: u32,
@@ -68,7 +68,7 @@ pub(crate) struct ShapedStepper {
 }
 
 impl ShapedStepper {
-    /// At standstill.
+    /// New stepper, at standstill.
     pub fn new(minimum_event_interval_ticks: u32, kinematics: Kinematics) -> Self {
         Self {
             taps: Taps::new(kinematics),
@@ -102,17 +102,17 @@ impl ShapedStepper {
         self.taps.length_ticks()
     }
 
-    /// Whether the motors have not come to rest.
+    /// True while the motors have not come to rest.
     pub fn is_in_motion(&self) -> bool {
         self.is_in_motion
     }
 
-    /// Whether the motors rest, to the last step.
+    /// True if the motors rest, to the last step.
     pub fn is_at_rest(&self) -> bool {
         !self.is_in_motion && !self.is_busy
     }
 
-    /// Whether a block, or the rest at the end, is being executed.
+    /// True while a block, or the rest at the end, is being executed.
     pub fn is_busy(&self) -> bool {
         self.is_busy
     }
@@ -154,7 +154,7 @@ impl ShapedStepper {
         now.max(self.last)
     }
 
-    /// Where the motors rest, when they do.
+    /// Position and output state at rest.
     pub fn standing(&self) -> Standing {
         Standing {
             clock: self.plan.end,
@@ -319,7 +319,7 @@ impl ShapedStepper {
         self.taps.move_to(start, &self.plan.ring, &near);
         let most = self.plan.end.min(start.saturating_add(LONGEST_WINDOW_TICKS));
         let end = self.taps.next_change(start, &self.plan.ring, most);
-        // At most the longest window.
+        // At most the longest window, so 32 bits suffice.
         let ticks = end.wrapping_sub(start) as u32;
         let (states, at_end) = if self.taps.is_smooth() {
             let third = ticks / 3;
@@ -352,7 +352,7 @@ impl ShapedStepper {
     }
 }
 
-/// What [`ShapedStepper::work`] has done.
+/// Result of [`ShapedStepper::work`].
 enum Work {
     /// Events; another may still join the last of them.
     Events,

@@ -35,7 +35,7 @@ struct Tap {
     is_end: bool,
     /// Number of the piece that it sees.
     piece: u32,
-    /// For a moving average, what has been passed: the number of cells of that piece, and the positions' sums up to there.
+    /// Progress of a moving average in its piece: the number of cells passed, and the positions' sums up to there.
     cells: u32,
     sums: PositionSums,
 }
@@ -99,7 +99,7 @@ impl Taps {
         let (late_x, late_y) = (x.centroid_ticks(), y.centroid_ticks());
         let half_advance = advance_ticks / 2;
         let late = if late_x > late_y { late_x } else { late_y };
-        // What an average is early leaves room before its middle.
+        // The middle of an average is early by half of it, which leaves room.
         let half_average = smooth_ticks / 2;
         let spreads = half_advance > 0 && *extruder_variance > 0.0;
         let least = f64::from(if spreads { half_advance } else { half_advance.saturating_sub(half_average) });
@@ -139,7 +139,7 @@ impl Taps {
         }
     }
 
-    /// Whether all axes have a moving average.
+    /// True if all axes have a moving average.
     pub const fn is_smooth(&self) -> bool {
         self.average.ticks > 0
     }
@@ -234,14 +234,14 @@ impl Taps {
         })
     }
 
-    /// Where all motors are at a tick, 2^-32 step; the extruder from the reference's.
+    /// Positions of all motors at a tick, 2^-32 step; the extruder's counts from the reference's.
     #[inline(never)]
     pub fn positions(&self, tick: u64, ring: &PlanRing, near: &Reference) -> [i64; 4] {
         let [.., extruder_zero] = near;
         let (mut axes, mut advance_sum) = ([WeightedSum::default(); 4], 0_i64);
         for (index, tap) in self.taps().enumerate() {
             let Some(piece) = ring.get(tap.piece) else { continue };
-            // Before the first piece it stands.
+            // The motors rest before the first piece.
             let ticks = tap.ticks_into(piece, tick).unwrap_or(0);
             let is_of_plan = !self.is_smooth() || tap.advance != 0;
             let part = if is_of_plan { piece.part_after(ticks) } else { 0 };
@@ -273,7 +273,7 @@ impl Taps {
         [first.0, second.0, third.0, extruder.wrapping_add(self.advance.of(advance_sum))]
     }
 
-    /// How all motors move from a tick on.
+    /// Motion of all motors from a tick on.
     #[inline(never)]
     pub fn states(&self, tick: u64, ring: &PlanRing) -> MotorStates {
         const PER_WEIGHT: f32 = 1.0 / (1_u32 << WEIGHT_BITS) as f32;
@@ -324,7 +324,7 @@ impl Tap {
         tick.checked_sub(piece.start.wrapping_add(u64::from(self.delay_ticks)))
     }
 
-    /// What has been passed of the piece that it sees.
+    /// Progress in the piece that it sees.
     #[inline]
     fn anchor<'a>(&self, piece: &'a PlanPiece) -> Anchor<'a> {
         Anchor { piece, cells: self.cells, motors: self.motors }
@@ -433,7 +433,7 @@ mod tests {
             assert_eq!(sum, 1 << WEIGHT_BITS, "{axis}");
         }
         assert!(taps.length_ticks() >= shaping.y.length_ticks() + shaping.smooth_ticks);
-        // At constant speed all are equally late: the middle of the averages, and of the advance.
+        // All axes are equally late at constant speed: by the middle of the averages, and of the advance.
         let half = f64::from(shaping.smooth_ticks / 2);
         let late = |axis: usize| {
             let delays = taps.taps().map(|tap| f64::from(tap.weights[axis]) * f64::from(tap.delay_ticks));

@@ -101,7 +101,7 @@ fn machine(smooth_time_s: impl Strategy<Value = Option<f64>>) -> impl Strategy<V
     (prop::sample::select(&[Kinematics::Cartesian, Kinematics::CoreXy]), [shaper(), shaper()], advance, smooth_time_s)
 }
 
-/// None, or one that leaves the longest shaper room.
+/// No moving average, or one that leaves the longest shaper room.
 fn smooth_time_s() -> impl Strategy<Value = Option<f64>> {
     prop_oneof![Just(None), (0.001..0.008_f64).prop_map(Some)]
 }
@@ -235,7 +235,7 @@ proptest! {
     ) {
         let (_, _, filament, feed) = one;
         let jerk = acceleration * jerk_ratio;
-        // As long as both ramps need.
+        // Length for both ramps.
         let length = 1.0 + 2.0 * feed * ((feed / jerk).sqrt() + feed / acceleration + acceleration / jerk);
         let [planned] = planned(machine, acceleration, &[(length, angle, filament, feed)]).try_into().unwrap();
         let run = Run {
