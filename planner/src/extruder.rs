@@ -1,4 +1,4 @@
-//! Where the filament is: an exact sum, handed out in 1/256 steps.
+//! The extruder's position: an exact sum, handed out in 1/256 steps.
 
 use crate::division::Divisor;
 use crate::kinematics::{Fraction, StepsPerMm};
@@ -19,11 +19,12 @@ pub struct Extruder {
     at: ExtruderPosition,
 }
 
-/// Where the extruder is.
+/// Position of the extruder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ExtruderPosition {
     whole_256ths: i64,
-    /// In parts of 1/256 step, as many as [`StepsPerMm::of_filament`]'s denominator says; less than that, also below zero.
+    /// Remainder in fractions of 1/256 step; [`StepsPerMm::of_filament`]'s denominator is a whole one. Below it, also
+    /// at negative positions.
     remainder: u32,
 }
 
@@ -50,13 +51,13 @@ impl Extruder {
         *self = Self { steps_per_mm, at };
     }
 
-    /// Whether the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
-    /// 4,000 steps/mm, where the product with the steps would leave 64 bits.
+    /// True if the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
+    /// 4,000 steps/mm, where the product with the steps would exceed 64 bits.
     #[inline(always)]
     pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
         // 1 m times the most steps/mm is 10^19, in range of u64; there is no division to be paid for each line.
         let magnitude = delta_100pm.unsigned_abs();
-        // As much as 21 cm can be pushed by any machine: 2^31 * 10^9.
+        // Every machine can push 21 cm: 2^31 * 10^9.
         magnitude >> 31 == 0
             || magnitude <= MAX_MOVE_100PM as u64
                 && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
@@ -67,11 +68,11 @@ impl Extruder {
         self.set(self.advanced(delta_100pm));
     }
 
-    /// Where the extruder will be after a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long
-    /// is left out).
+    /// Position after a delta in units of 0.1 nm for which [`Self::can_push`] holds (a longer one is left out).
     #[inline(always)]
     pub(crate) fn advanced(&self, delta_100pm: i64) -> ExtruderPosition {
-        // What a move prints, mostly: up to some millimetres of filament, which the processor can divide.
+        // Usual case of a printing move: up to some millimetres of filament, for which the processor's own division
+        // suffices.
         if let Ok(delta) = u32::try_from(delta_100pm)
             && self.steps_per_mm.of_filament().is_some()
             && let Some(place) = self.divided(delta)
@@ -81,7 +82,7 @@ impl Extruder {
         self.far_advanced(delta_100pm)
     }
 
-    /// Where the extruder will be after a delta, by the processor's division; `None` where the product leaves its 32 bits.
+    /// Position after a delta, by the processor's division; `None` if the product exceeds 32 bits.
     #[inline(always)]
     fn divided(&self, delta_100pm: u32) -> Option<ExtruderPosition> {
         let ExtruderPosition { whole_256ths, remainder } = self.at;
@@ -195,7 +196,8 @@ mod tests {
         assert_eq!(extruder.position_256ths(), 60 * 256 + 31);
     }
 
-    /// From each place on, the motor goes as many steps as the new number says, and nothing before it is lost but a part of 1/256 step.
+    /// New steps/mm hold from each position on: the motor makes as many steps as they ask for, and at most a fraction
+    /// of 1/256 step is lost.
     #[test]
     fn other_steps_hold_from_where_it_stands() {
         for before in [3 * FILAMENT_UNITS_PER_MM + 12_345, -7 * FILAMENT_UNITS_PER_MM - 99] {

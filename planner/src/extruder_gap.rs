@@ -4,7 +4,7 @@ use crate::methods::Pieces;
 use crate::step_times::StepTimes;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
-/// What comes before the master's next step.
+/// Events before the master's next step.
 pub(crate) enum Look {
     /// No extruder step.
     Free,
@@ -28,9 +28,9 @@ pub(crate) struct ExtruderGap {
     pub(crate) least: u32,
     /// Number of the event that an extruder step waits for; out of reach if no step waits.
     pub(crate) joint: usize,
-    /// Whether one has begun to wait.
+    /// True once an extruder step has begun to wait.
     pub(crate) has_joined: bool,
-    /// How many were taken that are events of their own.
+    /// Extruder steps taken that are separate events.
     pub(crate) steps: usize,
 }
 
@@ -55,15 +55,15 @@ impl ExtruderGap {
         self.free = free;
     }
 
-    /// How far after the last event the extruder's next step is, in time units, half a tick included; `None` where it
-    /// makes no more. Wraps where it should have come before that event.
+    /// Time from the last event to the extruder's next step, in time units, half a tick included; `None` if it makes no
+    /// more. Wraps if the step should have come before that event.
     fn distance<P: Pieces>(&self, extruder: &StepTimes<P>) -> Option<u64> {
         extruder.next().map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.start))
     }
 
-    /// How many of `count` steps of the master come before the extruder's next step, of which none is due for `free`
-    /// ticks: the first step is `gap` time units after the last event and the others follow at this interval. At least
-    /// one; none too many, and one too few very rarely.
+    /// Number of the `count` steps of the master that come before the extruder's next step. No extruder step is due for
+    /// `free` ticks; the master's first step is `gap` time units after the last event and the others follow at this
+    /// interval. At least one; never too many, and very rarely one too few.
     #[cold]
     #[inline(never)]
     pub(crate) fn fitting<P: Pieces>(

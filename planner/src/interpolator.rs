@@ -30,7 +30,7 @@ const WHOLE_TICKS: u64 = !(ONE_TICK as u64 - 1);
 /// A tick, in time units.
 const ONE_TICK: u32 = 1 << FRACTION_BITS;
 
-/// In [`Interpolator::joining`]: no event of the master since the move began.
+/// Flag in [`Interpolator::joining`]: the master has made no event since the move began.
 const MOVE_BEGINS: u8 = 1 << 7;
 
 /// A gap of this many time units or more exceeds a 32-bit number of ticks.
@@ -59,7 +59,7 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     clock: u64,
     /// Time of the last event handed out or held, a whole tick.
     last: u64,
-    /// When the move before ended, a whole tick: an extruder step due at the very start of a move stays after it.
+    /// End of the previous move, a whole tick: an extruder step due at the very start of a move stays after it.
     move_start: u64,
     /// Entries on their way out. The last of them is held back while a later event may still join it.
     entries: EventBuffer<MAX_ENTRIES>,
@@ -80,8 +80,7 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     /// An event of the master without the followers, and of master and first follower.
     masters_events: [StepEntry; 2],
     extruder: StepTimes<M::Pieces>,
-    /// What the master's next event has to mind: [`EXTRUDER`] when its step waits for it, being near, and
-    /// [`MOVE_BEGINS`].
+    /// Flags for the master's next event: [`EXTRUDER`] if a near step of it waits for the event, and [`MOVE_BEGINS`].
     joining: u8,
     /// Another step pattern than step Bresenham.
     pattern: Option<M::Pattern>,
@@ -125,7 +124,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.pattern = pattern;
     }
 
-    /// Whether a block is being executed.
+    /// True while a block is being executed.
     #[inline]
     pub fn is_busy(&self) -> bool {
         self.is_busy
@@ -144,7 +143,7 @@ impl<M: MotionMethods> Interpolator<M> {
     /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the motion clock, the
     /// extruder here and the direction signals so.
     pub fn reset_to(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
-        // In its place: a new one would be on the stack.
+        // Overwritten in place: a new value would take stack.
         let Self {
             minimum_interval: _,
             near: _,
@@ -183,7 +182,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.last = last_event.wrapping_sub(clock) << FRACTION_BITS;
     }
 
-    /// Where the motors stand after the last block, when these are their steps.
+    /// Position and output state after the last block, for these motor steps.
     pub(crate) fn standing(&self, steps: [i32; 3]) -> Standing {
         let Self { clock, extruder_256ths, directions, .. } = *self;
         Standing { clock, last_event: self.tick(self.last), steps, extruder_256ths, directions }
@@ -339,7 +338,7 @@ impl<M: MotionMethods> Interpolator<M> {
         let mut room = EVENTS_AT_ONCE;
         while room > 0 {
             let (master, extruder) = (self.master.next(), self.extruder.next());
-            // From the last event to the master's step; wraps where that should have come before it.
+            // Time from the last event to the master's step; wraps if the step should have come before it.
             let behind = master.map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.last));
             if let Some(behind) = behind.filter(|&behind| behind < FAR) {
                 let (entries, has_joined) = match self.master.cruise() {
@@ -360,7 +359,7 @@ impl<M: MotionMethods> Interpolator<M> {
                 (Some(master), _) => (master, None),
                 (None, Some(extruder)) => (extruder, Some(u64::MAX)),
             };
-            // From the last event to the nearest tick; wraps where that is earlier.
+            // Time from the last event to the nearest tick; wraps if that is earlier.
             let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
             if gap >= FAR && self.has_waited(gap) {
                 return Work::Waited;
@@ -396,7 +395,7 @@ impl<M: MotionMethods> Interpolator<M> {
     #[cold]
     #[inline(never)]
     fn has_waited(&mut self, gap: u64) -> bool {
-        // What is due should have come before the last event.
+        // The step should have come before the last event.
         if gap.cast_signed() < 0 {
             return false;
         }
@@ -432,8 +431,8 @@ impl<M: MotionMethods> Interpolator<M> {
         if gap >= FAR && self.has_waited(gap) {
             return Work::Waited;
         }
-        // Nothing of the next move joins the last event of this one: at a move's end the motors stand at its end. Nor is
-        // that before an event that had to keep its distance, or before the end of the stretch before.
+        // No step of the next move joins the last event of this one: when a move ends, its motors are at its end. The
+        // end comes no earlier than an event that had to keep its distance, or than the end of the previous stretch.
         self.move_start = later(later(end, self.last), self.move_start);
         let tick = self.tick(self.move_start);
         let notice = self.line.map(|line| Notice::MoveEnded { tick, line });
@@ -462,7 +461,7 @@ impl<M: MotionMethods> Interpolator<M> {
     }
 }
 
-/// What [`Interpolator::work`] has done.
+/// Result of [`Interpolator::work`].
 enum Work {
     /// Events; another may still join the last of them.
     Events,

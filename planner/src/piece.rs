@@ -17,24 +17,24 @@ pub enum Anchor {
     End,
 }
 
-/// How a piece moves away from its anchor.
+/// Motion of a piece away from its anchor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion<F> {
-    /// At a constant speed, which covers `path` (10 nm) in `time` (time units).
+    /// Constant speed, which covers `path` (10 nm) in `time` (time units).
     Constant {
         /// Path, 10 nm.
         path: F,
         /// Time for it, time units.
         time: F,
     },
-    /// At a constant acceleration.
+    /// Constant acceleration.
     Accelerated {
         /// Speed at the anchor, 2^-16 mm/s.
         speed: F,
         /// Change of the squared speed over 10 nm: twice the acceleration.
         gain: F,
     },
-    /// At a constant jerk, from no acceleration at the anchor.
+    /// Constant jerk, from no acceleration at the anchor.
     Jerk {
         /// Path (10 nm) at a share of the duration.
         curve: Cubic<F>,
@@ -43,29 +43,29 @@ pub enum Motion<F> {
     },
 }
 
-/// Where a piece ends on a block's path.
+/// End of a piece on a block's path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PieceEnd<F> {
     /// This far from the block's start, 10 nm.
     FromStart(F),
     /// This far from the block's end, 10 nm.
     ToEnd(F),
-    /// At the block's end.
+    /// End of the block.
     Last,
 }
 
 /// A part of a block's time in which the jerk is constant. Lengths are in units of 10 nm, times in units of 2^-16 tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece<F> {
-    /// Which end the other figures belong to.
+    /// End that the other figures belong to.
     pub anchor: Anchor,
-    /// When the anchor is passed, from the block's start.
+    /// Time at the anchor, from the block's start.
     pub time: F,
-    /// Where the anchor is: path to it from the block's start, or from it to the block's end.
+    /// Position of the anchor: path to it from the block's start, or from it to the block's end.
     pub position: F,
     /// The motion away from the anchor.
     pub motion: Motion<F>,
-    /// Where the piece ends.
+    /// End of the piece.
     pub end: PieceEnd<F>,
 }
 
@@ -79,7 +79,7 @@ pub struct Place<F> {
 }
 
 impl<F: Real> PieceEnd<F> {
-    /// Whether a place is not beyond this end.
+    /// True if a place is not beyond this end.
     fn holds(&self, place: &Place<F>) -> bool {
         match *self {
             Self::FromStart(end) => place.from_start <= end,
@@ -126,7 +126,7 @@ impl<F: Real> Piece<F> {
         above_zero(distance)
     }
 
-    /// When a place in the piece is passed, time units from the block's start.
+    /// Time at a place in the piece, time units from the block's start.
     fn time_at(&self, place: &Place<F>) -> F {
         let time = self.motion.time_over(self.distance(place));
         match self.anchor {
@@ -141,7 +141,7 @@ pub(crate) fn piece_at<F: Real>(mut pieces: impl Iterator<Item = Piece<F>>, plac
     pieces.find(|piece| piece.end.holds(place))
 }
 
-/// When a place is passed, time units from the block's start.
+/// Time at a place, time units from the block's start.
 pub(crate) fn time_at<F: Real>(pieces: impl Iterator<Item = Piece<F>>, place: &Place<F>) -> F {
     piece_at(pieces, place).map_or(F::ZERO, |piece| piece.time_at(place))
 }

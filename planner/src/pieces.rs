@@ -4,7 +4,7 @@ use core::fmt::Debug;
 
 use crate::piece::Piece;
 
-/// What yields the pieces of a block's time law in their order.
+/// Iterator over the pieces of a block's time law, in order.
 pub trait Pieces: Iterator<Item = Piece<f64>> + Copy + Debug {}
 
 impl<T: Iterator<Item = Piece<f64>> + Copy + Debug> Pieces for T {}

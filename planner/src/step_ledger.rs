@@ -1,4 +1,4 @@
-//! Where step entries take the motors, and when.
+//! Positions that step entries give the motors, with their times.
 
 use crate::{StepEntry, StepKind};
 
@@ -38,7 +38,7 @@ impl StepLedger {
         self.directions
     }
 
-    /// Where the X, Y, Z (A, B, Z) and extruder motors stand.
+    /// Positions of the X, Y, Z (A, B, Z) and extruder motors.
     pub fn motor_steps(&self) -> [i64; 4] {
         self.motor_steps
     }

@@ -11,17 +11,17 @@ pub const EXTRUDER: u8 = 1 << 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepEntry {
     interval_ticks: u32,
-    /// From bit 0 on the count, from bit 16 on the axes, from bit 24 on what else there is: `added` of a stair, the
+    /// Packed fields: from bit 0 on the count, from bit 16 on the axes, from bit 24 on `added` of a stair or the
     /// direction bits of a direction change. One word, so that an entry is stored at once.
     rest: u32,
 }
 
-/// What an entry asks for.
+/// Action of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepKind {
     /// Events that step motors.
     Stair {
-        /// From the event before to the first, and between events.
+        /// Ticks from the previous event to the first, and between events.
         interval_ticks: u32,
         /// Number of events, at least 1.
         count: u16,
@@ -32,7 +32,7 @@ pub enum StepKind {
     },
     /// Time passes without a step: an interval longer than 32 bits.
     Wait {
-        /// How long.
+        /// Duration, ticks.
         interval_ticks: u32,
     },
     /// The direction signals change, right after the event before.
@@ -74,7 +74,7 @@ impl StepEntry {
         Self::of(0, 0, u8::MAX, directions)
     }
 
-    /// From the event before to the first, and between events; of a direction change 0.
+    /// Ticks from the previous event to the first, and between events; 0 for a direction change.
     #[inline(always)]
     pub const fn interval_ticks(self) -> u32 {
         self.interval_ticks
@@ -86,20 +86,20 @@ impl StepEntry {
         self.rest as u16
     }
 
-    /// Whether it is one event, of no motors but the first four.
+    /// True if it is one event, of no motors but the first four.
     #[inline(always)]
     pub const fn is_single(self) -> bool {
         self.rest & 0xfff0_ffff == 1
     }
 
-    /// Whether it is a stair of at most 2^13 events.
+    /// True if it is a stair of at most 2^13 events.
     #[inline(always)]
     pub const fn is_short_stair(self) -> bool {
-        // Without events, the lowest bits are ones.
+        // A count of 0 wraps to ones.
         self.rest.wrapping_sub(1) & 0xe000 == 0
     }
 
-    /// What a stair is but its interval: from bit 0 on the count, from bit 16 on [`Self::axes`], from bit 24 on
+    /// All of a stair but its interval: from bit 0 on the count, from bit 16 on [`Self::axes`], from bit 24 on
     /// [`Self::added`].
     #[inline(always)]
     pub const fn stair_word(self) -> u32 {
@@ -185,7 +185,7 @@ impl StepEntry {
         }
     }
 
-    /// What the entry asks for.
+    /// Action of the entry.
     #[inline]
     pub const fn kind(self) -> StepKind {
         let interval_ticks = self.interval_ticks;
@@ -203,24 +203,24 @@ impl StepEntry {
 pub enum Notice {
     /// A move has ended.
     MoveEnded {
-        /// When.
+        /// Time of the end.
         tick: u64,
         /// Its source line.
         line: u32,
     },
     /// A block has ended: all steps of it and of the blocks before it have been handed out.
     BlockEnded {
-        /// When.
+        /// Time of the end.
         tick: u64,
-        /// Where X, Y, Z (CoreXY: A, B, Z) and the extruder must stand by their blocks' own counts. Whoever counts the
-        /// steps that were handed out compares.
+        /// Positions that X, Y, Z (CoreXY: A, B, Z) and the extruder must have by their blocks' own counts, for
+        /// comparison with the steps handed out.
         motor_steps: [i64; 4],
     },
     /// A fan changes with the motion around it.
     FanPower {
-        /// When.
+        /// Time of the change.
         tick: u64,
-        /// Which, as it was asked for.
+        /// Number of the fan, as asked for.
         fan: u8,
         /// Power, 0 to 255.
         power: u8,
@@ -228,7 +228,7 @@ pub enum Notice {
 }
 
 impl Notice {
-    /// When it happens.
+    /// Time of the notice.
     pub const fn tick(self) -> u64 {
         match self {
             Self::MoveEnded { tick, .. } | Self::BlockEnded { tick, .. } | Self::FanPower { tick, .. } => tick,
@@ -236,7 +236,7 @@ impl Notice {
     }
 }
 
-/// Where the planner puts what it has made. The step queue, a file, a counter.
+/// Receiver of the planner's output: the step queue, a file, a counter.
 pub trait StepSink {
     /// Takes an entry.
     fn entry(&mut self, entry: StepEntry);

@@ -1,4 +1,4 @@
-//! When each step of one motor is due: the pieces of a time law, solved for equally spaced path positions.
+//! Due times of one motor's steps: the pieces of a time law, solved for equally spaced path positions.
 
 mod accelerated;
 mod even;
@@ -71,7 +71,7 @@ impl<P: Pieces> Source<P> {
 /// constant.
 #[derive(Clone, Copy, Debug)]
 pub struct StepTimes<P = Never> {
-    /// When the next step is due, of those `left`. Without any it has no meaning: [`Self::next`] is the only way to it.
+    /// Due time of the next of the `left` steps. Meaningless if none is left: read it through [`Self::next`] only.
     due: u64,
     /// Steps left in the phase; without any, no step is due any more.
     left: u32,
@@ -119,7 +119,7 @@ impl<P: Pieces> StepTimes<P> {
         };
     }
 
-    /// When the next step is due; `None` after the last.
+    /// Due time of the next step; `None` after the last.
     #[inline]
     pub fn next(&self) -> Option<u64> {
         if self.left > 0 { Some(self.due) } else { None }
@@ -133,7 +133,7 @@ impl<P: Pieces> StepTimes<P> {
         if after.cast_signed() < 0 { 0 } else { u32::try_from(after >> FRACTION_BITS).unwrap_or(u32::MAX) }
     }
 
-    /// In the cruise: its interval, and how many steps are left in it, the next one included.
+    /// Interval of the cruise, and the steps left in it, the next one included; `None` outside a cruise.
     #[inline]
     pub(crate) fn cruise(&self) -> Option<(EvenSteps, u32)> {
         match self.motion {
@@ -148,14 +148,14 @@ impl<P: Pieces> StepTimes<P> {
         self.beyond
     }
 
-    /// In the cruise: `count` steps were taken. The next one of the cruise would be due at `due`, and `beyond` later.
+    /// Takes `count` steps of a cruise. The next one of the cruise would be due at `due`, and `beyond` later.
     #[inline]
     pub(crate) fn end_cruise(&mut self, count: u32, due: u64, beyond: u32) {
         self.left = self.left.wrapping_sub(count);
         self.due = due;
         self.beyond = beyond;
         if self.left == 0 {
-            // Not before the last one.
+            // The next phase does not begin before the last step.
             if let PhaseMotion::Even(cruise) = &self.motion {
                 self.due = due.wrapping_sub(cruise.interval);
             }
@@ -163,7 +163,7 @@ impl<P: Pieces> StepTimes<P> {
         }
     }
 
-    /// In a ramp: its next steps for one loop, and how many it may take.
+    /// Next steps of a ramp for one loop, and how many it may take; `None` outside a ramp.
     #[inline(always)]
     pub(crate) fn hot_ramp(&self) -> Option<(HotRamp, u32)> {
         match &self.motion {
@@ -180,7 +180,7 @@ impl<P: Pieces> StepTimes<P> {
         self.left = self.left.wrapping_sub(count);
         if self.left == 0 {
             if is_next && count > 0 {
-                // Not before the last one.
+                // The next phase does not begin before the last step.
                 self.due = due.wrapping_sub(run.units());
             }
             self.enter_phase();

@@ -47,7 +47,7 @@ impl<P: Pieces> TimeLaw<P> {
         (Self::Run(law), law.exit())
     }
 
-    /// When a path position is reached, time units from the block's start; positions outside become the nearer end.
+    /// Time at a path position, time units from the block's start; positions outside become the nearer end.
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
         match self {
             Self::Short(law) => law.time_at(length_10nm),

@@ -131,7 +131,7 @@ impl<F: Real> Trapezoid<F> {
         TrapezoidPieces { law: *self, next: 0 }
     }
 
-    /// When a path position is reached, time units from the block's start.
+    /// Time at a path position, time units from the block's start.
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
         let from_start = F::from_u32(length_10nm);
         time_at(self.pieces(), &Place { from_start, to_end: self.length - from_start }).to_u64()

@@ -72,8 +72,8 @@ impl Slope {
         self.minor
     }
 
-    /// Whether more than half of the major axis's steps are joined by the minor one. Its stairs are runs of steps of both
-    /// axes then, each ended by one of the major axis alone.
+    /// True if the minor axis joins more than half of the major axis's steps. Stairs are then runs of steps of both
+    /// axes, each ended by one of the major axis alone.
     #[inline(always)]
     pub const fn is_steep(self) -> bool {
         self.minor > self.major.wrapping_sub(self.minor)
@@ -85,7 +85,7 @@ impl Slope {
         if self.is_steep() { self.major.wrapping_sub(self.minor) } else { self.minor }
     }
 
-    /// What decision values of stairs begin with, before the first step.
+    /// First decision value of stairs, before the first step.
     ///
     /// Classic Bresenham steps the minor axis where d > 0. Of the complement, whose steps are those that the minor axis
     /// does not join, all decision values are the negative ones: with dy' = dx - dy,

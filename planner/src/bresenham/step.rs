@@ -29,8 +29,8 @@ impl StepBresenham {
         Self { rise: 0, fall: 0, decision: 0 }
     }
 
-    /// What is left of the present stair: major-axis steps up to and including the next one with a minor-axis step, out
-    /// of reach after the last.
+    /// Major-axis steps left in the present stair, up to and including the next one with a minor-axis step; out of
+    /// reach after the last.
     #[inline]
     pub const fn width(&self) -> u32 {
         if self.rise == 0 {
@@ -43,7 +43,7 @@ impl StepBresenham {
     /// Passes `count` major-axis steps, at most [`Self::width`]; whether the minor axis steps with the last of them.
     #[inline(always)]
     pub const fn pass(&mut self, count: u32) -> bool {
-        // At most the rise above zero, which fits, as `count` is at most the width.
+        // The sum is at most `rise`, which fits, as `count` is at most the width.
         self.decision = self.decision.wrapping_add(self.rise.wrapping_mul(count as i32));
         let steps = self.decision > 0;
         if steps {
@@ -63,7 +63,7 @@ impl StepBresenham {
         if self.fall == self.rise {
             return u32::MAX;
         }
-        // By so much the decision value falls with each of them; neither is negative.
+        // Each step lowers the decision value by this much; neither term is negative.
         let step = self.fall.wrapping_sub(self.rise) as u32;
         ((above - 1) as u32 / step).wrapping_add(1)
     }

@@ -20,20 +20,20 @@ const BITS_BEYOND: u32 = 16;
 /// Time units from an event, a whole tick, to when the next one is due, half a tick included: in 32 bits, for all but slow
 /// steps, or as many as it takes.
 pub(super) trait Gap: Copy {
-    /// Whether it holds a step after this many time units, added to less than a tick.
+    /// True if it can hold a step after this many time units plus less than a tick.
     fn holds(units: u64) -> bool;
 
     /// Takes a step this far after the last event. Returns how far the next one is after it, and whether
     /// the interval holds that.
     fn behind(self, run: &mut HotRamp) -> (Self, bool);
 
-    /// What the step taken last leaves over its tick; this is what [`Self::behind`] has given.
+    /// Fraction of a tick left over by the last step taken; `self` is what [`Self::behind`] returned.
     fn left_over(self, run: &HotRamp) -> u64;
 
-    /// In time units.
+    /// The gap in time units.
     fn units(self) -> u64;
 
-    /// As many ticks shorter.
+    /// Shortens the gap by this many ticks.
     fn less(self, ticks: u32) -> Self;
 
     /// Whole ticks.
@@ -120,7 +120,7 @@ impl<M: MotionMethods> Interpolator<M> {
         let mut line = first.line();
         let mut events = 0;
         loop {
-            // As many places as the master's steps will take, for nothing else is counted.
+            // Only as many places as the master's steps will take: no other events are counted here.
             let steps_left = steps.saturating_sub(events - between.steps);
             let rest = places.get_mut(events..).unwrap_or_default();
             let here = rest.len().min(steps_left);
@@ -186,8 +186,8 @@ impl<M: MotionMethods> Interpolator<M> {
         let mut between = ExtruderGap::new(&self.extruder, self.last, waits, self.near, self.minimum_interval);
         let mut free = between.free;
         let least = self.minimum_interval;
-        // In 2^-32 tick, so that whole ticks are a word: from the last event to the master's next step; from one step to
-        // the next, and by how much that is longer than whole ticks.
+        // In 2^-32 tick, so that whole ticks are a word: time from the last event to the master's next step, time from
+        // one step to the next, and the excess of that over whole ticks.
         let mut gap = gap << BITS_BEYOND | u64::from(self.master.beyond());
         let interval = cruise.interval << BITS_BEYOND | u64::from(cruise.beyond);
         let surplus = interval as i32;
@@ -215,10 +215,10 @@ impl<M: MotionMethods> Interpolator<M> {
                 let width = if diagonal == 0 { line.width() } else { diagonal };
                 let mut count = width.min(to_go).min(longest_now);
                 longest_now = longest;
-                // By how many ticks the stair's first step comes before it is due.
+                // Ticks by which the stair's first step comes before it is due.
                 let early = ticks.wrapping_sub(cruise.ticks);
                 if count > 1 {
-                    // And its last: whole ticks drift away from the interval.
+                    // The same for its last step: whole ticks drift away from the interval.
                     let others = count.wrapping_sub(1);
                     let drift = cruise.drift.wrapping_mul(others as i32) >> FRACTION_BITS;
                     if !is_tolerable(early) || !is_tolerable(early.wrapping_sub(drift as u32)) {
@@ -259,7 +259,7 @@ impl<M: MotionMethods> Interpolator<M> {
                 to_second = to_second.wrapping_sub(passed);
                 let axes = second.pass(passed);
                 if axes != 0 {
-                    // With the last of them.
+                    // The step joins the last of these events.
                     to_second = second.until();
                     if let Some(place) = events.checked_sub(1).and_then(|last| places.get_mut(last)) {
                         *place = place.joined(axes).unwrap_or(*place);
@@ -321,13 +321,14 @@ fn gap_ticks(gap: u64) -> u32 {
     (gap >> 32) as u32
 }
 
-/// Whether a step of a stair may be this many ticks off, wrapping where it is too early.
+/// True if a step of a stair may be this many ticks off; wraps if it is too early.
 #[inline(always)]
 fn is_tolerable(ticks: u32) -> bool {
     ticks.wrapping_add(STAIR_TOLERANCE) <= 2 * STAIR_TOLERANCE
 }
 
-/// Whether an event this many ticks after `last` is later than another time; any of them may be before the block's start.
+/// True if an event this many ticks after `last` is later than another time; any of them may be before the block's
+/// start.
 fn is_after(last: u64, ticks: u32, other: u64) -> bool {
     last.wrapping_add(u64::from(ticks) << FRACTION_BITS).wrapping_sub(other) as i64 > 0
 }

@@ -39,7 +39,7 @@ impl<M: MotionMethods> Interpolator<M> {
         true
     }
 
-    /// When Z and the extruder step next, whichever is first, and which it is.
+    /// Time and axis of the earlier of the next steps of Z and the extruder.
     #[inline]
     fn next_beside(&self, z: Option<u64>) -> Option<(u64, u8)> {
         match (z, self.extruder.next()) {
@@ -49,7 +49,7 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// As [`Interpolator::work`], by the other pattern.
+    /// Version of [`Interpolator::work`] for the other pattern.
     #[inline(never)]
     pub(super) fn work_pattern(&mut self) -> Work {
         while self.entries.all().len() + MAX_ENTRIES_AN_EVENT <= MAX_ENTRIES {
@@ -62,7 +62,7 @@ impl<M: MotionMethods> Interpolator<M> {
                 (Some(ordered), None) => ordered.time,
                 (None, Some((beside, _))) => beside,
             };
-            // From the last event to the nearest tick; wraps where that should have come before it.
+            // Time from the last event to the nearest tick; wraps if the step should have come before it.
             let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
             if gap >= FAR && self.has_waited(gap) {
                 return Work::Waited;

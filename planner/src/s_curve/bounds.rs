@@ -1,4 +1,4 @@
-//! What a jerk and an acceleration allow.
+//! Speeds, lengths and times that a jerk and an acceleration allow.
 //!
 //! A ramp changes the speed by dv: the acceleration rises at the jerk j, is held at the machine's limit a where it gets
 //! there, and falls at the same jerk. Without the part in the middle that is the ramp of Li 2017, eqs. 1 to 4, which takes
@@ -34,12 +34,12 @@ fn smaller<F: Real>(one: F, other: F) -> F {
 }
 
 impl<F: Real> Bounds<F> {
-    /// How long half of a ramp between two speeds takes.
+    /// Half the duration of a ramp between two speeds.
     pub fn half_time(&self, one: F, other: F) -> F {
         self.half_time_of(if one > other { one - other } else { other - one })
     }
 
-    /// How long half of a ramp that changes the speed by so much takes.
+    /// Half the duration of a ramp that changes the speed by `change`.
     pub fn half_time_of(&self, change: F) -> F {
         if change > self.change_by_jerk() {
             F::constant(0.5) * (change / self.acceleration + self.acceleration / self.jerk)
@@ -63,7 +63,7 @@ impl<F: Real> Bounds<F> {
         }
     }
 
-    /// How long a ramp between two speeds is.
+    /// Length of a ramp between two speeds.
     pub fn length(&self, one: F, other: F) -> F {
         (one + other) * self.half_time(one, other)
     }
@@ -83,8 +83,9 @@ impl<F: Real> Bounds<F> {
         if gain > F::ZERO { speed + gain } else { speed }
     }
 
-    /// With y what is gained, (2v + y) sqrt(y/j) = L; with z = sqrt(y), z^3 + 2vz - L sqrt(j) = 0, convex where z > 0 and
-    /// with one root there. Newton's steps from above it go down to it, a fixed number of them.
+    /// Speed gained over a length by jerk alone. With y the gain, (2v + y) sqrt(y/j) = L; with z = sqrt(y), z^3 + 2vz -
+    /// L sqrt(j) = 0, convex for z > 0 and with one root there. Newton's steps, a fixed number, descend to it from
+    /// above.
     fn gain_at_jerk(&self, speed: F, length: F) -> F {
         let whole = length * self.jerk.square_root();
         let twice = speed + speed;
@@ -122,7 +123,7 @@ impl<F: Real> Bounds<F> {
         if fits(F::ZERO) {
             return self.last_that(F::ZERO, smaller(wanted, crest), fits);
         }
-        // Nothing below: the slowest of those that are only a little slower, from the fast end downwards.
+        // No speed below fits: the slowest of those that are only a little slower, from the fast end downwards.
         let low = larger(wanted, crest);
         if fits(low) {
             return low;
@@ -151,7 +152,7 @@ impl<F: Real> Bounds<F> {
         self.last_that(least, larger(most, least), fits)
     }
 
-    /// How long a length takes at these speeds; `peak` must fit.
+    /// Duration of a length at these speeds; `peak` must fit.
     pub fn duration(&self, entry: F, peak: F, exit: F, length: F) -> F {
         let (up, down) = (self.half_time(entry, peak), self.half_time(peak, exit));
         let cruise = length - (entry + peak) * up - (peak + exit) * down;
@@ -177,7 +178,8 @@ impl<F: Real> Bounds<F> {
     }
 }
 
-/// Not below the root of z^3 + bz = c, and less than a third above it: the smaller of the roots of both parts alone.
+/// First guess for the root of z^3 + bz = c: not below it and less than a third above it. It is the smaller of the
+/// roots of both parts alone.
 fn curve_guess(b: f32, c: f32) -> f32 {
     let by_cube = crate::cubic::cube_root_above(c);
     let by_line = c / b;
@@ -213,11 +215,12 @@ mod tests {
         fn a_reach_takes_the_length(bounds in bounds(), speed in speed(), length in length()) {
             let reached = bounds.reach(speed, length);
             let needed = bounds.length(speed, reached);
-            // So small a gain is lost in rounding.
+            // Rounding loses so small a gain.
             let is_lost = reached - speed <= 1e-9 * speed;
             prop_assert!(needed <= length * (1.0 + 1e-9) || is_lost, "{} > {}", needed, length);
             prop_assert!(needed >= length * (1.0 - 1e-4) || is_lost, "{} < {}", needed, length);
-            // In f32 it asks for no more than there is, as f64 sees it, but for the rounding of the speed itself.
+            // The f32 result asks for no more length than there is, as f64 sees it, but for the rounding of the speed
+            // itself.
             let found = f64::from(short(&bounds).reach(speed as f32, length as f32));
             let from = f64::from(speed as f32);
             let slower = found * (1.0 - 1.2e-7);

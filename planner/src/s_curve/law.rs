@@ -59,7 +59,7 @@ impl Ramp {
         }
     }
 
-    /// In a shorter time, over as much shorter a path.
+    /// The same ramp in a shorter time, over a path shorter in proportion.
     fn scaled(&self, scale: f64) -> Self {
         Self {
             length: self.length * scale,
@@ -82,7 +82,7 @@ pub struct Curve {
     peak: f64,
     up: Ramp,
     down: Ramp,
-    /// When the cruise ends, and the run.
+    /// Ends of the cruise and of the run.
     down_start: f64,
     duration: f64,
 }
@@ -117,12 +117,12 @@ impl Curve {
         CurvePieces { curve: *self, offset: 0.0, rest: 0.0, next: 0 }
     }
 
-    /// When a place is passed, time units from the run's start.
+    /// Time at a place, time units from the run's start.
     fn time_at(&self, place: &Place<f64>) -> f64 {
         if place.to_end <= 0.0 { self.duration } else { time_at(self.pieces(), place) }
     }
 
-    /// How fast a place is passed.
+    /// Speed at a place.
     fn speed_at(&self, place: &Place<f64>) -> Speed {
         let speed = match piece_at(self.pieces(), place) {
             Some(piece) => match piece.motion {
@@ -144,7 +144,7 @@ impl Curve {
 #[derive(Clone, Copy, Debug)]
 pub struct CurvePieces {
     curve: Curve,
-    /// From the run's start to the block's, and from the block's end to the run's, 10 nm.
+    /// Path from the run's start to the block's, 10 nm.
     offset: f64,
     rest: f64,
     next: u8,
@@ -199,9 +199,9 @@ pub struct Along {
     offset: f64,
     /// The block's length.
     pub(crate) length: f64,
-    /// From the block's end to the run's.
+    /// Path from the block's end to the run's, 10 nm.
     rest: f64,
-    /// When it begins, a whole tick, in time units from the run's start.
+    /// Begin, a whole tick, in time units from the run's start.
     pub(crate) start: u64,
     duration_ticks: u64,
 }
@@ -231,7 +231,7 @@ impl Along {
         self.duration_ticks
     }
 
-    /// When a path position of the block is reached, in time units from its start.
+    /// Time at a path position of the block, in time units from its start.
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
         let position = f64::from(length_10nm);
         let place = Place { from_start: self.offset + position, to_end: self.rest + (self.length - position) };

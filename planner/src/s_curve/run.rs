@@ -31,12 +31,12 @@ impl Jerk {
 pub struct Jerks {
     /// Along the path.
     pub path: Jerk,
-    /// Of moves that only push or pull filament: what they shake is no frame.
+    /// Jerk of moves that only push or pull filament: they shake no frame.
     pub filament: Jerk,
 }
 
 impl Jerks {
-    /// That of a block.
+    /// Jerk of a block.
     pub(crate) fn of(&self, block: &Block) -> Jerk {
         if block.master_steps() == 0 && block.extruder_256ths != 0 { self.filament } else { self.path }
     }
@@ -60,38 +60,38 @@ pub struct Run {
     pub jerk: Jerk,
 }
 
-/// What planning does not use of jerk and acceleration: rounding in f32 is less.
+/// Share of jerk and acceleration that planning leaves unused: rounding in f32 is less.
 const KEPT_BACK: f32 = 1.0 / 16_384.0;
 
-/// What is allowed along a run, as look-ahead sees it: in f32, which the board's processor has in hardware. It asks for a
-/// little less than it might, so that the law, which is worked out in f64, always finds room.
+/// Limits along a run, as look-ahead sees them: in f32, which the board's processor has in hardware. They are a little
+/// lower than allowed, so that the law, which is computed in f64, always finds room.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planning(Bounds<f32>);
 
-/// In mm/s.
+/// Converts to mm/s.
 fn speed(speed: Speed) -> f32 {
     speed.0 as f32 * (1.0 / 65_536.0)
 }
 
-/// In mm.
+/// Converts to mm.
 fn length(length_10nm: u32) -> f32 {
     length_10nm as f32 * (1.0 / UNITS_PER_MM as f32)
 }
 
 impl Planning {
-    /// With this jerk and acceleration.
+    /// Limits for this jerk and acceleration.
     pub(crate) fn new(jerk: Jerk, acceleration: Acceleration) -> Self {
         let kept = 1.0 - KEPT_BACK;
         Self(Bounds { jerk: jerk.0 as f32 * kept, acceleration: acceleration.quantised() as f32 * (kept / 256.0) })
     }
 
-    /// How long a ramp between two speeds is, mm. Their difference is exact: f32 does not tell fast speeds apart.
+    /// Length of a ramp between two speeds, mm. Their difference is exact: f32 does not tell fast speeds apart.
     fn ramp(&self, one: Speed, other: Speed) -> f32 {
         let change = one.0.abs_diff(other.0) as f32 * (1.0 / 65_536.0);
         (speed(one) + speed(other)) * self.0.half_time_of(change)
     }
 
-    /// Whether a length is enough to go from one speed to another.
+    /// True if a length is enough to go from one speed to another.
     pub(crate) fn fits(&self, entry: Speed, exit: Speed, length_10nm: u32) -> bool {
         self.ramp(entry, exit) <= length(length_10nm)
     }
@@ -138,7 +138,7 @@ impl Planning {
         lowered(Speed::from_mm_per_s_f32(peak).clamp(least, most), least, fits)
     }
 
-    /// How long a length takes, s, as fast as it can.
+    /// Shortest duration of a length, s.
     pub(crate) fn duration(&self, entry: Speed, exit: Speed, most: Speed, length_10nm: u32) -> f32 {
         let peak = self.peak(entry, exit, most, length_10nm);
         self.0.duration(speed(entry), speed(peak), speed(exit), length(length_10nm))
@@ -207,18 +207,18 @@ pub(crate) struct Hump {
     length: f32,
 }
 
-/// How much faster than it may a corner is passed at most, for rounding in f32 is not to be taken for speed.
+/// Factor by which a corner may seem to be passed too fast, so that rounding in f32 is not taken for speed.
 const TOLERANCE: f32 = 1.0 + 1e-5;
 
 impl Hump {
-    /// Where its cruise begins and ends, units of 10 nm, at the next whole ones inside.
+    /// Begin and end of its cruise, units of 10 nm, at the next whole ones inside.
     pub(crate) fn cruise_10nm(&self) -> [u32; 2] {
         let [start, end] =
             [self.up.length(), self.length - self.down.length()].map(|length| (length * UNITS_PER_MM as f32) as u32);
         [start.saturating_add(1), end]
     }
 
-    /// Whether a place is passed faster than this.
+    /// True if a place is passed faster than this.
     pub(crate) fn is_faster_at(&self, length_10nm: u32, bound: Speed) -> bool {
         let place = length(length_10nm);
         let to_end = self.length - place;
@@ -233,7 +233,8 @@ impl Hump {
     }
 }
 
-/// As fast as f32 tells, or slower by what it does not, so that something holds; `least` where it holds for none of those.
+/// Fastest speed for which `holds` is true: `fast`, or slower by less than f32 resolves; `least` if it is true for none
+/// of these.
 fn lowered(fast: Speed, least: Speed, holds: impl Fn(Speed) -> bool) -> Speed {
     let mut tried = fast;
     for _ in 0..4 {

@@ -66,7 +66,7 @@ impl HotRamp {
         self.0.advance()
     }
 
-    /// What [`Self::take`] returned last.
+    /// Result of the last [`Self::take`].
     #[inline(always)]
     pub(crate) fn short_units(&self) -> u32 {
         self.0.interval_and_half as u32

@@ -8,13 +8,13 @@ use crate::time_units::{FRACTION_BITS, HALF_TICK};
 pub(crate) struct EvenSteps {
     /// The interval, in time units.
     pub(crate) interval: u64,
-    /// What is beyond it, in 2^-16 time units: over millions of steps it adds up.
+    /// Fraction of the interval, in 2^-16 time units: over millions of steps it adds up.
     pub(crate) beyond: u16,
     /// The interval in whole ticks, the nearest.
     pub(crate) ticks: u32,
-    /// By how much those are longer than it, in time units.
+    /// Excess of whole ticks over the interval, in time units.
     pub(crate) drift: i32,
-    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] and [`MAX_STAIR_TICKS`] at most; at least 1.
+    /// Longest run of steps at whole ticks that adds up to at most [`STAIR_DRIFT`] and [`MAX_STAIR_TICKS`]; at least 1.
     pub(crate) longest_stair: u32,
 }
 
@@ -38,7 +38,7 @@ impl EvenSteps {
         let interval = interval.to_u64();
         let rounded = interval.saturating_add(HALF_TICK) >> FRACTION_BITS;
         let ticks = rounded as u32;
-        // At most half a tick.
+        // The drift is at most half a tick.
         let drift = (ticks << FRACTION_BITS).wrapping_sub(interval as u32) as i32;
         let longest = if rounded > u64::from(u32::MAX) {
             1

@@ -6,8 +6,8 @@ use crate::real::Real;
 /// Steps from where the acceleration is zero, nearer than which each step's time is worked out from there.
 const NEAR: f32 = 8.0;
 
-/// What part of a step's deviation from the path the next interval takes away. Rounding makes a hair of deviation with
-/// each step; taking all of it away would put the rounding of the absolute time into the interval.
+/// Share of a step's deviation from the path that the next interval corrects. Rounding makes a hair of deviation with
+/// each step; correcting all of it would put the rounding of the absolute time into the interval.
 const CORRECTION: f32 = 1.0 / 16.0;
 
 /// Half of an S-curve's ramp, in steps: `linear x + cubic x^3` of them up to the share x of its duration, counted from

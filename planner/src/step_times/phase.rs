@@ -8,14 +8,14 @@ use crate::real::Real;
 use crate::spacing::Spacing;
 use crate::time_units::{ramp_time, steps_per_tick};
 
-/// How the time advances from step to step.
+/// Law of the time from step to step.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PhaseMotion {
-    /// At a constant interval.
+    /// Constant interval.
     Even(EvenSteps),
-    /// At a constant acceleration.
+    /// Constant acceleration.
     Accelerated(AcceleratedSteps),
-    /// At a constant jerk.
+    /// Constant jerk.
     Jerk(JerkSteps),
 }
 
@@ -23,7 +23,7 @@ pub(super) enum PhaseMotion {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Phase {
     pub(super) count: u32,
-    /// When the first of them is due, time units.
+    /// Due time of the first of them, time units.
     pub(super) first: u64,
     pub(super) motion: PhaseMotion,
 }

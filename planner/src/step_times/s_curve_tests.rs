@@ -71,7 +71,7 @@ impl Exact {
         2.0 * (self.up.half_time_s + self.down.half_time_s) + self.cruise_s
     }
 
-    /// When a place is passed, s.
+    /// Time at a place, s.
     fn seconds(&self, from_start: f64, to_end: f64) -> f64 {
         let solve = |ramp: &Ramp, length: f64| {
             let (mut low, mut high) = (0.0, 2.0 * ramp.half_time_s);
@@ -92,7 +92,7 @@ impl Exact {
     }
 }
 
-/// Where steps are in a block: shares of its length.
+/// Random places of steps in a block: shares of its length.
 fn random_steps(random: &mut Random, length: f64, fastest: f64) -> Option<MotorSteps> {
     let length_mm = length / 1e5;
     let most = (MAX_STEPS_PER_S / fastest * length_mm).min(200_000.0);

@@ -56,7 +56,7 @@ impl Exact {
         self.down_start_s + 2.0 * self.down / (self.peak + self.exit)
     }
 
-    /// When a path position is reached, ticks; with its distance from the end, which near a standstill must be exact.
+    /// Time at a path position, ticks; `to_end` is its distance from the end, which must be exact near a standstill.
     fn tick(&self, s: f64, to_end: f64) -> f64 {
         let ramp = |end: f64, s: f64| {
             if s > 0.0 { 2.0 * s / (end + (end * end + 2.0 * self.acceleration * s).sqrt()) } else { 0.0 }
@@ -121,7 +121,7 @@ fn random_block(random: &mut Random) -> PlannedBlock {
     }
 }
 
-/// Where the steps are, in 1/256 of the extruder's step or halves of the master's.
+/// Places of the steps, in 1/256 of the extruder's step or halves of the master's.
 struct Steps {
     count: u32,
     /// Path position of the first, and what is after the last, and from one to the next, as shares of `whole`.
@@ -146,8 +146,8 @@ fn random_steps(random: &mut Random, planned: &PlannedBlock) -> Steps {
     Steps { count, first: u64::from(first), spacing: 256, whole: u64::from(whole), motor }
 }
 
-/// What a block was found to be off by, at most: ticks from f64, and ticks that an interval grew in an acceleration or
-/// shrank in a deceleration.
+/// Largest errors of a block: ticks from f64, and ticks that an interval grew in an acceleration or shrank in a
+/// deceleration.
 fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2] {
     let exact = Exact::new(planned);
     let law = TimeLaw::<Never>::trapezoid(planned);
@@ -181,7 +181,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
             interval_before = None;
         }
         (before, phase_before) = (time, Some(phase));
-        // In the cruise several may be taken at once.
+        // Several steps of a cruise may be taken at once.
         let count = match times.cruise() {
             Some((_, left)) if !every => (1 + (random.bits() % 32) as u32).min(left),
             _ => 1,
