@@ -19,16 +19,16 @@ use crate::step_queue::{Notice, StepEntry};
 /// The play of the drives of X, Y and Z, and how it is taken up: Marlin's M425.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Backlash {
-    /// By how far an axis' motor turns after a reversal before the axis follows, mm, 0 to [`Self::MAX_MM`].
+    /// Play of each axis, mm, 0 to [`Self::MAX_MM`]: how far its motor turns after a reversal before the axis follows.
     pub play_mm: [f64; 3],
-    /// Which part of it is taken up, 0 to 1.
+    /// Share of the play that is taken up, 0 to 1.
     pub correction: f64,
     /// The way on which that happens, mm, those of X, Y and Z added, 0 to [`Self::MAX_SMOOTHING_MM`]; with 0 it is the shortest one.
     pub smoothing_mm: f64,
 }
 
 impl Backlash {
-    /// None.
+    /// No play.
     pub const NONE: Self = Self { play_mm: [0.0; 3], correction: 1.0, smoothing_mm: Self::SMOOTHING_MM };
 
     /// The largest play of an axis, mm. What has more is to be mended.
@@ -47,13 +47,13 @@ impl Backlash {
     }
 }
 
-/// What takes up the play between the planner and the step queue: [`BacklashStage`], or nothing ([`NoBacklash`]) in an image of a
+/// Takes up the play between the planner and the step queue: [`BacklashStage`], or [`NoBacklash`] in an image of a
 /// machine without play.
 pub trait BacklashCorrection: Debug {
-    /// Whether there is anything.
+    /// True if the image contains the compensation.
     const PRESENT: bool;
 
-    /// Nothing has play.
+    /// Starts with no play on any axis.
     fn new(geometry: &Geometry, limits: &Limits) -> Self;
 
     /// The play.
@@ -78,11 +78,11 @@ pub trait BacklashCorrection: Debug {
     /// Takes a notice behind the entries; `false`: it may pass.
     fn take_notice(&mut self, notice: &Notice) -> bool;
 
-    /// Whether something waits for [`Self::work`].
+    /// True while something waits for [`Self::work`].
     fn is_waiting(&self) -> bool;
 
-    /// What comes next of that which waits: entries for `out`, which is empty, or a notice behind them. `seeks`: the motors go towards a
-    /// sensor.
+    /// Passes on the next waiting item: writes entries to `out`, which must be empty, or returns the notice that
+    /// follows them. `seeks`: the motors move towards a sensor.
     fn work(&mut self, seeks: bool, out: &mut PassedEntries) -> Option<Notice>;
 }
 

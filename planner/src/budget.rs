@@ -6,7 +6,7 @@ use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::shaping::MOST_IN_FILTER;
 use crate::time_units::TICKS_PER_SECOND;
 
-/// What moves and step events cost, in ticks of the time that motion is granted.
+/// Cost of moves and step events, in ticks of the time granted to motion.
 ///
 /// Every move has its cost, also where several became one block: a line is read and planned before it is known to
 /// continue the one before.
@@ -14,7 +14,7 @@ use crate::time_units::TICKS_PER_SECOND;
 pub(crate) struct Budget {
     event_ticks: f32,
     move_ticks: f32,
-    /// What a piece of the plan takes of the time that filters see; 0 without filters.
+    /// Ticks that a piece of the plan takes out of the time that filters see; 0 without filters.
     piece_ticks: f32,
     /// Pieces that a block has besides those of its moves: its ramps.
     ramp_pieces: u32,
@@ -29,10 +29,11 @@ impl Budget {
     pub fn new(geometry: &Geometry) -> Self {
         let (event_ticks, move_ticks) = (geometry.event_cost_ticks as f32, geometry.move_cost_ticks as f32);
         let [x, y, z, _] = geometry.steps_per_mm;
-        // Where two motors move an axis, each makes up to sqrt(2) times the steps of the path.
+        // If two motors move an axis, each makes up to sqrt(2) times the steps of the path.
         let most_steps =
             (x.to_f64() + y.to_f64() + z.to_f64()) as f32 * (2.0 * MAX_LENGTH_10NM as f32 / UNITS_PER_MM as f32);
-        // Of the extruder as many steps as a move may have in a shared block, one begun, and one by which events are rounded up.
+        // The extruder adds as many steps as a move may have in a shared block, one begun, and one because events are
+        // rounded up.
         let events = most_steps + MAX_INNER_ENDS as f32 * (MAX_EXTRUDER_256THS as f32 / 256.0 + 2.0);
         Self {
             event_ticks,
@@ -54,7 +55,7 @@ impl Budget {
         self.piece_ticks = length_ticks as f32 / MOST_IN_FILTER as f32;
     }
 
-    /// What a block of `moves` moves and `events` step events costs.
+    /// Cost of a block of `moves` moves and `events` step events.
     ///
     /// A step of the extruder is taken for an event of its own, though some join others.
     #[inline(always)]
@@ -68,7 +69,7 @@ impl Budget {
         Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }
     }
 
-    /// Whether a block that may still grow keeps this speed, however it does.
+    /// True if a block that may still grow keeps this speed however it grows.
     pub fn always_allows(&self, speed: Speed, block: &Block, events: f32) -> bool {
         let mut cost = self.cost(block, events, MAX_INNER_ENDS as u32 + 1);
         cost.ticks += self.growth_ticks;
@@ -76,7 +77,7 @@ impl Budget {
     }
 }
 
-/// What a block costs, and how far it goes.
+/// Cost of a block, and its length.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cost {
     ticks: f32,

@@ -29,12 +29,12 @@ impl<F: Real> Cubic<F> {
         Self { linear: self.linear * factor, cubic: self.cubic * factor }
     }
 
-    /// How far it is to a share of the half.
+    /// Distance at share `x` of the half.
     pub(crate) fn at(&self, x: F) -> F {
         x * (self.linear + self.cubic * x * x)
     }
 
-    /// How fast it grows there.
+    /// Slope of the distance at share `x`.
     pub(crate) fn slope(&self, x: F) -> F {
         self.linear + F::constant(3.0) * self.cubic * x * x
     }
@@ -60,7 +60,7 @@ impl<F: Real> Cubic<F> {
 }
 
 impl Cubic<f32> {
-    /// As [`Cubic::solve`], to single precision.
+    /// Single-precision version of [`Cubic::solve`].
     pub(crate) fn solve_f32(&self, distance: f32) -> f32 {
         if distance <= 0.0 || self.linear <= 0.0 && self.cubic <= 0.0 {
             return 0.0;
@@ -68,7 +68,7 @@ impl Cubic<f32> {
         let mut x = distance / self.linear;
         if self.cubic > 0.0 {
             let root = cube_root_above(distance / self.cubic);
-            // Where there is no speed, the quotient is infinite.
+            // The quotient is infinite if the linear term is 0.
             if x > root {
                 x = root;
             }

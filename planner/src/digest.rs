@@ -14,7 +14,7 @@ const PRIME_5: u64 = PRIME_2.wrapping_mul(PRIME_2).wrapping_mul(PRIME);
 /// u64 tick little-endian, kind 0, axes, directions, 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepDigests {
-    /// Which motors stepped which way, in which order.
+    /// Hash of the motors and directions of all steps, in order.
     pub order: u64,
     /// The same with the times.
     pub step: u64,

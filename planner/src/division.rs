@@ -3,7 +3,7 @@
 //! A Cortex-M4 divides 32 bits in hardware and 64 bits in some 250 instructions of software. A reciprocal that is
 //! known beforehand makes it four multiplications.
 
-/// What 64-bit numbers are divided by.
+/// A divisor of 64-bit numbers, with its reciprocals.
 #[derive(Clone, Copy, Debug)]
 pub struct Divisor {
     divisor: u64,
@@ -28,8 +28,8 @@ impl Divisor {
     #[inline]
     pub const fn divide(self, number: u64) -> (u64, u64) {
         if self.short != 0 && number >> SHORT_BITS == 0 {
-            // Of number / divisor the part below 2^22 loses less than 2^-10 and the cut reciprocal less than 1, so the
-            // quotient is right or at most two short.
+            // The part of number / divisor below 2^22 loses less than 2^-10 and the cut reciprocal less than 1, so the
+            // quotient is right or at most two too small.
             let upper = number >> (SHORT_BITS - 32);
             let mut quotient = (upper.wrapping_mul(self.short as u64)) >> 32;
             let mut remainder = number.wrapping_sub(quotient.wrapping_mul(self.divisor));
@@ -52,7 +52,7 @@ impl Divisor {
             let (quotient, remainder) = self.divide(number as u64);
             return (quotient as i64, remainder);
         }
-        // With n = -number: number = -q d - r = -(q + 1) d + (d - r).
+        // Negative number, with n = -number: number = -q d - r = -(q + 1) d + (d - r).
         let (quotient, remainder) = self.divide(number.unsigned_abs());
         if remainder == 0 { (-(quotient as i64), 0) } else { (-(quotient as i64) - 1, self.divisor - remainder) }
     }

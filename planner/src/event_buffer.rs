@@ -1,4 +1,4 @@
-//! What has been made of motion and not handed out yet.
+//! Step entries that have been made and not yet handed out.
 
 use crate::step_queue::StepEntry;
 
@@ -8,7 +8,7 @@ pub(crate) const EVENTS_AT_ONCE: usize = 48;
 /// The most entries that a single call of the interpolator hands to its sink.
 pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
-/// At most `MOST` entries in their order, handed out together (R9).
+/// Up to `MOST` entries in order, handed out together (R9).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EventBuffer<const MOST: usize> {
     entries: [StepEntry; MOST],
@@ -36,7 +36,7 @@ impl<const MOST: usize> EventBuffer<MOST> {
         free.get_mut(..most).unwrap_or_default()
     }
 
-    /// So many entries more are there.
+    /// Counts `count` more entries.
     #[inline(always)]
     pub(crate) fn filled(&mut self, count: usize) {
         self.count += count;

@@ -24,7 +24,7 @@ impl Follower {
         self.bit
     }
 
-    /// Where it is on its line.
+    /// Its place on the line.
     pub fn line(&self) -> StepBresenham {
         self.line
     }

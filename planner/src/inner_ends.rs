@@ -21,7 +21,7 @@ pub struct InnerEnd {
     pub extruder_256ths: i32,
     /// Its source line.
     pub line: u32,
-    /// Whether the line's move ends here; otherwise it is a corner of an arc.
+    /// True if the line's move ends here; otherwise it is a corner of an arc.
     pub ends_move: bool,
 }
 
@@ -35,14 +35,14 @@ pub struct InnerEnds {
     lengths_10nm: [u16; MAX_INNER_ENDS],
     extruder_256ths: [i16; MAX_INNER_ENDS],
     steps: [[i8; 3]; MAX_INNER_ENDS],
-    /// By how many lines each is before the block's last.
+    /// Lines from each end to the block's last.
     lines_before: [u8; MAX_INNER_ENDS],
     /// Bit i: a line's move ends at end i.
     end_moves: u8,
     count: u8,
 }
 
-// What is after the last has no meaning.
+// Places after the last end have no meaning.
 impl PartialEq for InnerEnds {
     fn eq(&self, other: &Self) -> bool {
         self.count == other.count && self.iter(0).eq(other.iter(0))
@@ -106,7 +106,7 @@ impl InnerEnds {
         self.count = 0;
     }
 
-    /// Whether no move ends inside.
+    /// True if no move ends inside.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

@@ -1,4 +1,4 @@
-//! How fast a corner may be taken.
+//! Highest speed through a corner.
 
 use crate::block::Speed;
 use crate::kinematics::UNITS_PER_MM;
@@ -45,7 +45,7 @@ pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4], slope: [
     let z = z + (slope_x * x + slope_y * y);
     let [per_x, per_y, per_z, per_e] = per_limit;
     let strictest = larger(larger(x * per_x, y * per_y), larger(z * per_z, e * per_e));
-    // Without a jump this is infinite, and the cast saturates.
+    // The quotient is infinite without a jump, and the cast saturates.
     Speed((65_536.0 / strictest) as u32)
 }
 
@@ -65,13 +65,13 @@ impl CornerAcceleration {
         Self(acceleration * SCALE)
     }
 
-    /// In mm/s^2, to single precision.
+    /// The acceleration in mm/s^2, to single precision.
     pub fn mm_per_s2(self) -> f32 {
         const PER_MM_PER_S2: f32 = 4_294_967_296.0 / UNITS_PER_MM as f32;
         self.0 / PER_MM_PER_S2
     }
 
-    /// Whether it is above zero.
+    /// True if it is above zero.
     pub fn is_some(self) -> bool {
         self.0 > 0.0
     }

@@ -1,4 +1,5 @@
-//! From machine coordinates to motor steps: [how the motors drive the axes](LinearKinematics), and how far a step goes.
+//! Conversion of machine coordinates to motor steps: [the motors of each axis](LinearKinematics), and the length of a
+//! step.
 
 mod cartesian;
 mod core_xy;
@@ -45,7 +46,7 @@ impl Coordinate {
     /// The coordinate; `None` if it is too large.
     #[inline(always)]
     pub const fn new(coordinate_10nm: i32) -> Option<Self> {
-        // From -most to most, moved to begin at zero.
+        // Shifts -most to most so that it begins at zero.
         const MOST: u32 = MAX_COORDINATE_10NM as u32;
         let is_near = coordinate_10nm.cast_unsigned().wrapping_add(MOST) <= 2 * MOST;
         if is_near { Some(Self(coordinate_10nm)) } else { None }
@@ -98,7 +99,7 @@ impl Fraction {
         }
     }
 
-    /// Whether it is one.
+    /// True if the fraction is set.
     pub(crate) fn is_some(self) -> bool {
         self.numerator != 0
     }
@@ -108,14 +109,14 @@ impl Fraction {
     #[inline(always)]
     fn rounded(self, number: u32) -> Option<u32> {
         let product = u64::from(number) * u64::from(self.numerator) + u64::from(self.denominator.get() / 2);
-        // Of an odd denominator half is no whole number: 2 (p + half) is odd too, and never a multiple.
+        // Half of an odd denominator is not a whole number: 2 (p + half) is odd too, and never a multiple.
         let product = u32::try_from(product).ok()?;
         Some(product / self.denominator)
     }
 }
 
 impl fmt::Debug for StepsPerMm {
-    /// As an expression: the image's profile is compiled from it.
+    /// Writes a Rust expression: the image's profile is compiled from it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "StepsPerMm::clamped({})", self.hundred_thousandths)
     }
@@ -245,10 +246,10 @@ pub fn round_half_away(x: f64) -> i64 {
     (if x < 0.0 { x - 0.5 } else { x + 0.5 }) as i64
 }
 
-/// Which motors a machine has and how far a step goes.
+/// A machine's motors and their step lengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// How the motors drive the axes.
+    /// Relation between motors and axes.
     pub kinematics: Kinematics,
     /// Steps/mm of the motors that the board names X, Y and Z, and of the extruder.
     pub steps_per_mm: [StepsPerMm; 4],
@@ -262,7 +263,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Where the X, Y and Z motors stand for a machine position in units of 10 nm: each at the exact product of its
+    /// Steps of the X, Y and Z motors at a machine position in units of 10 nm: each is the exact product of its
     /// coordinate with its steps/mm, rounded half away from zero.
     pub fn motor_steps(&self, position_10nm: [i64; 3]) -> [i32; 3] {
         let [first, second, third] = self.kinematics.motors(position_10nm);

@@ -1,4 +1,4 @@
-//! From moves to step events: the motion code of Ferrostep, the same on the desk and on the board.
+//! Planning of moves into step events: the motion code of Ferrostep, the same on the desk and on the board.
 //!
 //! A [`Move`] passes four stages, each a module: [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
 //! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s. Short moves that

@@ -1,4 +1,4 @@
-//! What the machine may do: feed, acceleration and junction limits, in mm and seconds.
+//! Limits of the machine: feed, acceleration and corners, in mm and seconds.
 
 use crate::kinematics::UNITS_PER_MM;
 use crate::square_root::square_root_f32;
@@ -22,14 +22,14 @@ pub struct Limits {
     pub travel_acceleration_mm_per_s2: f64,
     /// Acceleration of an extruder-only move, mm/s^2 (M204 R).
     pub retract_acceleration_mm_per_s2: f64,
-    /// How far the arc that rounds a corner may stay from it, mm (Yu 2019, delta; M205 J).
+    /// Maximum distance of the arc that rounds a corner from the corner, mm (Yu 2019, delta; M205 J).
     pub junction_deviation_mm: f64,
-    /// By how much the speed of X, Y, Z and the filament may differ before and after a corner, mm/s (M205 X Y Z E, "jerk");
-    /// infinite for an axis that has only the arc's limit.
+    /// Maximum change of speed of X, Y, Z and the filament at a corner, mm/s (M205 X Y Z E, "jerk"); infinite for an
+    /// axis that has only the arc's limit.
     pub instantaneous_corner_velocity_mm_per_s: [f64; AXES],
 }
 
-/// What the extruder's advance takes of its speed and acceleration.
+/// Share of the extruder's speed and acceleration taken by its advance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ExtruderAdvance {
     /// The largest K, s; 0: it has none.
@@ -39,10 +39,10 @@ pub(crate) struct ExtruderAdvance {
 }
 
 impl ExtruderAdvance {
-    /// None.
+    /// No advance.
     pub const NONE: Self = Self { seconds: 0.0, smooth_time_s: 1.0 };
 
-    /// What an advance leaves of the filament's speed and acceleration to the flow.
+    /// Filament feed and acceleration that the advance leaves to the flow.
     pub fn left_to_flow(&self, feed_mm_per_s: f32, acceleration_mm_per_s2: f32) -> FeedAndAcceleration {
         let averages = self.seconds / self.smooth_time_s;
         let by_feed = 0.25 * feed_mm_per_s / self.seconds;
@@ -57,7 +57,7 @@ pub(crate) struct PathLimits {
     /// The filament's is that in a line, where the extruder's advance takes a part of what it may.
     max_feed_mm_per_s: [f32; AXES],
     max_acceleration_mm_per_s2: [f32; AXES],
-    /// Of the filament alone.
+    /// Limits of the filament alone.
     filament_feed_mm_per_s: f32,
     filament_acceleration_mm_per_s2: f32,
     print_acceleration_mm_per_s2: f32,
@@ -114,7 +114,7 @@ impl PathLimits {
         }
     }
 
-    /// Whether any axis limits corners by its instantaneous corner velocity.
+    /// True if any axis limits corners by its instantaneous corner velocity.
     #[inline(always)]
     pub fn has_corner_velocities(&self) -> bool {
         self.has_corner_velocities
@@ -156,7 +156,7 @@ impl PathLimits {
         if any { (feed, acceleration) } else { self.held_along(feed, length, travels, acceleration) }
     }
 
-    /// As [`Self::along`], where Z follows a surface as well.
+    /// Version of [`Self::along`] for a Z that also follows a surface.
     ///
     /// Z's part of the path is then |u_z| (1 + fade) + slope_x |u_x| + slope_y |u_y| at most. Along a straight path that part
     /// changes by 2 twist |u_x u_y| + 2 fade' |u_z| for each mm, and Z's acceleration is a times the part and v^2 times its change;

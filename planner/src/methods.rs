@@ -103,9 +103,9 @@ pub trait MotionMethods: Copy + Debug {
     type Rule: SpeedRule<Pieces = Self::Pieces>;
     /// The other pattern.
     type Pattern: StepPattern<Self::Pieces>;
-    /// What lets Z follow the bed, or nothing.
+    /// Bed following, or [`NoBed`] to compile it out.
     type Bed: Bed;
-    /// What takes up the play of the drives, or nothing.
+    /// Backlash compensation, or [`NoBacklash`] to compile it out.
     type Backlash: BacklashCorrection;
 
     /// The pattern that was chosen; `None` for step Bresenham.

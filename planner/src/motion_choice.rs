@@ -7,7 +7,7 @@ use crate::shaping::{AxisShaper, Shaping};
 use crate::square_root::square_root;
 use crate::tolerance::PathTolerance;
 
-/// How the motors' steps follow a straight line.
+/// Pattern by which the motors' steps follow a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
     /// Step Bresenham: runs of the longest axis's steps, each ended by a step of another (Wu 2024).
@@ -40,13 +40,13 @@ impl Interpolation {
     }
 }
 
-/// How speed changes along the path.
+/// Profile of the speed along the path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AccelerationProfile {
-    /// At a constant acceleration (Wu 2024, eqs. 8 to 12).
+    /// Constant acceleration (Wu 2024, eqs. 8 to 12).
     #[default]
     Trapezoid,
-    /// At an acceleration that rises and falls at a constant jerk, and is held where it reaches its limit (after Li 2017).
+    /// Acceleration that rises and falls at a constant jerk, and is held once it reaches its limit (after Li 2017).
     SCurve,
     /// The same, never held, from Li's table of frequencies.
     SCurveTable,
@@ -80,7 +80,7 @@ pub struct DualRatePeriods {
     pub longest_ns: u32,
 }
 
-/// What Li's table is made of.
+/// Parameters of Li's table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SCurveTableSettings {
     /// Start frequency f0, steps/s, above zero. The table's slices last 2/f0.
@@ -105,9 +105,9 @@ impl SCurveTableSettings {
 /// The methods in use and their parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionChoice {
-    /// How the motors' steps follow a straight line.
+    /// Pattern by which the motors' steps follow a straight line.
     pub interpolation: Interpolation,
-    /// How speed changes along the path.
+    /// Profile of the speed along the path.
     pub acceleration: AccelerationProfile,
     /// Largest jerk along the path under [`AccelerationProfile::SCurve`], mm/s^3, above zero.
     pub jerk_mm_per_s3: f64,
@@ -121,17 +121,18 @@ pub struct MotionChoice {
     pub shapers: [AxisShaper; 2],
     /// Over how long X, Y, Z and the extruder are averaged after their shapers, s, within [`crate::SMOOTH_TIME_S`]; `None`: they are not.
     pub smooth_time_s: Option<f64>,
-    /// How far the path that has gone through the filters may be from the programmed one, mm, within [`crate::PATH_TOLERANCE_MM`]; `None`:
-    /// corners round as the filters round them.
+    /// Maximum distance of the filtered path from the programmed one, mm, within [`crate::PATH_TOLERANCE_MM`]; `None`:
+    /// the filters round corners freely.
     pub path_tolerance_mm: Option<f64>,
-    /// How far the extruder runs ahead of the flow.
+    /// Lead of the extruder over the flow.
     pub pressure_advance: PressureAdvance,
-    /// Whether filament is drawn back and pushed again along the travels between two lines, without a stop for it ([`crate::Move`]s only).
+    /// True to retract and push back filament along the travels between two lines, without a stop for it
+    /// ([`crate::Move`]s only).
     pub filament_on_the_way: bool,
 }
 
 impl MotionChoice {
-    /// Whether every image contains these methods.
+    /// True if every image contains these methods.
     pub const fn is_standard(&self) -> bool {
         matches!(self.interpolation, Interpolation::StepBresenham)
             && matches!(self.acceleration, AccelerationProfile::Trapezoid | AccelerationProfile::SCurve)
@@ -148,8 +149,8 @@ impl MotionChoice {
         Some(f64::from(acceleration))
     }
 
-    /// What the tolerance leaves of accelerations where corners follow each other within the filters' reach, mm/s^2; in proportion to it.
-    /// `None` without a tolerance or filters, and where they cannot be made.
+    /// Acceleration that the tolerance allows where corners follow each other within the filters' reach, mm/s^2;
+    /// proportional to the tolerance. `None` without a tolerance or filters, and if the filters cannot be made.
     pub fn tolerance_acceleration_mm_per_s2(&self) -> Option<f64> {
         let shaping = Shaping::new(&self.shapers, self.smooth_time_s, &PressureAdvance::NONE).ok()?;
         let tolerance = PathTolerance::new(self.path_tolerance_mm?, &shaping)?;

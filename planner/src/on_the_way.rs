@@ -23,8 +23,8 @@ pub(crate) const LEAST_TRAVEL_10NM: u32 = 5_000;
 /// The most travels of a way: two lifts, for a layer's end has one more, two travels and a lowering.
 pub(crate) const MOST_LEGS: usize = 5;
 
-/// By how much the extruder's speed may change at once, mm/s, where the limits do not say. What motors of 8 to 16 mm/s a
-/// revolution's hundredth take from standstill; other firmware's usual "jerk" of the extruder.
+/// Largest change of the extruder's speed at once, mm/s, if the limits set none: the usual "jerk" of the extruder in
+/// other firmware, which motors take from standstill.
 pub(crate) const EXTRUDER_JUMP_MM_PER_S: f32 = 5.0;
 
 /// The same for fast filament, as a share of its speed: more stages would be more blocks.
@@ -33,8 +33,8 @@ const LARGEST_JUMP: f32 = 0.2;
 /// No stage is planned shorter, s: stages are pieces of the plan, and filters see a limited number of them.
 const LEAST_STAGE_S: f32 = 0.003;
 
-/// By how much the path's speed grows in a stage in which the filament's speed is constant: from stage to stage the extruder's speed
-/// changes by a fifth, [`LARGEST_JUMP`].
+/// Factor by which the path's speed grows in a stage in which the filament's speed is constant: from stage to stage the
+/// extruder's speed changes by a fifth, [`LARGEST_JUMP`].
 const GROWTH: f32 = 1.25;
 
 /// A stage by which the filament's speed rises or falls is this share of what the extruder may do at once: within the stages the path's
@@ -44,19 +44,19 @@ const STEP: f32 = 0.75;
 /// The most stages of a filament move.
 const MOST_STAGES: u8 = 64;
 
-/// How often the end of a filament move is sought in half of the time.
+/// Bisections in the search for the end of a filament move.
 const HALVINGS: u32 = 8;
 
 /// The most that a way is slowed down.
 const MOST_SLOWNESS: f32 = 4.0;
 
-/// How often a way is slowed down further, and a filament move is given more time.
+/// Maximum number of times that a way is slowed down further, or a filament move given more time.
 const MOST_TRIALS: u32 = 6;
 
-/// How much more time.
+/// Factor by which a filament move is given more time.
 const LENGTHENING: f32 = 1.6;
 
-/// By how much the speed of filament with this feed may change at once where stages meet, mm/s.
+/// Largest change of the filament's speed at once between stages, mm/s, for this feed.
 pub(crate) fn stage_jump_mm_per_s(feed_mm_per_s: f32) -> f32 {
     larger(EXTRUDER_JUMP_MM_PER_S, LARGEST_JUMP * feed_mm_per_s)
 }
@@ -64,11 +64,11 @@ pub(crate) fn stage_jump_mm_per_s(feed_mm_per_s: f32) -> f32 {
 /// Between which times of a leg filament moves: no faster than a ramp from the one, and a ramp to the other.
 #[derive(Clone, Copy, Debug)]
 struct Window {
-    /// How long before the leg's begin, s.
+    /// Time before the leg's begin at which the ramp up starts, s.
     head_s: f32,
-    /// When after it, s.
+    /// Time after the leg's begin at which the ramp down ends, s.
     left_s: f32,
-    /// When its last stage ends, s.
+    /// End of its last stage, s.
     stop_s: f32,
     /// The ramps are others than the path's in its corners.
     is_head_cut: bool,
@@ -78,7 +78,7 @@ struct Window {
 /// Filament that is drawn back along the begin of a way, or pushed along its end and seen backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FilamentLaw {
-    /// How much moves, mm, above zero.
+    /// Filament to move, mm, above zero.
     pub filament_mm: f32,
     /// The highest speed and acceleration, mm/s, mm/s^2.
     pub feed_mm_per_s: f32,
@@ -92,27 +92,27 @@ pub(crate) struct FilamentLaw {
 pub(crate) struct Stage {
     /// The leg, counted from where the filament's law begins.
     pub leg: usize,
-    /// Where in it, seen from there too, mm.
+    /// Place in the leg where it begins, seen from there too, mm.
     pub begin_mm: f32,
     pub end_mm: f32,
-    /// Whether it begins and ends where the leg does.
+    /// True if the stage begins (ends) where the leg does.
     pub begins_leg: bool,
     pub ends_leg: bool,
-    /// What could move along it, mm.
+    /// Filament that could move along it, mm.
     filament_mm: f32,
-    /// When the leg begins, and the stage within it, s.
+    /// Time of the leg's begin, and the stage's end within the leg, s.
     leg_begin_s: f32,
     end_s: f32,
 }
 
-/// How a filament move rides along a way.
+/// Distribution of a filament move along a way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ride {
-    /// How long it takes, s.
+    /// Duration, s.
     end_s: f32,
     /// The share of what could move that moves.
     share: f32,
-    /// In how many stages.
+    /// Number of stages.
     pub stages: u8,
     /// The leg of the last one, counted from where the filament's law begins, whether it ends where the leg does, and where in it, mm.
     pub leg: u8,
@@ -121,7 +121,7 @@ pub(crate) struct Ride {
 }
 
 impl FilamentLaw {
-    /// How long it takes by itself, s.
+    /// Duration of the filament move by itself, s.
     fn duration_s(&self) -> f32 {
         let reached = square_root_f32(self.filament_mm * self.acceleration_mm_per_s2);
         let peak = smaller(reached, self.feed_mm_per_s);
@@ -133,7 +133,7 @@ impl FilamentLaw {
         smaller(self.acceleration_mm_per_s2, STEP / LEAST_STAGE_S * stage_jump_mm_per_s(self.feed_mm_per_s))
     }
 
-    /// How long a stage lasts while the filament's speed rises or falls by steps, s.
+    /// Duration of a stage while the filament's speed rises or falls by steps, s.
     fn step_s(&self) -> f32 {
         STEP * stage_jump_mm_per_s(self.feed_mm_per_s) / self.ramp_mm_per_s2()
     }
@@ -162,7 +162,7 @@ impl FilamentLaw {
 
     /// Between which times filament moves along a leg, of a law that ends at `left_s`.
     fn window(&self, course: &Course, left_s: f32) -> Window {
-        // What would be left of the leg is no stage.
+        // The rest of the leg would be too short for a stage.
         let ends_inside = left_s < course.duration_s - LEAST_STAGE_S;
         let half_jump_s = 0.5 * stage_jump_mm_per_s(self.feed_mm_per_s) / self.ramp_mm_per_s2();
         let beyond_s = |mm_per_s: f32| mm_per_s / course.acceleration_mm_per_s2;
@@ -188,7 +188,7 @@ impl FilamentLaw {
         let (most_mm_per_s, middle_s) = (course.most_mm_per_s(begin_s, end_s), 0.5 * (begin_s + end_s));
         let phase = course.phase(begin_s);
         let rising = match phase {
-            // Not a number where it begins at rest; then nothing is smaller.
+            // Not a number if it begins at rest; nothing is then smaller.
             Phase::Up => ramp * (begin_s + window.head_s) / course.mm_per_s_after(begin_s),
             Phase::Even | Phase::Down => ramp * (middle_s + window.head_s) / most_mm_per_s,
         };
@@ -202,7 +202,7 @@ impl FilamentLaw {
         ratio
     }
 
-    /// When the stage ends that begins then, s.
+    /// End of the stage that begins at `begin_s`, s.
     fn stage_end_s(&self, course: &Course, window: &Window, begin_s: f32) -> f32 {
         let (ramp, acceleration) = (self.ramp_mm_per_s2(), course.acceleration_mm_per_s2);
         let Window { head_s, left_s, stop_s, is_head_cut, is_end_cut } = *window;
@@ -295,10 +295,10 @@ impl FilamentLaw {
     }
 }
 
-/// Which filament moves ride along a way.
+/// Filament moves that ride along a way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Spread {
-    /// How many times as long as without filament the way takes.
+    /// Duration of the way as a multiple of its duration without filament.
     pub slowness: f32,
     pub retraction: Option<Ride>,
     /// Backwards.
@@ -306,10 +306,10 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// Nothing rides.
+    /// No filament move rides.
     pub const NONE: Self = Self { slowness: 1.0, retraction: None, recovery: None };
 
-    /// What takes the least time, along legs that have been [joined](join).
+    /// Fastest distribution along legs that have been [joined](join).
     pub fn of(legs: &[Leg], retraction: Option<&FilamentLaw>, recovery: Option<&FilamentLaw>) -> Self {
         let way_s = Way { legs, slowness: 1.0, is_backwards: false }.duration_s();
         let alone_s = |law: Option<&FilamentLaw>| law.map_or(0.0, FilamentLaw::duration_s);
@@ -334,7 +334,7 @@ impl Spread {
         let mut slowness = 1.0;
         for _ in 0..MOST_TRIALS {
             let slow_s = slowness * way_s;
-            // With a stage between them.
+            // The moves need a stage between them.
             let mut lacking_s = LEAST_STAGE_S - slow_s;
             let mut ride = |law: Option<&FilamentLaw>, is_backwards| {
                 let ride = law?.ride(&Way { legs, slowness, is_backwards }, slow_s);

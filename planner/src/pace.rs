@@ -1,4 +1,4 @@
-//! How much of their speed blocks keep that leave look-ahead.
+//! Share of their speed that blocks keep when they leave look-ahead.
 
 use crate::block::Speed;
 
@@ -13,7 +13,7 @@ impl Pace {
     /// All of it.
     pub const FULL: Self = Self(256);
 
-    /// So many 256ths, from 1 to 256; others become the nearest of these.
+    /// Pace of this many 256ths, from 1 to 256; other numbers become the nearest of these.
     pub const fn from_256ths(pace_256ths: u16) -> Self {
         Self(if pace_256ths == 0 {
             1

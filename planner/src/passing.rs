@@ -1,4 +1,5 @@
-//! What stages between the planner and the step queue share: entries that wait for such a stage, and entries that it hands on.
+//! Parts shared by the stages between the planner and the step queue: entries that wait for a stage, and entries that
+//! it hands on.
 
 use crate::event_buffer::{EventBuffer, MAX_ENTRIES};
 use crate::step_queue::{Notice, StepEntry};
@@ -27,7 +28,7 @@ impl PassedEntries {
         self.buffer.all()
     }
 
-    /// Whether another event fits, whatever it needs.
+    /// True if another event fits, whatever it needs.
     pub(crate) fn has_room(&self) -> bool {
         self.all().len() + MAX_FOR_EVENT <= AT_ONCE
     }
@@ -39,16 +40,17 @@ impl PassedEntries {
 
 /// A stage between the planner and the step queue that adds steps to those that pass.
 pub(crate) trait Stage {
-    /// What waits for it.
+    /// Entries and notices that wait for the stage.
     fn waiting(&mut self) -> &mut Waiting;
 
     /// Adds an entry to `out`, or the first events of it, with its own steps, and passes what is done.
     fn pass(&mut self, entry: StepEntry, out: &mut PassedEntries);
 
-    /// How many steps of X, Y and Z (A, B, Z) it has added: the planner does not know of them.
+    /// Steps of X, Y and Z (A, B, Z) that it has added: the planner does not know of them.
     fn added_steps(&self) -> [i32; 3];
 
-    /// What comes next of that which waits: entries for `out`, which is empty, or a notice behind them.
+    /// Passes on the next waiting item: writes entries to `out`, which must be empty, or returns the notice that
+    /// follows them.
     fn pass_on(&mut self, out: &mut PassedEntries) -> Option<Notice> {
         while let Some(entry) = self.waiting().entry() {
             if !out.has_room() {
@@ -72,14 +74,14 @@ pub(crate) trait Stage {
 #[derive(Debug)]
 pub(crate) struct Waiting {
     entries: EventBuffer<MAX_ENTRIES>,
-    /// How many of these are done, and how many events of the next one.
+    /// Entries done, and events done of the next one.
     done: usize,
     events_done: u16,
     notices: [Option<Notice>; NOTICES],
 }
 
 impl Waiting {
-    /// Nothing.
+    /// Empty.
     pub(crate) const NONE: Self =
         Self { entries: EventBuffer::NONE, done: 0, events_done: 0, notices: [None; NOTICES] };
 
@@ -97,7 +99,7 @@ impl Waiting {
         }
     }
 
-    /// Whether anything waits.
+    /// True if anything waits.
     pub(crate) fn is_any(&self) -> bool {
         self.done < self.entries.all().len() || self.notices.iter().any(Option::is_some)
     }
@@ -107,7 +109,7 @@ impl Waiting {
         self.entries.all().get(self.done).copied()
     }
 
-    /// How many events of it are left.
+    /// Events left in the next entry.
     pub(crate) fn events_left(&self) -> u16 {
         self.entry().map_or(0, StepEntry::count).wrapping_sub(self.events_done)
     }

@@ -36,7 +36,7 @@ impl Path {
         Self { vector: self.vector.map(|component| component * factor), length, filament: self.filament * factor }
     }
 
-    /// By how much the speeds of X, Y, Z and the filament differ between two paths that have a length, for a unit of speed
+    /// Differences between the speeds of X, Y, Z and the filament on two paths that have a length, for a unit of speed
     /// along them.
     #[inline(always)]
     pub fn jumps(before: &Self, after: &Self) -> [f32; 4] {
@@ -59,7 +59,7 @@ fn dot([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> f32 {
     ax * bx + ay * by + az * bz
 }
 
-/// By how much a path turns to the next.
+/// Angle between a path and the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
     /// Cosine of the angle.

@@ -12,27 +12,27 @@ use crate::time_units::TICKS_PER_SECOND;
 /// The most filament that a line of plastic takes for its length. A move that pushes more fills the nozzle, and has no advance.
 pub(crate) const MOST_FILAMENT_IN_LINE: f32 = 0.5;
 
-/// How far the extruder runs ahead.
+/// Lead of the extruder over the flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressureAdvance {
     /// K: filament ahead for each mm/s at which it is pushed into a line, s. 0: none.
     pub seconds: f64,
     /// Beyond a speed of the filament, another K for what exceeds it.
     pub above: Option<SecondSlope>,
-    /// How long it is averaged, s; `None`: nearly as long as the filters of X and Y spread the motion.
+    /// Time over which the lead is averaged, s; `None`: nearly as long as the filters of X and Y spread the motion.
     pub smooth_time_s: Option<f64>,
 }
 
 /// The K of fast flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondSlope {
-    /// From this speed of the filament on, mm/s.
+    /// Speed of the filament above which it applies, mm/s.
     pub filament_mm_per_s: f64,
     /// K, s.
     pub seconds: f64,
 }
 
-/// Which number is out of its range.
+/// Number that is out of its range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PressureAdvanceError {
     /// K: not from 0 to [`PressureAdvance::MAX_SECONDS`].
@@ -44,7 +44,7 @@ pub enum PressureAdvanceError {
 }
 
 impl PressureAdvance {
-    /// None.
+    /// No advance.
     pub const NONE: Self = Self { seconds: 0.0, above: None, smooth_time_s: None };
 
     /// The largest K, s: a long tube has about 1.
@@ -73,7 +73,7 @@ impl PressureAdvance {
         Ok(())
     }
 
-    /// Whether the extruder runs ahead at all.
+    /// True if the extruder runs ahead at all.
     pub fn is_some(&self) -> bool {
         self.largest_seconds() > 0.0
     }
@@ -94,9 +94,9 @@ pub(crate) struct AdvanceLaw {
     /// K, ticks.
     slow: u32,
     fast: u32,
-    /// Where the second begins, 1/256 steps a tick; infinite without it.
+    /// Filament speed at which the second slope begins, 1/256 steps a tick; infinite without one.
     knee: f64,
-    /// What the first has there more than the second, 2^-20 steps.
+    /// Excess of the first slope's lead over the second's at the knee, 2^-20 steps.
     rest: i32,
     /// The most filament in a line, 1/256 steps for 10 nm.
     most_256ths_per_10nm: f32,
@@ -110,12 +110,12 @@ pub(crate) struct AdvanceSlope {
 }
 
 impl AdvanceSlope {
-    /// None.
+    /// No lead.
     pub const NONE: Self = Self { ticks: 0, constant: 0 };
 }
 
 impl AdvanceLaw {
-    /// None.
+    /// No advance.
     pub const NONE: Self = Self { slow: 0, fast: 0, knee: f64::INFINITY, rest: 0, most_256ths_per_10nm: 0.0 };
 
     /// The law of an extruder with these steps/mm.
@@ -138,7 +138,7 @@ impl AdvanceLaw {
         Self { fast, knee: f64::from(rest) / apart, rest, ..one_slope }
     }
 
-    /// Whether the extruder runs ahead in a stretch of this length, units of 10 nm: it pushes filament into a line.
+    /// True if the extruder runs ahead in a stretch of this length, units of 10 nm: it pushes filament into a line.
     pub fn advances(&self, extruder_256ths: i32, length_10nm: u32) -> bool {
         extruder_256ths > 0
             && self.slow | self.fast > 0

@@ -70,7 +70,7 @@ impl Real for f32 {
 
     #[inline]
     fn to_u64(self) -> u64 {
-        // In two halves, both exact: the processor converts to 32 bits only.
+        // Two halves, both exact: the processor converts to 32 bits only.
         let high = (self * (1.0 / WORD)) as u32;
         let low = (self - high as Self * WORD) as u32;
         u64::from(high) << 32 | u64::from(low)

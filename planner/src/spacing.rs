@@ -1,4 +1,4 @@
-//! Where on a block's path the steps of a motor are.
+//! Places of a motor's steps on a block's path.
 
 use crate::piece::PieceEnd;
 use crate::real::Real;
@@ -12,7 +12,7 @@ pub enum MotorSteps {
         /// Number of steps.
         count: u32,
     },
-    /// Where the travel says, in 1/256 steps.
+    /// Places given by the travel, in 1/256 steps.
     Extruder {
         /// Travel in the stretch, either way.
         whole: u32,
@@ -60,7 +60,7 @@ impl<F: Real> Span<F> {
     }
 }
 
-/// Where the steps of one motor are on a block's path, in units of 10 nm.
+/// Places of one motor's steps on a block's path, in units of 10 nm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spacing<F> {
     /// Number of steps.

@@ -12,6 +12,6 @@ pub fn square_root(x: f64) -> f64 {
 /// Square root of `x`, which is not negative.
 #[inline]
 pub fn square_root_f32(x: f32) -> f32 {
-    // Without its sign the compiler knows that the root is no NaN, and does not look.
+    // The absolute value tells the compiler that the root is not a NaN, so it does not check.
     ferrostep_square_root::square_root(x.abs())
 }

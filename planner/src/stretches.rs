@@ -18,7 +18,7 @@ pub struct Stretch {
     pub extruder_256ths: i32,
     /// Its source line.
     pub line: u32,
-    /// Whether the line's move ends with it.
+    /// True if the line's move ends with it.
     pub ends_move: bool,
 }
 
@@ -61,7 +61,7 @@ impl Stretches {
         }
     }
 
-    /// Whether the last has been handed out.
+    /// True if the last has been handed out.
     pub(crate) fn is_over(&self) -> bool {
         self.rest.is_none()
     }

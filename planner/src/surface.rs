@@ -19,9 +19,10 @@ use crate::kinematics::Geometry;
 use crate::passing::PassedEntries;
 use crate::step_queue::{Notice, StepEntry};
 
-/// What lies between the planner and the step queue: [`BedStage`], or nothing ([`NoBed`]) in an image without a probe.
+/// Stage between the planner and the step queue that lets Z follow the bed: [`BedStage`], or [`NoBed`] in an image
+/// without a probe.
 pub trait Bed: Debug {
-    /// Whether there is anything.
+    /// True if the image contains it.
     const PRESENT: bool;
 
     /// A command's future in a build with a bed, and in another one that never ends, and contains no code of it: what a future
@@ -37,7 +38,7 @@ pub trait Bed: Debug {
     /// The measured mesh.
     fn mesh(&mut self) -> Option<&mut Mesh>;
 
-    /// Whether Z follows the mesh.
+    /// True if Z follows the mesh.
     fn is_on(&self) -> bool;
 
     /// Lets Z follow the mesh, or stops it, at standstill; [`Self::stand`] comes next. Returns what blocks keep to.
@@ -50,7 +51,8 @@ pub trait Bed: Debug {
     /// correction there.
     fn stand(&mut self, motor_steps: [i64; 3], directions: u8) -> i64;
 
-    /// How far the nozzle is from where the motors' place says, X and Y in units of 10 nm: it counts from the next [`Self::switch`] on.
+    /// Sets the offset of the nozzle from the motors' position, X and Y in units of 10 nm; it takes effect at the next
+    /// [`Self::switch`].
     fn set_nozzle_offset(&mut self, _offset_10nm: [i32; 2]) {}
 
     /// Takes entries; `false`: they may pass as they are.
@@ -59,10 +61,11 @@ pub trait Bed: Debug {
     /// Takes a notice behind the entries; `false`: it may pass.
     fn take_notice(&mut self, notice: &Notice) -> bool;
 
-    /// Whether something waits for [`Self::work`].
+    /// True while something waits for [`Self::work`].
     fn is_waiting(&self) -> bool;
 
-    /// What comes next of that which waits: entries for `out`, which is empty, or a notice behind them.
+    /// Passes on the next waiting item: writes entries to `out`, which must be empty, or returns the notice that
+    /// follows them.
     fn work(&mut self, out: &mut PassedEntries) -> Option<Notice>;
 }
 

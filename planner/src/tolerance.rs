@@ -1,4 +1,5 @@
-//! How fast a corner is passed, and how hard the moves beside it accelerate, so that the filtered path keeps a tolerance.
+//! Limits of the speed in a corner and of the acceleration of the moves beside it, so that the filtered path keeps a
+//! tolerance.
 //!
 //! The filters of X and Y take the mean of the plan at times around now: q(t) = E p(t - tau), tau being distributed as the filter's
 //! weights and 0 in the mean. Along the path that is a mean of places R, and with the corners at r_c, each turning the direction by a
@@ -38,27 +39,30 @@ use filter::{Filter, apart};
 /// Tolerances of the commanded path, mm.
 pub const PATH_TOLERANCE_MM: [f64; 2] = [0.001, 1.0];
 
-/// What is kept back for what the bound leaves out: rounded weights and delays, and Z's filter on slopes.
+/// Share of the tolerance kept back for what the bound leaves out: rounded weights and delays, and Z's filter on
+/// slopes.
 const KEPT_BACK: f32 = 0.02;
 
 /// The part of the tolerance that acceleration may take beside a lone corner, and in a crowd; the rest is the corner's speed.
 const ALONE: f32 = 0.95;
 const CROWDED: f32 = 0.85;
 
-/// In a crowd: how many times the acceleration across the path, A, moves have along it. More makes short lines faster, less curves.
+/// Acceleration of moves along the path in a crowd, as a multiple of that across it, A. A larger one makes short lines
+/// faster, and curves slower.
 const ALONG_PER_ACROSS: f32 = 1.5;
 
 /// The least difference of directions that is a corner: single precision does not know smaller ones.
 const LEAST_TURN: f32 = 1e-6;
 
-/// In a crowd, with a moving average: of a move's acceleration, what is left along the path, and what its corners may take.
+/// Shares of a move's acceleration in a crowd with a moving average: what is left along the path, and what its corners
+/// may take.
 const ALONG: f32 = 0.59;
 const ACROSS: f32 = 0.65;
 
-/// How often a speed between one that keeps the tolerance and one that does not is tried.
+/// Bisections between a speed that keeps the tolerance and one that does not.
 const HALVINGS: u32 = 3;
 
-/// Of the extruder's acceleration, what its jumps at corners may take beside what it has along lines.
+/// Share of the extruder's acceleration that its jumps at corners may take beside what it has along lines.
 const EXTRUDER_JUMPS: f32 = 0.25;
 
 /// The filters' measures, and the tolerance that they are to keep.
@@ -79,7 +83,7 @@ pub(crate) struct PathTolerance {
     apart_from_z_s2: f32,
     /// T, s; 0 without a moving average.
     smooth_s: f32,
-    /// In a crowd: A, mm/s^2.
+    /// Acceleration A in a crowd, mm/s^2.
     across_mm_per_s2: f32,
     /// ... and the acceleration along the path.
     along_mm_per_s2: f32,
@@ -91,11 +95,11 @@ pub(crate) struct Beside<'a> {
     pub path: &'a Path,
     /// The acceleration that the machine allows it, mm/s^2.
     pub allowed: f32,
-    /// What its other end leaves of that, mm/s^2.
+    /// Acceleration that its other end leaves of that, mm/s^2.
     pub acceleration: f32,
 }
 
-/// What a corner allows.
+/// Limits of a corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Corner {
     /// The speed in it, mm/s.
@@ -105,7 +109,7 @@ pub(crate) struct Corner {
 }
 
 impl PathTolerance {
-    /// For these filters; `None` without any, which leave the path as it is.
+    /// Tolerance for these filters; `None` if they leave the path as it is.
     #[cold]
     pub fn new(tolerance_mm: f64, shaping: &Shaping) -> Option<Self> {
         const PER_SECOND: f32 = 1.0 / TICKS_PER_SECOND as f32;
@@ -154,7 +158,7 @@ impl PathTolerance {
         smaller(in_plane, KEPT_BACK * self.tolerance_mm / slope)
     }
 
-    /// By how much the axes' filters part on a line for each mm/s^2, s^2: X and Y, and Z from them.
+    /// Difference between the axes' filters on a line for each mm/s^2, s^2: between X and Y, and between Z and these.
     fn apart_along(&self, path: &Path) -> (f32, f32) {
         let per_length = 1.0 / path.length;
         let [x, y, z] = path.vector.map(|component| (component * per_length).abs());
@@ -166,19 +170,19 @@ impl PathTolerance {
         smaller(self.along_in_crowd(one), length_mm(one.path) / (self.reach_s * self.reach_s))
     }
 
-    /// What a crowd leaves to acceleration along the path.
+    /// Acceleration along the path left in a crowd.
     fn along_in_crowd(&self, one: &Beside<'_>) -> f32 {
         let along = if self.smooth_s > 0.0 { ALONG * one.allowed } else { one.allowed };
         smaller(smaller(along, one.acceleration), self.along_mm_per_s2)
     }
 
-    /// Whether a stop of this many ticks is longer than the filters.
+    /// True if a stop of this many ticks is longer than the filters.
     pub fn forgets(&self, ticks: u64) -> bool {
         ticks as f32 >= 2.0 * self.reach_s * TICKS_PER_SECOND as f32
     }
 
-    /// What a corner allows between two moves that have a path, of which the slower has this nominal speed, mm/s; the extruder's
-    /// acceleration in mm/s^2.
+    /// Limits of a corner between two moves that have a path; `nominal_mm_per_s` is the slower one's nominal speed, and
+    /// the extruder's acceleration is in mm/s^2.
     pub fn corner(&self, moves: &[Beside<'_>; 2], nominal_mm_per_s: f32, extruder_mm_per_s2: f32) -> Corner {
         let [before, after] = moves;
         let [x, y, z, filament] = Path::jumps(before.path, after.path);
@@ -195,7 +199,7 @@ impl PathTolerance {
         if crowded.mm_per_s > alone.mm_per_s { crowded } else { alone }
     }
 
-    /// What a corner allows with nothing else in the filters.
+    /// Limits of a corner that is alone in the filters.
     fn alone(&self, moves: &[Beside<'_>; 2], turn: f32, extruder: &ExtruderRule) -> Corner {
         let [(plane_before, _), (plane_after, _)] = moves.each_ref().map(|one| self.apart_along(one.path));
         let of_acceleration = turn * self.bend_s2 + larger(plane_before, plane_after);
@@ -230,7 +234,7 @@ impl PathTolerance {
         0.5 * EXTRUDER_JUMPS * extruder.acceleration * self.smooth_s / extruder.jump
     }
 
-    /// What a corner that turns by less than 1 allows beside others.
+    /// Limits of a corner that turns by less than 1, among others.
     fn crowded(&self, moves: &[Beside<'_>; 2], turn: f32, extruder: &ExtruderRule) -> Corner {
         let turn_s = turn * self.reach_s;
         let lengths = moves.each_ref().map(|one| length_mm(one.path));
@@ -285,8 +289,8 @@ impl PathTolerance {
         kept
     }
 
-    /// What a move that lasts so long covers of the integral of G, half of it to each side of the corner: G falls by no more than the
-    /// weight of a side.
+    /// Part of the integral of G covered by a move of this duration, half of it to each side of the corner: G falls by
+    /// no more than the weight of a side.
     fn covered_s2(&self, time_s: f32) -> f32 {
         let within_s = smaller(time_s, 2.0 * self.jump_s / self.side);
         within_s * (self.jump_s - 0.25 * self.side * within_s)
@@ -296,7 +300,7 @@ impl PathTolerance {
 /// The extruder at a corner.
 #[derive(Clone, Copy, Debug)]
 struct ExtruderRule {
-    /// By how much its share of the path's speed changes.
+    /// Change of its share of the path's speed.
     jump: f32,
     /// mm/s^2.
     acceleration: f32,

@@ -10,7 +10,7 @@ pub(crate) fn of_u64(value: u64) -> f32 {
     // The upper 32 bits that count, and whether any below them is set: the processor rounds them to 24.
     let low = value as u32;
     let zeros = high.leading_zeros();
-    // In two shifts: a shift by 32 overflows.
+    // Two shifts, because a shift by 32 overflows.
     let upper = high.wrapping_shl(zeros) | (low >> 1).wrapping_shr(31_u32.wrapping_sub(zeros));
     let rest = u32::from(low.wrapping_shl(zeros) != 0);
     // 2^(32 - zeros); the product is exact.

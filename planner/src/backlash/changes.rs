@@ -1,10 +1,10 @@
 //! The last steps at which a motor turned or took up play, for the case that they never happen.
 
-/// How many are remembered. Seldom do more wait in the step queue; if a stop drops more, the oldest of them count as made, and the
-/// place is wrong by these steps, at most by the play.
+/// Steps remembered. The step queue seldom holds more; if a stop drops more, the oldest count as made, and the position
+/// is wrong by these steps, at most by the play.
 const MANY: usize = 64;
 
-/// What a step was.
+/// Kind of a remembered step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
     /// The first one that was seen.
@@ -17,7 +17,7 @@ pub(super) enum Change {
 
 #[derive(Clone, Copy, Debug)]
 struct Remembered {
-    /// Which step of the motor it was, modulo 2^32.
+    /// Number of the motor's step, modulo 2^32.
     step: u32,
     motor: u8,
     change: Change,
@@ -27,12 +27,12 @@ struct Remembered {
 #[derive(Debug)]
 pub(super) struct Changes {
     ring: [Option<Remembered>; MANY],
-    /// How many there were, modulo 2^32.
+    /// Changes noted so far, modulo 2^32.
     count: u32,
 }
 
 impl Changes {
-    /// None.
+    /// Empty.
     pub(super) const NONE: Self = Self { ring: [None; MANY], count: 0 };
 
     /// The step number `step` of a motor is this.

@@ -31,9 +31,9 @@ struct Drive {
     way_10nm: i32,
     /// The time between two of them, at least, ticks.
     least_ticks: u32,
-    /// Which way its last step went: 1 or -1; 0: none was seen.
+    /// Direction of its last step: 1 or -1; 0 before the first step.
     side: i32,
-    /// How many steps the motor is to be ahead of the plan, and how many it is.
+    /// Steps by which the motor should be ahead of the plan (`wanted`) and by which it is (`made`).
     wanted: i32,
     made: i32,
     /// The way until the next step that takes up play; below 0 it is over.
@@ -58,12 +58,12 @@ impl Drive {
         steps: 0,
     };
 
-    /// Whether play is to be taken up the way it goes.
+    /// True if play is left to take up in the direction of the last step.
     fn is_behind(&self) -> bool {
         self.wanted.wrapping_sub(self.made).signum() == self.side && self.side != 0
     }
 
-    /// Whether a step that does so is due in this time.
+    /// True if a step that takes up play is due `ticks` from now.
     fn is_due(&self, ticks: u32, at_once: bool) -> bool {
         let since_ticks = self.since_ticks.saturating_add(ticks);
         self.is_behind() && (at_once || self.left_10nm <= 0) && since_ticks >= self.least_ticks
@@ -123,11 +123,11 @@ impl BacklashCorrection for BacklashStage {
             drive.step_10nm = (MM / per_mm) as u32;
             drive.way_10nm = if drive.play > 0 { (smoothing_mm as f32 * MM / drive.play as f32) as i32 } else { 0 };
             if !self.is_on {
-                // Where it has gone meanwhile was not seen.
+                // The moves made meanwhile were not seen.
                 (drive.side, drive.wanted) = (0, drive.made);
             }
         }
-        // What has begun is brought to its end without play, too.
+        // A correction that has begun is also finished after the play is set to 0.
         self.is_on = self.drives.iter().any(|drive| drive.play > 0 || drive.wanted != drive.made);
     }
 
@@ -195,7 +195,7 @@ impl BacklashCorrection for BacklashStage {
     }
 }
 
-/// Which way a motor steps with these direction signals.
+/// Direction in which a motor steps with these direction signals: 1 or -1.
 fn way(directions: u8, motor: usize) -> i32 {
     if directions >> motor & 1 == 0 { 1 } else { -1 }
 }
@@ -251,17 +251,19 @@ impl BacklashStage {
         drives.filter(|(drive, _)| drive.play > 0 && drive.is_behind()).fold(0, |mask, (_, motor)| mask | 1 << motor)
     }
 
-    /// Whether a motor takes up play as fast as it may: towards a sensor, and Z while it moves alone, so that a line begins at its height.
+    /// True if a motor takes up play as fast as it may: while seeking a sensor, and Z while it moves alone, so that a
+    /// line begins at its height.
     fn is_at_once(&self, motor: usize) -> bool {
         self.seeks || motor == Z && self.z_moves_alone
     }
 
-    /// Which way a motor's next step of the plan goes.
+    /// Direction of a motor's next step of the plan: 1 or -1.
     fn way_of(&self, motor: usize) -> i32 {
         way(self.planned, motor)
     }
 
-    /// How many of an entry's next `left` events can pass as they are: in none of them a motor turns or takes up play.
+    /// Number of an entry's next `left` events that can pass unchanged: in none of them does a motor turn or take up
+    /// play.
     #[inline(never)]
     fn sure_events(&self, interval_ticks: u32, axes: u8, added: u8, left: u16) -> u16 {
         let mut sure = left;
@@ -383,7 +385,7 @@ impl BacklashStage {
     fn due(&self, ticks: u32) -> u8 {
         let mut due = 0;
         for (motor, drive) in self.drives.iter().enumerate() {
-            // Of a motor without play the signal may be another one by now, before the first step that way.
+            // The signal of a motor without play may already have changed, before its first step in the new direction.
             if drive.is_due(ticks, self.is_at_once(motor)) && way(self.actual, motor) == drive.side {
                 due |= 1 << motor;
             }

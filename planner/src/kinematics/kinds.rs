@@ -8,7 +8,7 @@ use super::linear::{Length, LinearKinematics};
 /// The enum of all kinematics, from a line each: everything that depends on one goes through its functions.
 macro_rules! kinematics {
     ($($(#[$about:meta])* $name:ident,)+) => {
-        /// How the motors drive the axes.
+        /// Relation between motors and axes.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Kinematics {
             $($(#[$about])* $name,)+
@@ -23,7 +23,7 @@ macro_rules! kinematics {
                 match self { $(Self::$name => $name::NAME,)+ }
             }
 
-            /// What M115 calls it.
+            /// Name reported by M115.
             pub const fn reported_name(self) -> &'static str {
                 match self { $(Self::$name => $name::REPORTED,)+ }
             }
@@ -33,7 +33,7 @@ macro_rules! kinematics {
                 match self { $(Self::$name => $name::MOTORS,)+ }
             }
 
-            /// Where the motors stand for a position: X, Y, Z, all in one unit of length.
+            /// Motor positions X, Y, Z for a position, in the same unit of length.
             #[inline(always)]
             pub fn motors<T: Length>(self, position: [T; 3]) -> [T; 3] {
                 match self { $(Self::$name => $name::motors(position),)+ }
@@ -82,7 +82,7 @@ impl Kinematics {
         moved.fold(0, |motors, (motor, distance)| motors | u8::from(distance != 0) << motor)
     }
 
-    /// Whether a motor of this axis moves another axis, too.
+    /// True if a motor of this axis also moves another axis.
     pub fn shares_motors(self, axis: usize) -> bool {
         self.axes_of_motors(self.motors_of_axis(axis)) != 1 << axis
     }

@@ -1,4 +1,4 @@
-//! What kinematics are: a trait for machines whose motors are sums of axes.
+//! Trait for machines whose motors are sums of axes.
 
 use core::num::Wrapping;
 use core::ops::{Add, Sub};
@@ -55,12 +55,12 @@ impl Length for f64 {
 pub trait LinearKinematics {
     /// The profile's word, and the trace's.
     const NAME: &'static str;
-    /// What M115 calls it.
+    /// Name reported by M115.
     const REPORTED: &'static str;
     /// Letters of the motors that the board names X, Y and Z.
     const MOTORS: [char; 3];
 
-    /// Where the motors stand for a position: X, Y, Z.
+    /// Motor positions X, Y, Z for a position.
     fn motors<T: Length>(position: [T; 3]) -> [T; 3];
 
     /// The position at which the motors stand; undoes [`Self::motors`].

@@ -43,24 +43,24 @@ pub fn join(legs: &mut [Leg]) {
 #[derive(Clone, Copy, Debug)]
 pub struct Way<'a> {
     pub legs: &'a [Leg],
-    /// How many times as long as the legs allow it takes.
+    /// Duration as a multiple of the shortest that the legs allow.
     pub slowness: f32,
     pub is_backwards: bool,
 }
 
-/// How a leg's speed changes: a ramp, an even part, a ramp.
+/// Speed along a leg: a ramp, an even part, a ramp.
 #[derive(Clone, Copy, Debug)]
 pub struct Course {
     pub length_mm: f32,
     pub acceleration_mm_per_s2: f32,
-    /// At its begin, at most, and at its end.
+    /// Speeds at its begin, at its peak and at its end.
     pub begin_mm_per_s: f32,
     pub peak_mm_per_s: f32,
     pub end_mm_per_s: f32,
     /// Beyond its begin and its end filament has another proportion to the path, whatever its speed.
     pub begins_apart: bool,
     pub ends_apart: bool,
-    /// When the first ramp ends, the last one begins, and all of it ends, s.
+    /// Times at which the first ramp ends, the last one begins, and the leg ends, s.
     pub up_s: f32,
     pub even_s: f32,
     pub duration_s: f32,
@@ -102,7 +102,7 @@ impl Way<'_> {
     }
 }
 
-/// What a leg's speed does.
+/// Phase of a leg's speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     Up,
@@ -111,7 +111,7 @@ pub enum Phase {
 }
 
 impl Course {
-    /// What the speed does from a time on, but for what is too short for a stage.
+    /// Phase from a time on; parts too short for a stage are skipped.
     pub fn phase(&self, time_s: f32) -> Phase {
         if time_s + LEAST_STAGE_S < self.up_s {
             Phase::Up
@@ -137,7 +137,7 @@ impl Course {
         larger(self.mm_per_s_after(begin_s), self.mm_per_s_after(end_s))
     }
 
-    /// How much of it is done after so long, mm.
+    /// Distance covered after `time_s`, mm.
     pub fn mm_after(&self, time_s: f32) -> f32 {
         let ramp_mm = |from, time_s| time_s * (from + 0.5 * self.acceleration_mm_per_s2 * time_s);
         if time_s < self.up_s {

@@ -31,7 +31,7 @@ fn law() -> impl Strategy<Value = FilamentLaw> {
     })
 }
 
-/// What rides keeps to its law, stage by stage; in both directions.
+/// Checks stage by stage that the filament that rides keeps to its law, in both directions.
 fn check(way: &Way<'_>, law: &FilamentLaw, ride: &Ride) -> Result<(), TestCaseError> {
     let (mut sum_mm, mut before): (f32, Option<(Stage, f32)>) = (0.0, None);
     for number in 1..=ride.stages {

@@ -1,26 +1,26 @@
-//! What the surface asks of Z for a motion in the plane.
+//! Limits that the surface sets for a motion in the plane because of Z.
 
-/// How steep and how bent a surface is at most: what Z needs for a speed and an acceleration in the plane.
+/// Largest slope and bend of a surface, from which follows what Z needs for a speed and an acceleration in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceBounds {
     /// Slope along X and along Y.
     pub slope: [f32; 2],
-    /// By how much the slope along X and along Y changes at the border of two cells.
+    /// Largest change of the slope along X and along Y at the border of two cells.
     pub border: [f32; 2],
-    /// By how much the slope along X changes along Y, 1/mm; and the other way round.
+    /// Largest change of the slope along X for each mm along Y, 1/mm, and the other way round.
     pub twist_per_mm: f32,
-    /// By how much the correction changes for each mm of Z, as it fades.
+    /// Largest change of the correction for each mm of Z, as it fades.
     pub fade: f32,
     /// The share of the correction that fades away for each mm of Z.
     pub fade_per_mm: f32,
 }
 
-/// Which ends of the grid a cell is at, along X or along Y. Beyond them its surface goes on.
+/// Ends of the grid that a cell is at, along X or along Y. Beyond them its surface continues.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ends {
     pub is_first: bool,
     pub is_last: bool,
-    /// How many cells its surface goes on.
+    /// Cells by which its surface continues.
     pub beyond: u8,
 }
 
@@ -30,7 +30,7 @@ impl Ends {
         Self { is_first: cell == 0, is_last: cell + 2 >= points, beyond }
     }
 
-    /// From where to where the cell's surface is followed, in cells.
+    /// Range in which the cell's surface is followed, in cells.
     fn reach(self) -> [f32; 2] {
         let beyond = f32::from(self.beyond);
         [if self.is_first { -beyond } else { 0.0 }, if self.is_last { 1.0 + beyond } else { 1.0 }]
@@ -60,7 +60,7 @@ impl SurfaceBounds {
         let ([slope_x, slope_y], [border_x, border_y]) = (&mut self.slope, &mut self.border);
         for end in ends_y.reach() {
             larger(slope_x, along_x.at(end).abs());
-            // Where the surface goes on no farther, its slope ends.
+            // The slope ends at the end of the continued surface.
             let after = if ends_x.is_last { 0.0 } else { Slopes::along_x(next_x, x).at(end) };
             larger(border_x, (after - along_x.at(end)).abs());
             if ends_x.is_first {

@@ -15,8 +15,7 @@ const UNKNOWN: i16 = i16::MIN;
 /// The greatest slope of a mesh, either way along X and along Y. A bed that is steeper is crooked, or a point was measured wrong.
 pub(super) const MAX_SLOPE: f32 = 0.05;
 
-/// So many times the greatest height is the least height at which a correction may have faded away: the nozzle rises with Z
-/// everywhere.
+/// Least fade height as a multiple of the greatest height: the nozzle then rises with Z everywhere.
 const LEAST_FADE: f32 = 4.0;
 
 /// Units of 10 nm in a micrometre.
@@ -43,14 +42,14 @@ pub enum MeshError {
     },
 }
 
-/// Where the points of a mesh are.
+/// Places of a mesh's points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshGrid {
     /// The first point: machine coordinates X and Y, units of 10 nm.
     pub from_10nm: [i32; 2],
-    /// From one point to the next along X and along Y, units of 10 nm, above 0.
+    /// Distance between neighbouring points along X and along Y, units of 10 nm, above 0.
     pub spacing_10nm: [i32; 2],
-    /// How many there are along X and along Y, 2 to [`MAX_MESH_POINTS`].
+    /// Number of points along X and along Y, 2 to [`MAX_MESH_POINTS`].
     pub points: [u8; 2],
 }
 
@@ -83,7 +82,7 @@ impl MeshGrid {
     }
 }
 
-/// What the surface is between the measured points.
+/// Surface between the measured points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MeshInterpolation {
     /// Bilinear.
@@ -131,7 +130,7 @@ impl Mesh {
         fade_10nm: 0,
     };
 
-    /// What the surface is between the measured points.
+    /// Surface between the measured points.
     pub fn interpolation(&self) -> MeshInterpolation {
         self.interpolation
     }
@@ -149,7 +148,7 @@ impl Mesh {
         self.heights_um = [UNKNOWN; MAX_POINTS];
     }
 
-    /// At which height of the nozzle the correction has faded away, units of 10 nm; 0: it does not fade.
+    /// Height of the nozzle at which the correction has faded away, units of 10 nm; 0: it does not fade.
     pub fn fade_10nm(&self) -> i32 {
         self.fade_10nm
     }
@@ -159,35 +158,36 @@ impl Mesh {
         self.fade_10nm = fade_10nm.max(0);
     }
 
-    /// How many points there are along X and along Y, with those between the measured ones.
+    /// Number of points along X and along Y, with those between the measured ones.
     pub(super) fn points(&self) -> [u8; 2] {
         let ([columns, rows], [across, along]) = (self.grid.points, self.parts);
         [(columns, across), (rows, along)].map(|(points, parts)| match points.checked_sub(1) {
-            // At most 15.
+            // The product is at most 14.
             Some(gaps) => gaps.wrapping_mul(parts).wrapping_add(1),
             None => 0,
         })
     }
 
-    /// From one of all points to the next along X and along Y, units of 10 nm.
+    /// Distance between neighbours among all points along X and along Y, units of 10 nm.
     pub(super) fn spacing_10nm(&self) -> [f32; 2] {
         let ([x, y], [across, along]) = (self.grid.spacing_10nm, self.parts);
         [(x, across), (y, along)].map(|(spacing, parts)| spacing as f32 / f32::from(parts))
     }
 
-    /// How many cells the surface goes on beyond the outermost points along X and along Y: as far as from one measured point to the next.
+    /// Cells by which the surface continues beyond the outermost points along X and along Y: one distance of measured
+    /// points.
     pub(super) fn beyond(&self) -> [u8; 2] {
         self.parts
     }
 
-    /// Where the height of a measured point is.
+    /// Index of a measured point's height; `None` outside the grid.
     fn index(&self, [column, row]: [u8; 2]) -> Option<usize> {
         let ([columns, rows], [across, along]) = (self.grid.points, self.parts);
         let is_one = column < columns && row < rows;
         is_one.then(|| self.index_of_any([column.wrapping_mul(across), row.wrapping_mul(along)]))
     }
 
-    /// Where the height of any point is.
+    /// Index of any point's height.
     fn index_of_any(&self, [column, row]: [u8; 2]) -> usize {
         let [columns, _] = self.points();
         usize::from(row) * usize::from(columns) + usize::from(column)
@@ -251,7 +251,7 @@ impl Mesh {
         }
     }
 
-    /// Whether there is a mesh, and every point of it has its height.
+    /// True if there is a mesh and every point of it has its height.
     pub fn is_complete(&self) -> bool {
         let [columns, rows] = self.grid.points;
         columns > 0 && (0..rows).all(|row| (0..columns).all(|column| self.height_um([column, row]).is_some()))
@@ -298,7 +298,7 @@ impl Mesh {
         })
     }
 
-    /// How steep and how bent the surface is.
+    /// Largest slopes and bends of the surface.
     ///
     /// # Errors
     /// [`MeshError`].
@@ -344,14 +344,15 @@ impl Mesh {
 
 /// Points in a row or a column, the measured ones and those between them.
 struct Line {
-    /// Where the height of the first is, and how far it is to that of the next.
+    /// Index of the first height, and distance to that of the next.
     first: usize,
     stride: usize,
     points: u8,
     parts: u8,
 }
 
-/// Of a point in a row of that many: the next one towards the middle, and how many cells the surface goes on away from that, none but at the ends.
+/// Neighbour of a point towards the middle of a row of `points`, and how many cells to extrapolate outwards (0 except
+/// at the ends).
 fn outwards(point: u8, points: u8, beyond: i32) -> (u8, i32) {
     match point {
         0 => (1, beyond),

@@ -28,11 +28,11 @@ pub struct BedStage {
     is_on: bool,
     /// Steps of Z's motor for each um.
     steps_per_um: f32,
-    /// By how many steps the surface can be farther away after an event.
+    /// Steps by which the surface can be farther away after an event.
     per_event: f32,
-    /// From the motors' place to the nozzle, 10 nm.
+    /// Offset of the nozzle from the motors' position, 10 nm.
     nozzle_offset_10nm: [i32; 2],
-    /// Where the motors' place is while the nozzle is above the mesh's first point, 10 nm.
+    /// Position of the motors with the nozzle above the mesh's first point, 10 nm.
     from_10nm: [f32; 2],
     /// Cells for each 10 nm along X and along Y.
     cells_per_10nm: [f32; 2],
@@ -40,9 +40,9 @@ pub struct BedStage {
     steps_10nm: [f32; 3],
     /// Height to which the correction fades, for each 10 nm; 0: it does not.
     per_fade: f32,
-    /// Where the plan has the motors of X, Y and Z (A, B, Z).
+    /// Planned positions of the motors of X, Y and Z (A, B, Z).
     motors: [i32; 3],
-    /// How many steps above that Z is.
+    /// Steps by which Z is above its planned position.
     correction: i32,
     /// Events to come of which none needs a correction.
     sure: u32,
@@ -197,7 +197,7 @@ impl BedStage {
         self.cells_per_10nm = self.mesh.spacing_10nm().map(|spacing| 1.0 / spacing);
         let fade_10nm = self.mesh.fade_10nm();
         self.per_fade = if fade_10nm > 0 { 1.0 / fade_10nm as f32 } else { 0.0 };
-        // How far X and Y go by one event in which all motors step.
+        // Travel of X and Y in one event in which all motors step.
         let [a, b, c] = self.steps_10nm;
         let mut reach_10nm = [0.0; 3];
         for one in [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]] {
@@ -227,12 +227,12 @@ impl BedStage {
         (front + (behind - front) * back) * self.steps_per_um
     }
 
-    /// How much of the correction is left at a height of the plan, 10 nm.
+    /// Share of the correction left at a height of the plan, 10 nm.
     fn left_at(&self, z_10nm: f32) -> f32 {
         (1.0 - z_10nm * self.per_fade).clamp(0.0, 1.0)
     }
 
-    /// Where the tool is by the plan, 10 nm.
+    /// Planned position of the tool, 10 nm.
     fn place_10nm(&self) -> [f32; 3] {
         let ([a, b, c], [step_a, step_b, step_c]) = (self.motors.map(|steps| steps as f32), self.steps_10nm);
         self.geometry.kinematics.position([a * step_a, b * step_b, c * step_c])
@@ -360,7 +360,7 @@ fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
     } else {
         place
     };
-    // Of a negative number 0, and of NaN too.
+    // The cast makes negative numbers and NaN 0.
     let cell = (place as u8).min(last);
     (cell, place - f32::from(cell))
 }

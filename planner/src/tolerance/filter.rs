@@ -1,4 +1,4 @@
-//! What a filter's weights are around their mean: impulses, each spread by a moving average.
+//! Moments of a filter's weights around their mean: impulses, each spread by a moving average.
 
 use crate::limits::larger;
 use crate::shaping::{Impulse, Kernel};
@@ -20,7 +20,7 @@ pub(super) struct Filter {
 }
 
 impl Filter {
-    /// That of a kernel and of a moving average over twice `half_average` ticks.
+    /// Filter of a kernel and a moving average over twice `half_average` ticks.
     #[cold]
     pub fn of(kernel: &Kernel, half_average: f32) -> Self {
         let mut sides = [Self { jump: 0.0, bend: 0.0, reach: 0.0, weight: 0.0 }; 2];
@@ -66,7 +66,8 @@ fn ramp(kernel: &Kernel, half_average: f32, ticks: f32) -> f32 {
     kernel.impulses().iter().map(|one| one.weight as f32 * beyond(after(one), half_average).1).sum()
 }
 
-/// Of a variable that is equally likely to be anywhere within `half` of its mean, the part above 0: its probability, mean and square.
+/// Part above 0 of a variable that is uniformly distributed within `half` of its mean: its probability, mean and
+/// square.
 #[inline(never)]
 fn beyond(mean: f32, half: f32) -> (f32, f32, f32) {
     if mean >= half {
@@ -98,7 +99,7 @@ mod tests {
         for kind in ShaperKind::EXAMPLES {
             let kernel = AxisShaper { kind, frequency_hz: 50.0, damping: 0.0 }.kernel().unwrap_or(Kernel::IDENTITY);
             let filter = Filter::of(&kernel, 0.0);
-            // Without damping filters are symmetric, or nearly: of two unequal sides the larger counts.
+            // Filters without damping are symmetric, or nearly: of two unequal sides the larger counts.
             let variance = kernel.variance() as f32;
             let per_variance = 4.0 * filter.bend / variance;
             assert!((0.999..1.05).contains(&per_variance) || variance == 0.0, "{kind:?} {filter:?}");
