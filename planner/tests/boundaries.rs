@@ -1,5 +1,5 @@
-//! What the ring keeps over a stop and a release, and how times are rounded: the single values that a wrong one is not
-//! seen of in whole prints.
+//! State of the ring over a stop and a release, and the rounding of times: single values whose errors do not show in
+//! whole prints.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_planner::block_queue::BlockQueue;
@@ -41,7 +41,7 @@ fn pop(ring: &mut BlockQueue<[Slot; 8]>) -> PlannedBlock {
     }
 }
 
-/// What was in motion when the ring was cleared has no successor.
+/// A block in motion when the ring is cleared has no successor.
 #[test]
 fn after_a_stop_the_next_block_starts_from_standstill() {
     // All that waits is forgotten, or nothing waited: the block in motion was the last.
@@ -63,7 +63,7 @@ fn after_a_stop_the_next_block_starts_from_standstill() {
     }
 }
 
-/// What was released that was not there does not let later blocks go before their time.
+/// Releasing more than waits does not let later blocks leave early.
 #[test]
 fn no_more_is_released_than_waits() {
     let mut ring = ring();

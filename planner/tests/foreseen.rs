@@ -76,7 +76,7 @@ fn blocks(
     blocks
 }
 
-/// What is certain leaves.
+/// Takes the blocks that are certain.
 fn take_certain(planner: &mut Planner<Vec<Slot>>, blocks: &mut Vec<PlannedBlock>) {
     planner.certain_ticks(0);
     while planner.release_final() {

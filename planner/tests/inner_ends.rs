@@ -13,7 +13,7 @@ use proptest::prelude::*;
 const MINIMUM_INTERVAL: u32 = 168;
 const LAST_LINE: u32 = 40;
 
-/// What came out, in its order.
+/// Output, in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Happened {
     Event { tick: u64, axes: u8 },

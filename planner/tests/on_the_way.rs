@@ -16,7 +16,7 @@ use proptest::prelude::*;
 const FILAMENT_FEED: f64 = 60.0;
 const FILAMENT_ACCELERATION: f64 = 5_000.0;
 
-/// By how much the filament's speed changes at most where parts meet, mm/s: a fifth of its highest, where that is above 25 mm/s.
+/// Largest change of the filament's speed between parts, mm/s: a fifth of its highest, if that is above 25 mm/s.
 const MOST_JUMP: f64 = 12.5;
 
 const EXTRUDER_STEPS_PER_MM: f64 = 140.0;
@@ -25,7 +25,7 @@ fn geometry(kinematics: Kinematics) -> Geometry {
     let steps = |value: f64| StepsPerMm::from_f64(value).unwrap();
     Geometry {
         kinematics,
-        // So many that the shortest part has some.
+        // Enough steps for the shortest part to have some.
         steps_per_mm: [steps(400.0), steps(400.0), steps(2_000.0), steps(EXTRUDER_STEPS_PER_MM)],
         minimum_event_interval_ticks: 1,
         event_cost_ticks: 0,
@@ -230,7 +230,7 @@ fn wipes(moves: &[Option<Move>]) -> BTreeSet<u32> {
     wipes.map(|(_, one)| one.line).collect()
 }
 
-/// How many steps the motors make, there and back, and how long the path is, mm.
+/// Steps of the motors, in both directions, and length of the path, mm.
 fn steps_and_path(blocks: &[PlannedBlock]) -> ([u64; 3], f64) {
     let (mut sum, mut path) = ([0; 3], 0.0);
     for stretch in blocks.iter().flat_map(|planned| Stretches::of(&planned.block)) {
@@ -244,7 +244,7 @@ fn steps_and_path(blocks: &[PlannedBlock]) -> ([u64; 3], f64) {
     (sum, path)
 }
 
-/// Where the motors are, in steps and 1/256 steps of the extruder, at the end of each line.
+/// Motor positions at the end of each line, in steps and 1/256 steps of the extruder.
 fn ends(blocks: &[PlannedBlock]) -> BTreeMap<u32, [i64; 4]> {
     let mut at = [0; 4];
     let mut ends = BTreeMap::new();

@@ -22,7 +22,7 @@ const CORNERS: usize = 20_000;
 /// Places in the time that a filter reaches to one side.
 const PLACES: f64 = 24.0;
 
-/// What true acceleration may be, parts of the machine's.
+/// Largest true acceleration, as a multiple of the machine's.
 const MOST_ACCELERATION: f64 = 1.25;
 
 /// The worst of a case, parts of what is allowed.
@@ -32,7 +32,7 @@ struct Worst {
     corner: f64,
     acceleration: f64,
     filament: f64,
-    /// How long it takes, s.
+    /// Duration, s.
     time_s: f64,
 }
 
@@ -83,7 +83,7 @@ fn worst_of(case: &Case, blocks: &[PlannedBlock]) -> Worst {
         before = Some(here);
         if filters.average_s > 0.0 {
             let (path, filament) = filters.accelerations(&plan, time_s);
-            // Where X and Y have unequal filters they see a corner at different times: each by itself then.
+            // Unequal filters of X and Y see a corner at different times, so each counts by itself.
             let path = if case.shapers[0] == case.shapers[1] { path[0].hypot(path[1]) } else { path[0].max(path[1]) };
             worst.acceleration = worst.acceleration.max(path / case.acceleration);
             worst.filament = worst.filament.max(filament / case.filament_acceleration);
@@ -154,7 +154,7 @@ fn with_filament_on_the_way_the_same_is_kept() {
     println!("at most these parts of what is allowed: {most:?}");
 }
 
-/// Without the tolerance the same machines break it, and by far.
+/// The same machines break the tolerance by far if it is not asked for.
 #[test]
 fn without_a_tolerance_there_is_none() {
     let (mut beyond, plans) = (0, 60);

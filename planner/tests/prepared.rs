@@ -19,7 +19,7 @@ fn tolerant(ring: usize, path_tolerance_mm: Option<f64>) -> Planner<Vec<Slot>> {
     planner
 }
 
-/// None, and tolerances that lower few accelerations or nearly all.
+/// No tolerance, and tolerances that lower few accelerations or nearly all.
 fn tolerance() -> impl Strategy<Value = Option<f64>> {
     prop_oneof![Just(None), Just(Some(0.1)), Just(Some(0.01))]
 }
@@ -125,7 +125,7 @@ fn execute(
     (blocks, refused)
 }
 
-/// From standstill to standstill, each block's speeds within its acceleration and its feed.
+/// Checks that each block's speeds are within its acceleration and its feed, from standstill to standstill.
 fn keeps_limits(blocks: &[PlannedBlock]) -> Result<(), TestCaseError> {
     let mut speed = 0.0;
     for PlannedBlock { block, entry, exit } in blocks {

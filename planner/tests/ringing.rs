@@ -1,4 +1,4 @@
-//! What shaped steps leave of a frame's vibration: as much as the shaper's formula says.
+//! Vibration of a frame that shaped steps leave: as much as the shaper's formula predicts.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -158,7 +158,7 @@ const CHART_HZ: f64 = 50.0;
 /// Points of a curve of the chart.
 const CHART_POINTS: u32 = 91;
 
-/// What the steps leave over the frame's frequency, as the book draws it.
+/// The book's chart shows what the steps leave over the frame's frequency.
 #[test]
 fn the_books_chart_is_what_the_steps_leave() {
     let (unshaped, unshaped_rest_s) = line(Kinematics::Cartesian, [AxisShaper::NONE; 2]);

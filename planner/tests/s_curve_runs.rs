@@ -85,7 +85,7 @@ fn jerks(mm_per_s3: f64) -> Jerks {
     Jerks { path, filament }
 }
 
-/// How much larger the filament's jerk is than the path's.
+/// Ratio of the filament's jerk to the path's.
 const FILAMENT: f64 = 10.0;
 
 /// The executor of what leaves.
@@ -123,17 +123,17 @@ impl Stepper {
     }
 }
 
-/// What leaves, against what may.
+/// Compares the blocks that leave with those that may.
 struct Checker {
     jerk: f64,
     stepper: Stepper,
-    /// Of the present run: speed and ticks where it has come to.
+    /// Speed and ticks that the present run has reached.
     passes: Speed,
     ticks: u64,
     /// Blocks that went in and have not come out, with the corner before each.
     waiting: std::collections::VecDeque<(Block, Speed)>,
     speed: Speed,
-    /// Of the present run: path of it, and how much has come.
+    /// Path of the present run, and the part of it that has come.
     run: Option<(Part, u32)>,
     runs: u64,
     blocks: u64,
@@ -281,7 +281,7 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
             checker.take(ring.pop(pace).unwrap());
         }
         let (block, corner) = of_slicer(&kind.next(random));
-        // Where the ring had nothing more to go on with, motion has stopped.
+        // Motion has stopped if the ring ran out of blocks.
         let corner = corner.min(block.nominal).min(nominal_before);
         assert!(ring.push(&block, &BlockStart::after_corner(corner, &block)));
         checker.waiting.push_back((block, if stopped { Speed::ZERO } else { corner }));
@@ -347,7 +347,7 @@ fn random_runs_keep_every_limit_and_make_their_steps() {
     }
 }
 
-/// What has been checked.
+/// Counts of what has been checked.
 #[derive(Default)]
 struct Sum {
     runs: u64,

@@ -28,7 +28,7 @@ const PLANS_VARIABLE: &str = "FERROSTEP_PLANS";
 /// The default, of which a run tries its share.
 const PLANS: u64 = 300;
 
-/// What every step keeps to, ticks.
+/// Largest error of a step, ticks.
 const MOST_TICKS: f64 = 20.0;
 
 /// ... or part of a step. Where a motor turns, or hardly moves, the least part of a step takes many ticks: its acceleration is a
@@ -38,7 +38,7 @@ const MOST_STEPS: f64 = 1e-5;
 /// The same of an extruder with an advance: tens of steps that are K times the plan's speed, rounded as that is.
 const MOST_ADVANCED_STEPS: f64 = 2e-5;
 
-/// How far a step is from where the law has it, ticks; found by halving around it.
+/// Distance of a step from its place by the law, ticks; found by halving around it.
 fn error_ticks(position: impl Fn(f64) -> f64, middle: f64, tick: f64, backwards: bool) -> f64 {
     let passed = |tick: f64| if backwards { position(tick) <= middle } else { position(tick) >= middle };
     let is_late = passed(tick);
@@ -98,7 +98,7 @@ fn worst(case: &Case) -> (f64, usize) {
             worst = worst.max(if off.abs() <= most_steps(motor) { 0.0 } else { error });
         }
     }
-    // At rest, at the rounded ends of the blocks, and no later than the filters are long.
+    // The motors rest at the rounded ends of the blocks, no later than the length of the filters.
     let mut ends = [0i64; 4];
     for planned in &blocks {
         ends.iter_mut().zip(planned.block.steps).for_each(|(end, steps)| *end += i64::from(steps));
@@ -199,7 +199,7 @@ fn the_advance_keeps_to_what_the_extruder_may() {
             limits.max_acceleration_mm_per_s2[3],
             limits.instantaneous_corner_velocity_mm_per_s[3],
         ];
-        // What may change at once changes within the average.
+        // A jump of the speed is spread over the average.
         let smooth_s = f64::from(smooth_ticks(case.smooth_time_s).unwrap()) / f64::from(TICKS_PER_SECOND);
         let [feed, acceleration, jump] = most;
         let by_jump = if smooth_s > 0.0 { jump / smooth_s } else { 0.0 };
@@ -224,7 +224,7 @@ fn steps_under_an_s_curve_are_where_the_filtered_law_has_them() {
         let acceleration = random.magnitude(500.0, 10_000.0);
         let jerk_mm_per_s3 = (acceleration * random.magnitude(10.0, 300.0)).round();
         let feed = random.magnitude(10.0, 250.0);
-        // As far as both ramps need, and a little more.
+        // Length for both ramps, and a little more.
         let ramps = 2.0 * feed * ((feed / jerk_mm_per_s3).sqrt() + feed / acceleration + acceleration / jerk_mm_per_s3);
         let length = ramps + random.magnitude(0.1, 20.0);
         let angle = 6.3 * random.share();

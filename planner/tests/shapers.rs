@@ -156,7 +156,7 @@ fn the_lowest_frequency_is_taken() {
     }
 }
 
-/// What an image's profile is compiled from.
+/// An image's profile is compiled from this expression.
 #[test]
 fn a_shaper_is_printed_as_an_expression() {
     let printed = format!("{:?}", [AxisShaper::NONE, AxisShaper { kind: ShaperKind::TwoHumpEi, ..AxisShaper::NONE }]);

@@ -4,7 +4,7 @@
 ///
 /// The squared speed at the step of index k is `slow` + k `gain`; from one step to the next it takes `dividend` divided
 /// by the sum of the speeds there.
-// In this order: the assembly below loads all, and stores the first three.
+// Fixed order: the assembly below loads all, and stores the first three.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Ramp {
@@ -18,7 +18,7 @@ pub struct Ramp {
     pub direction: f32,
     /// Squared speed at index 0.
     pub slow: f32,
-    /// By how much the squared speed rises with the index.
+    /// Growth of the squared speed with the index.
     pub gain: f32,
     /// The interval of speeds whose sum is 1.
     pub dividend: f32,
@@ -26,7 +26,7 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// At the step of this index, with this speed.
+    /// Ramp at the step of this index, with this speed.
     #[inline(always)]
     pub fn new([index, direction]: [f32; 2], speed: f32, [slow, gain]: [f32; 2], dividend: f32) -> Self {
         Self { index, speed, interval_and_half: 0.0, direction, slow, gain, dividend, half: 0.5 }
@@ -84,7 +84,8 @@ mod tests {
 
     #[test]
     fn a_ramp_takes_the_same_time_up_and_down() {
-        // From standstill at an acceleration of 2^-10 steps a tick each tick, in ticks: sqrt(2 k / a) = 45.25 sqrt(k).
+        // Ramp from standstill at an acceleration of 2^-10 steps a tick each tick, in ticks: sqrt(2 k / a) = 45.25
+        // sqrt(k).
         let gain = 2.0 / 1024.0;
         let mut up = Ramp::new([0.0, 1.0], 0.0, [0.0, gain], 2.0);
         let intervals = [(); 100].map(|()| up.advance());

@@ -5,7 +5,7 @@
 #[derive(Clone, Copy, Debug)]
 pub struct Axis {
     play: i64,
-    /// Where the axis is: from the motor's place down to the play below it.
+    /// Place of the axis: between the motor's place and the play below it.
     pub place: i64,
 }
 

@@ -12,7 +12,7 @@ pub fn play_steps(backlash: &Backlash) -> [i64; 3] {
     [0, 1, 2].map(|axis| (backlash.play_mm[axis] * backlash.correction * STEPS_PER_MM[axis]).round() as i64)
 }
 
-/// What the plan has done since a motor turned.
+/// Progress of the plan since a motor turned.
 #[derive(Clone, Copy, Default)]
 struct Since {
     way_10nm: i64,
@@ -26,8 +26,8 @@ struct Since {
 }
 
 impl Since {
-    /// Whether the play is taken up by now, and the axis with it: one that turned before it was in its place is left where it was,
-    /// until its motor has gone on by the play.
+    /// True if the play is taken up by now, and the axis moves along: one that turned before it was in its place stays
+    /// where it was until its motor has moved on by the play.
     fn is_far(&self, play: i64, backlash: &Backlash) -> bool {
         // The last step may be late by some events: where two of them are near each other, none fits between.
         // A stop may have undone the first of them, and the way to the next one is whole then.
@@ -44,7 +44,7 @@ pub struct Axes {
     ways: [i64; 3],
     since: [Since; 3],
     tick: u64,
-    /// What an axis is to be off its plan by: it begins at the side to which its motor goes first.
+    /// Expected offset of an axis from its plan: it begins at the side to which its motor moves first.
     offsets: [Option<i64>; 3],
     /// Events at which an axis had to be in its place.
     pub looked_at: usize,
@@ -67,7 +67,7 @@ impl Axes {
         }
     }
 
-    /// How many steps of each motor are for its play.
+    /// Steps of each motor for its play.
     pub fn taken_up(&self) -> [i64; 3] {
         [0, 1, 2].map(|axis| self.motors[axis] - self.plan[axis])
     }
@@ -133,7 +133,7 @@ impl Axes {
             }
             self.plan(*event, backlash);
         }
-        // After a stop, one that was to come before the plan's next one.
+        // After a stop, a step may come before the plan's next one.
         events.for_each(|step| self.step(*step));
     }
 }
@@ -194,7 +194,7 @@ fn an_infill_is_where_it_is_to_be_but_for_the_way_after_a_reversal() {
     let portions = plan(&zigzag(), false);
     let mut plain = Bench::new(&Backlash::NONE);
     plain.run(&portions, false);
-    // Without correction the axes are off by the play on every second line.
+    // Uncorrected axes are off by the play on every second line.
     let mut axes = Axes::new(&backlash);
     axes.follow(&plain.seen.0, &plain.seen.0, &backlash);
     assert_eq!(axes.most, 16);
@@ -203,7 +203,7 @@ fn an_infill_is_where_it_is_to_be_but_for_the_way_after_a_reversal() {
     let mut axes = Axes::new(&backlash);
     axes.follow(&plain.seen.0, &corrected.seen.0, &backlash);
     assert_eq!(axes.most, 0);
-    // Of X, Y and Z, of which Z never moves.
+    // Two of the three axes: Z never moves.
     assert!(axes.looked_at * 10 > plain.seen.0.len() * 2 * 8, "{} of {}", axes.looked_at, plain.seen.0.len());
     // The steps are spread over the way: no two of X's are nearer than half of the time between two of the plan's.
     let nearest = |events: &[Event]| {

@@ -1,4 +1,4 @@
-//! What a planner makes of a path, and what the stage makes of that.
+//! Entries that a planner makes of a path, and that the stage makes of those.
 
 use ferrostep_planner::backlash::{Backlash, BacklashCorrection, BacklashStage};
 use ferrostep_planner::look_ahead::Slot;
@@ -34,7 +34,7 @@ impl StepObserver for Seen {
     }
 }
 
-/// What one call of the planner has made.
+/// Output of one call of the planner.
 #[derive(Clone, Default)]
 pub struct Portion {
     pub entries: Vec<StepEntry>,

@@ -17,7 +17,7 @@ const PLAY_MM: [f64; 3] = [0.2, 0.12, 0.0];
 const RADIUS_MM: f64 = 10.0;
 const SIDES: u32 = 180;
 
-/// By how much the picture enlarges what the nozzle is off.
+/// Scale of the nozzle's error in the picture.
 const ENLARGED: f64 = 15.0;
 
 /// Events between two points of the picture.
@@ -42,7 +42,7 @@ fn circle() -> Vec<Move> {
     (1..=2 * SIDES).map(at).collect()
 }
 
-/// Where the plan has the nozzle in the second round, and by how much the axes are off it there, mm.
+/// Planned places of the nozzle in the second round, and the error of the axes there, mm.
 fn second_round(plan: &[Event], motors: &[Event]) -> Vec<[[f64; 2]; 2]> {
     let backlash = Backlash { play_mm: PLAY_MM, ..Backlash::NONE };
     let mut axes = play_steps(&backlash).map(Axis::new);

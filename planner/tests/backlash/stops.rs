@@ -1,4 +1,4 @@
-//! After a stop the place is exact, whatever waited for its motors.
+//! Exactness of the place after a stop, whatever waited for its motors.
 
 use ferrostep_planner::backlash::{Backlash, BacklashCorrection};
 use proptest::prelude::*;
@@ -40,7 +40,7 @@ proptest! {
         let taken_up = corrected.stage.stand(corrected.ledger.issued(), directions);
         prop_assert_eq!(taken_up, axes.taken_up());
 
-        // From here the plan counts on without these steps, and the axes come to be where it has them.
+        // The plan counts on from here without these steps, and the axes arrive at its places.
         let portions = plan(&then, false);
         let mut plain = Bench::new(&Backlash::NONE);
         plain.run(&portions, false);

@@ -35,7 +35,7 @@ impl Case {
             print_acceleration_mm_per_s2: self.acceleration,
             travel_acceleration_mm_per_s2: self.acceleration,
             retract_acceleration_mm_per_s2: 3_000.0,
-            // So wide that the tolerance rules.
+            // Wide enough that only the tolerance limits.
             junction_deviation_mm: 10.0,
             instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; AXES],
         }
@@ -290,7 +290,7 @@ pub fn on_the_way(random: &mut Random) -> (Case, Vec<PlannedBlock>) {
         planned.block.line = line;
         let target_10nm = steps.map(|steps| (steps as f64 * 1e5 / FINE_STEPS_PER_MM).round() as i64);
         let filament_mm = f64::from(planned.block.extruder_256ths) / (256.0 * EXTRUDER_STEPS_PER_MM);
-        // What is shorter than a step lasts as long as it does.
+        // A move shorter than a step lasts as long as one.
         let stands = planned.block.steps == [0; 3] && planned.block.extruder_256ths == 0;
         let filament_100pm = if stands { 1 } else { (filament_mm * 1e7).round() as i64 };
         moves.push(Move { target_10nm, filament_100pm, feed_mm_per_s: 1.0, line, ends_move: true });

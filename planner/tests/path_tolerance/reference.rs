@@ -124,7 +124,7 @@ impl Plan {
     /// Place, integral of the place, and speed of an axis.
     fn at(&self, axis: usize, time_s: f64) -> [f64; 3] {
         let piece = self.piece(time_s);
-        // Before the start everything is at rest at 0.
+        // Everything is at rest at 0 before the start.
         let time = if time_s < 0.0 { return [0.0; 3] } else { time_s - piece.start_s };
         let (from, speed, acceleration) = (piece.from[axis], piece.speed[axis], piece.acceleration[axis]);
         [
@@ -151,7 +151,7 @@ impl Piece {
 pub struct Filters {
     impulses: [Vec<Impulse>; 4],
     pub average_s: f64,
-    /// How far they reach.
+    /// Reach of the filters, s.
     pub reach_s: f64,
 }
 
@@ -188,7 +188,7 @@ impl Filters {
         })
     }
 
-    /// How much later than the plan the filtered path bends.
+    /// Delays after the plan at which the filtered path bends.
     pub fn delays_s(&self) -> Vec<f64> {
         let half = 0.5 * self.average_s;
         self.impulses[..3].iter().flatten().flat_map(|one| [one.delay_s - half, one.delay_s + half]).collect()
@@ -208,7 +208,7 @@ impl Filters {
     }
 }
 
-/// How far a place is from a line between two others.
+/// Distance of a place from a line between two others.
 pub fn from_line(place: [f64; 3], from: [f64; 3], to: [f64; 3]) -> f64 {
     let along = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
     let length_squared: f64 = along.iter().map(|one| one * one).sum();

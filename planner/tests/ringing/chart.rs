@@ -1,11 +1,11 @@
-//! What shapers leave of a frame's vibration over the frame's frequency, as small multiples: a panel for each kind, all on the same
-//! axes.
+//! Chart of the vibration that shapers leave over the frame's frequency, as small multiples: a panel for each kind, all
+//! on the same axes.
 
 use std::fmt::Write;
 
 use ferrostep_svg::{escaped, page};
 
-/// What one kind of shaper leaves.
+/// Vibration that one kind of shaper leaves.
 pub struct Panel {
     /// Its name.
     pub name: &'static str,
@@ -17,7 +17,7 @@ pub struct Panel {
 /// The frame's frequencies across, as parts of the shaper's.
 pub const ACROSS: [f64; 2] = [0.5, 2.0];
 
-/// Of the unshaped vibration; a shaper leaves no more than all of it.
+/// Range of the unshaped vibration; a shaper leaves no more than all of it.
 const UP: [f64; 2] = [0.0, 1.0];
 
 const COLUMNS: usize = 4;

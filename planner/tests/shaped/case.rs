@@ -111,7 +111,7 @@ impl Case {
         blocks
     }
 
-    /// What is executed.
+    /// Events that are executed.
     pub fn events(&self) -> Events {
         let (mut planner, mut events) = (self.planner(), Events::default());
         for one in &self.moves {
@@ -126,7 +126,7 @@ impl Case {
     }
 }
 
-/// None for every other plan, and then of all kinds.
+/// No advance for every other plan, and all kinds for the rest.
 fn advance(random: &mut Random) -> PressureAdvance {
     if random.bits().is_multiple_of(2) {
         return PressureAdvance::NONE;

@@ -1,4 +1,5 @@
-//! Where the motors are to be, worked out in f64: the plan's pieces, and the impulses through which each motor follows them.
+//! Planned motor positions, worked out in f64: the plan's pieces, and the impulses through which each motor follows
+//! them.
 
 use ferrostep_planner::{
     AxisShaper, Kinematics, PlannedBlock, PressureAdvance, ShaperKind, TICKS_PER_SECOND, smooth_ticks,
@@ -211,7 +212,7 @@ pub fn impulses(case: &Case) -> [Vec<Impulse>; 5] {
         let centroid = centroid(impulses);
         impulses.iter().map(|one| one.weight * (one.delay_s - centroid).powi(2)).sum::<f64>()
     };
-    // What the frame's mode does to 1, t and t^2 / 2: the moments of its answer to an impulse.
+    // Moments of the answer of the frame's mode to an impulse: its effect on 1, t and t^2 / 2.
     let of_path = |axis: usize, impulses: &[Impulse]| {
         let AxisShaper { kind, frequency_hz, damping } = case.shapers[axis];
         let omega = std::f64::consts::TAU * frequency_hz / second;

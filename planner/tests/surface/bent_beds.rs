@@ -1,4 +1,4 @@
-//! How near Z is to beds that are bent.
+//! Distance between Z and beds that are bent.
 
 use ferrostep_planner::surface::{MeshGrid, MeshInterpolation};
 use ferrostep_planner::{Kinematics, Move};
@@ -53,7 +53,7 @@ fn gap_mm(interpolation: MeshInterpolation, points: u8, bed_mm: impl Fn([f64; 2]
     most
 }
 
-/// On bent beds the curves leave less of a gap than straight lines between the same points.
+/// Curves leave a smaller gap on bent beds than straight lines between the same points.
 #[test]
 fn curves_fit_a_bent_bed_better() {
     use MeshInterpolation::{Bicubic, Bilinear};

@@ -43,7 +43,7 @@ fn check_surface(
             issued -= if directions & Z == 0 { 1 } else { -1 };
         }
     }
-    // Where Z's motor stood at first.
+    // Initial position of Z's motor.
     let mut z = issued;
     let mut events = followed.seen.0.iter().peekable();
     // Three quarters of a step. Where the plan steps Z too, and events are so near to each other that no step fits between, the

@@ -45,7 +45,7 @@ fn z_keeps_its_limits_on_a_slope() {
     let (speed, acceleration) = fastest(&z_steps(&machine.run(START, &path, Some(&mesh), true)), 30, 400.0);
     assert!((1.96..2.02).contains(&speed), "{speed} mm/s");
     assert!((5.7..6.3).contains(&acceleration), "{acceleration} mm/s^2");
-    // Without the bounds it would be 3 mm/s and 100 mm/s^2, of which these windows see a part.
+    // Speed and acceleration would be 3 mm/s and 100 mm/s^2 without the bounds; these windows see a part of that.
     let (speed, acceleration) = fastest(&z_steps(&machine.run(START, &path, Some(&mesh), false)), 30, 400.0);
     assert!(speed > 2.9 && acceleration > 20.0, "{speed} mm/s, {acceleration} mm/s^2");
     // A Z that can is no reason to be slower.

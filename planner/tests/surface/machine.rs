@@ -24,7 +24,7 @@ impl StepObserver for Seen {
     }
 }
 
-/// Where the steps go: through the stage, if there is one.
+/// Destination of the steps: through the stage, if there is one.
 pub struct Sink {
     pub stage: Option<BedStage>,
     pub ledger: StepLedger,
@@ -168,7 +168,7 @@ impl Machine {
         [start_x, start_y, geometry.position_10nm([x, y, z - stage.stand([x, y, z], 0)])[2]]
     }
 
-    /// Where motors that stand at these steps have the tool, mm.
+    /// Tool position, mm, for these motor steps.
     pub fn place(&self, [a, b, _]: [i64; 3]) -> [f64; 2] {
         let [sa, sb, _] = self.steps_per_mm;
         let (a, b) = (a as f64 / sa, b as f64 / sb);

@@ -81,7 +81,7 @@ fn meshes_that_z_cannot_follow() {
     );
     let uneven = mesh_of([2, 2], &[0, 500, 0, 500], 199_000);
     assert_eq!(switched(&machine, &uneven), Err(MeshError::FadesTooSoon { least_10nm: 200_000 }));
-    // As many steps of Z as it may be steep for: 0.2 mm of Z for 1 mm of X and Y.
+    // Steep enough for Z's step rate: 0.2 mm of Z for 1 mm of X and Y.
     let fine = Machine { steps_per_mm: [20.0, 20.0, 3200.0], ..machine };
     assert!(
         matches!(switched(&fine, &mesh_of([2, 2], &[0, 500, 0, 500], 0)), Err(MeshError::TooSteep { maximum, .. }) if maximum < 0.004)

@@ -77,7 +77,7 @@ impl<'a> Surface<'a> {
         at(0, 0) * (1.0 - t) * (1.0 - v) + at(1, 0) * t * (1.0 - v) + at(0, 1) * (1.0 - t) * v + at(1, 1) * t * v
     }
 
-    /// What of it is left at a height of the plan, in steps of Z.
+    /// Height of the surface that is left at a height of the plan, in steps of Z.
     pub fn height_steps(&self, place_mm: [f64; 2], z_mm: f64) -> f64 {
         let fade_mm = f64::from(self.mesh.fade_10nm()) / MM as f64;
         let left = if fade_mm > 0.0 { (1.0 - z_mm / fade_mm).clamp(0.0, 1.0) } else { 1.0 };
