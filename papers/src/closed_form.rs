@@ -13,7 +13,7 @@ pub struct Ramp {
     half_time_s: f64,
 }
 
-/// Where motion is at an instant.
+/// Path and its derivatives at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
     /// Path from the start.
@@ -70,7 +70,7 @@ impl Ramp {
         if self.half_time_s > 0.0 { self.peak_acceleration() / self.half_time_s } else { 0.0 }
     }
 
-    /// Where it is at a time, s; the nearer end for those outside.
+    /// State at a time, s; times outside give the nearer end.
     pub fn at(&self, time_s: f64) -> State {
         let jerk = self.jerk();
         let rest_s = 2.0 * self.half_time_s - time_s;
@@ -104,9 +104,9 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// From `entry` to `exit` over a length, at most at `most` in between. Without room for it there is no cruise, and the
-    /// peak is where both ramps fill the length: Li's case (b), which cuts the table's ramps where their acceleration is
-    /// not zero, planned anew.
+    /// Curve from `entry` to `exit` over a length, at most at `most` in between. Without room for that speed there is
+    /// no cruise, and the peak is where both ramps fill the length: Li's case (b), which cuts the table's ramps while
+    /// their acceleration is not zero, planned anew.
     ///
     /// # Errors
     /// [`CurveError`] where a number is out of range, or the length does not even hold a ramp from `entry` to `exit`.
@@ -116,7 +116,7 @@ impl Profile {
         if !is_zero_or_in_range(length) {
             return Err(CurveError::Length);
         }
-        // At no speed nothing is passed.
+        // Zero speed covers no length.
         if length > 0.0 && entry + most + exit <= 0.0 {
             return Err(CurveError::Speed);
         }
@@ -141,12 +141,12 @@ impl Profile {
         self.cruise_s
     }
 
-    /// How long it takes, s.
+    /// Duration, s.
     pub fn duration_s(&self) -> f64 {
         2.0 * (self.up.half_time_s + self.down.half_time_s) + self.cruise_s
     }
 
-    /// Where it is at a time, s; the nearer end for those outside.
+    /// State at a time, s; times outside give the nearer end.
     pub fn at(&self, time_s: f64) -> State {
         let up_s = 2.0 * self.up.half_time_s;
         let down_start_s = up_s + self.cruise_s;

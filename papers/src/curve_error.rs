@@ -7,12 +7,12 @@ use core::fmt;
 pub(crate) const LEAST: f64 = 1e-12;
 pub(crate) const MOST: f64 = 1e12;
 
-/// Whether a number, which must not be zero, is within these.
+/// True if a number that must not be zero is in range.
 pub(crate) fn is_in_range(x: f64) -> bool {
     (LEAST..=MOST).contains(&x)
 }
 
-/// Whether a number, which may be zero, is.
+/// True if a number that may be zero is zero or in range.
 pub(crate) fn is_zero_or_in_range(x: f64) -> bool {
     x == 0.0 || is_in_range(x)
 }

@@ -24,7 +24,7 @@ pub struct FiveSegments {
 }
 
 impl FiveSegments {
-    /// At a jerk, mm/s^3; `None` where that is not a finite number above zero.
+    /// Law with this jerk, mm/s^3; `None` unless that is a finite number above zero.
     pub fn new(jerk_mm_per_s3: f64) -> Option<Self> {
         (jerk_mm_per_s3 > 0.0 && jerk_mm_per_s3.is_finite()).then_some(Self { jerk_mm_per_s3 })
     }
@@ -105,7 +105,7 @@ impl Ramp {
         self.slow + self.fast
     }
 
-    /// In a shorter time, over as much shorter a path.
+    /// The same ramp in a shorter time, over a path shorter in proportion.
     fn scaled(&self, scale: f64) -> Self {
         Self { half_time: self.half_time * scale, slow: self.slow * scale, fast: self.fast * scale }
     }

@@ -20,9 +20,9 @@ pub enum PaperRule {
 /// The pieces of a block under one of them.
 #[derive(Clone, Copy, Debug)]
 pub enum PaperPieces {
-    /// Of a staircase of constant speeds.
+    /// Pieces of a staircase of constant speeds.
     Staircase(StaircasePieces),
-    /// Of the five segments.
+    /// Pieces of the five segments.
     Segments(SegmentPieces),
 }
 

@@ -15,7 +15,7 @@ pub(crate) struct Method {
 impl Method {
     /// The method that was chosen.
     pub fn new(choice: &MotionChoice, kinematics: Kinematics) -> Self {
-        // For the papers' methods in the plane of X and Y: CoreXY's motors, or one for each.
+        // The papers' methods in the plane of X and Y know CoreXY's motors, or one motor for each axis.
         let kinematics = if kinematics == Kinematics::CoreXy { kinematics } else { Kinematics::Cartesian };
         Self { interpolation: choice.interpolation, kinematics, periods: choice.dual_rate }
     }
@@ -25,7 +25,7 @@ impl Method {
         [x.unsigned_abs(), y.unsigned_abs()]
     }
 
-    /// Whether the block's plane is interpolated at two rates.
+    /// True if the block's plane is interpolated at two rates.
     pub fn has_two_rates(&self, steps: [i32; 3]) -> bool {
         let [first, second] = Self::plane(steps);
         self.interpolation == Interpolation::DualRate && !is_dead_zone(&self.periods, first, second)
@@ -55,7 +55,7 @@ impl Method {
             Interpolation::StepBresenham | Interpolation::Bresenham => return self.densest(steps),
             Interpolation::PointByPoint if self.kinematics == Kinematics::Cartesian => x + y,
             _ if self.has_two_rates(steps) => x + y,
-            // On CoreXY a pulse along an axis is an event and a diagonal is two: together the larger of |A| and |B|.
+            // A pulse along an axis is one event on CoreXY and a diagonal is two: together the larger of |A| and |B|.
             _ => x.max(y),
         };
         let [.., z] = steps;

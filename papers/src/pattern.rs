@@ -25,7 +25,7 @@ impl PaperPattern {
         Self { method: Method::new(choice, kinematics), streams: [(Pulses::NONE, Times::NONE); 2], z: Times::NONE }
     }
 
-    /// Which stream has the next event.
+    /// Index of the stream with the next event.
     fn next_stream(&self) -> usize {
         let [(first, _), (second, _)] = &self.streams;
         match [first.next(), second.next()] {

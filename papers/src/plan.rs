@@ -2,7 +2,7 @@
 
 use crate::table::FrequencyTable;
 
-/// Which of the paper's cases a segment is.
+/// The paper's case of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanCase {
     /// (a): start and stop are slower than the run, and it is reached.
@@ -85,7 +85,7 @@ impl Plan {
         Self { case: PlanCase::NoCruise, acceleration, cruise: 0.0, deceleration, start, stop, run_hz }
     }
 
-    /// How long it takes, s.
+    /// Duration, s.
     pub fn duration_s(&self, table: &FrequencyTable) -> f64 {
         let top = self.start + self.acceleration;
         let ramp = |pulses: f64, from: f64| {

@@ -17,7 +17,7 @@ pub(crate) type Times = StepTimes<PaperPieces>;
 /// Any of these laws along a block.
 pub(crate) type Law = TimeLaw<PaperPieces>;
 
-/// Which motors step in an event.
+/// Motors that step in an event.
 #[derive(Clone, Copy, Debug)]
 enum Rule {
     /// The same always.
@@ -113,7 +113,7 @@ impl Pulses {
         self.begin(times, law, stretch, count + u32::from(rest.is_some()), has_halves, rest);
     }
 
-    /// So many parts, the first event's time included.
+    /// Begins with `parts` equal parts of the time, the first event's included.
     fn begin(
         &mut self,
         times: &mut Times,
@@ -160,7 +160,7 @@ impl Pulses {
         self.next = Some(DueEvent { time, axes: steps.axes, backwards: steps.backwards });
     }
 
-    /// What the next pulse asks for, and after the last what is left.
+    /// Steps of the next pulse, and after the last pulse the rest.
     fn next_steps(&mut self) -> MotorPulse {
         let pulse = match &mut self.rule {
             Rule::Always(steps) => return *steps,

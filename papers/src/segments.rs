@@ -3,7 +3,7 @@
 use crate::plan::Plan;
 use crate::table::FrequencyTable;
 
-/// What is known of a line when it is read.
+/// A line as it is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Its pulses.
@@ -21,7 +21,7 @@ pub struct Segment {
     pub start_hz: f64,
     /// Frequency at its end, Hz.
     pub stop_hz: f64,
-    /// How its pulses are divided.
+    /// Division of its pulses.
     pub plan: Plan,
 }
 
@@ -47,7 +47,7 @@ pub struct Segments {
 }
 
 impl Segments {
-    /// Nothing read yet; motion starts at f0.
+    /// No line read yet; motion starts at f0.
     pub fn new(table: &FrequencyTable) -> Self {
         let none = Line { pulses: 0.0, run_hz: 0.0 };
         Self { table: *table, lines: [none; LINES], first: 0, count: 0, before_hz: table.start_hz(), is_over: false }

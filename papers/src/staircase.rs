@@ -166,7 +166,7 @@ impl Staircase {
         })
     }
 
-    /// When a path position inside is reached, time units from the block's start.
+    /// Time at a path position inside, time units from the block's start.
     #[cfg(test)]
     pub(crate) fn time(&self, position: f64) -> f64 {
         let Self { plan, table, .. } = self;

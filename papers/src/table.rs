@@ -32,7 +32,7 @@ pub struct FrequencyTable {
 /// A slice of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slice {
-    /// When it begins, s.
+    /// Begin, s.
     pub start_s: f64,
     /// Its duration, s; T, or what is left for the last.
     pub duration_s: f64,
@@ -96,7 +96,7 @@ impl FrequencyTable {
         self.slices as usize
     }
 
-    /// Whether it has no slice; it always has.
+    /// True if it has no slice; it always has one.
     pub fn is_empty(&self) -> bool {
         self.slices == 0
     }
@@ -130,7 +130,7 @@ impl FrequencyTable {
         }
     }
 
-    /// When the S-curve has a frequency; the nearer end for those outside.
+    /// Time at which the S-curve has a frequency; frequencies outside give the nearer end.
     pub fn time_of(&self, frequency_hz: f64) -> f64 {
         let gained = frequency_hz - self.start_hz;
         let missing = self.top_hz - frequency_hz;
@@ -159,7 +159,7 @@ impl FrequencyTable {
         self.frequency_at(self.time_after(pulses))
     }
 
-    /// When this many pulses are made.
+    /// Time at which this many pulses are made.
     pub fn time_after(&self, pulses: f64) -> f64 {
         if pulses <= 0.0 {
             return 0.0;
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(table.len(), 300);
         // (f0 + f_max) t1.
         assert!((table.pulses() - 3_300.0).abs() < 1.0, "{}", table.pulses());
-        // At the slices' starts, as the paper has it.
+        // Frequencies at the slices' starts, as in the paper.
         let at_starts: f64 = table.iter().map(|slice| table.frequency_at(slice.start_s) * slice.duration_s).sum();
         assert!((at_starts - 3_291.0).abs() < 0.5, "{at_starts}");
         assert!((100_000.0 * table.half_time_s() - 30_000.0).abs() < 1e-6);

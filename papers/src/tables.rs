@@ -46,7 +46,7 @@ impl Paper {
 }
 
 impl Table {
-    /// As text.
+    /// The table as text.
     pub fn text(&self) -> String {
         text::of_table(self)
     }

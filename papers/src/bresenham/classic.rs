@@ -16,7 +16,7 @@ pub struct Classic<D = Uncounted> {
 }
 
 impl<D: Decisions> Classic<D> {
-    /// At the start of a line.
+    /// New at the start of a line.
     #[inline]
     pub fn new(slope: Slope) -> Self {
         let (dx, dy) = (slope.dx(), slope.dy());

@@ -1,9 +1,9 @@
-//! How many decision values are compared with zero: what Wu 2024 saves.
+//! Counts of comparisons of decision values with zero: the work that Wu 2024 saves.
 
 /// Who compares decision values, and may keep count of them. All comparisons of an algorithm pass through here, so that
 /// none is left out.
 pub trait Decisions: Copy + Default {
-    /// Whether a decision value is above zero.
+    /// True if a decision value is above zero.
     fn is_above_zero(&mut self, value: i32) -> bool;
 
     /// Comparisons so far.

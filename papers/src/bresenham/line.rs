@@ -9,7 +9,7 @@ use ferrostep_planner::bresenham::{LineError, MAX_STEPS, Slope};
 /// A straight line of `AXES` axes, at most 8, from one point of the grid to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Line<const AXES: usize> {
-    /// Of each axis with the longest one.
+    /// Slope of each axis against the longest one.
     slopes: [Slope; AXES],
     /// Steps of the longest axis.
     steps: u32,
@@ -91,7 +91,7 @@ impl<const AXES: usize> Line<AXES> {
 /// Events that step the same axes, but for the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineStair {
-    /// How many, at least 1.
+    /// Number of steps, at least 1.
     pub count: u32,
     /// Axes that step in each, and in the last too if they do not differ there.
     pub axes: u8,
@@ -207,7 +207,7 @@ impl<D: Decisions, const AXES: usize> Iterator for Points<D, AXES> {
         let axes = self.next_axes()?;
         for (axis, at) in self.at.iter_mut().enumerate() {
             let step = if self.directions >> axis & 1 == 0 { 1 } else { -1 };
-            // At most [`MAX_STEPS`] from zero.
+            // The place stays within [`MAX_STEPS`] of zero.
             *at = at.wrapping_add(if axes >> axis & 1 == 0 { 0 } else { step });
         }
         Some(self.at)

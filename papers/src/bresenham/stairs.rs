@@ -8,8 +8,8 @@ use ferrostep_planner::bresenham::Slope;
 pub struct Stair {
     /// Steps of the major axis, at least 1.
     pub width: u32,
-    /// Whether its last step is of the rarer kind: with the minor axis, or without it on a steep line
-    /// ([`Slope::is_steep`]). Not so in what is left after the last stair.
+    /// True if its last step is of the rarer kind: with the minor axis, or without it on a steep line
+    /// ([`Slope::is_steep`]). False for what is left after the last stair.
     pub is_whole: bool,
 }
 
@@ -24,7 +24,7 @@ pub struct Stairs<W = FromQuotient> {
 }
 
 impl<W: Widths> Stairs<W> {
-    /// From the start of a line.
+    /// New at the start of a line.
     #[inline(always)]
     pub fn new(slope: Slope) -> Self {
         Self { widths: W::new(slope), whole: slope.rarer() as u32, steps: slope.major() }

@@ -192,7 +192,7 @@ fn the_longest_lines_end_where_they_should() {
     for dy in [0, 1, 2, MAX_STEPS / 2, MAX_STEPS / 2 + 1, MAX_STEPS - 1, MAX_STEPS] {
         let slope = Slope::new(MAX_STEPS, dy).unwrap();
         fn steps<W: Widths>(slope: Slope) -> (u64, u32) {
-            // Of the lines with 2^27 stairs, the first million.
+            // Counts only the first million stairs: some lines have 2^27.
             let stairs = Stairs::<W>::new(slope).take(1_000_000);
             stairs.fold((0, 0), |(steps, whole), stair| {
                 (steps + u64::from(stair.width), whole + u32::from(stair.is_whole))

@@ -1,4 +1,4 @@
-//! How wide the next stair is: Wu 2024's two corollaries.
+//! Width of the next stair: Wu 2024's two corollaries.
 //!
 //! Below, e is the decision value after a stair's last step, dx the steps of the major axis and dy those of the rarer
 //! kind (of the minor axis, or on a steep line of the major axis alone). Each step adds 2 dy, and the first that brings
@@ -10,7 +10,7 @@ use ferrostep_planner::bresenham::Slope;
 
 /// A rule that finds the widths of a line's stairs one after the other.
 pub trait Widths: Copy {
-    /// At the start of a line.
+    /// New at the start of a line.
     fn new(slope: Slope) -> Self;
 
     /// Width of the next stair. There are as many stairs as steps of the rarer kind; what it says beyond them, or where
@@ -21,7 +21,7 @@ pub trait Widths: Copy {
     fn decisions(&self) -> u64;
 }
 
-/// Without a division: from the width n of the first stair, found by counting (Wu 2024, corollary 2).
+/// Widths without a division: from the width n of the first stair, found by counting (Wu 2024, corollary 2).
 ///
 /// The first stair starts at e = -dx, or 1 - dx on a steep line. Its width is the n with
 /// 2 (n - 1) dy <= dx < 2 n dy, or 2 (n - 1) dy < dx <= 2 n dy. A stair after it of width w ends in (0, 2 dy], so
@@ -88,8 +88,8 @@ impl<D: Decisions> Widths for FromFirstStair<D> {
     }
 }
 
-/// With one division a line: F = floor(dx/dy) (Wu 2024, corollary 1), which an optimised Cortex-M4 makes in 2 to 12
-/// cycles.
+/// Widths with one division a line: F = floor(dx/dy) (Wu 2024, corollary 1), for which an optimised Cortex-M4 takes 2
+/// to 12 cycles.
 ///
 /// A stair of width w after the first: from e > -2 dx and the end at most 2 dy, w dy < dx + dy, so w <= F + 1; from
 /// e <= 2 dy - 2 dx and the end above zero, w dy > dx - dy, so w >= F. At width F the value is e + 2 F dy; the paper's
@@ -140,7 +140,7 @@ impl<D: Decisions> Widths for FromQuotient<D> {
     }
 }
 
-/// By a division a stair.
+/// Widths with a division a stair.
 #[derive(Clone, Copy, Debug)]
 pub struct FromDivision {
     rise: i32,
@@ -167,7 +167,7 @@ impl Widths for FromDivision {
         width
     }
 
-    /// None: it divides.
+    /// Always 0: it divides and compares nothing.
     fn decisions(&self) -> u64 {
         0
     }

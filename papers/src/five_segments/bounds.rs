@@ -1,4 +1,4 @@
-//! What a jerk and an acceleration allow a ramp of two halves.
+//! Speeds and lengths that a jerk and an acceleration allow a ramp of two halves.
 //!
 //! Li 2017, eqs. 1 to 4, changes the speed by dv in 2 t1, t1 = sqrt(dv/j), with a greatest acceleration of j t1. The
 //! machine has a limit a of that, too, which Li does not know: where j t1 would pass it, t1 = dv/a, and the jerk is the
@@ -20,13 +20,13 @@ pub(crate) struct RampBounds {
 const BISECTIONS: usize = 52;
 
 impl RampBounds {
-    /// How long half of a ramp between two speeds takes.
+    /// Half the duration of a ramp between two speeds.
     pub(crate) fn half_time(&self, one: f64, other: f64) -> f64 {
         let change = (one - other).abs();
         square_root(change / self.jerk).max(change / self.acceleration)
     }
 
-    /// How long a ramp between two speeds is.
+    /// Length of a ramp between two speeds.
     pub(crate) fn length(&self, one: f64, other: f64) -> f64 {
         (one + other) * self.half_time(one, other)
     }
@@ -42,14 +42,14 @@ impl RampBounds {
         last_that(speed, by_acceleration.min(by_jerk), |fast| self.length(speed, fast) <= length)
     }
 
-    /// As [`Self::reach`], but for slow speeds what is reached from a stop and from every speed below: a greater speed
-    /// never reaches less.
+    /// Version of [`Self::reach`] that for slow speeds returns the least of what is reached from a stop and from every
+    /// speed below: a greater speed never reaches less.
     ///
     /// Alone it would. The length (u + x) sqrt((u - x)/j) has its greatest value at x = u/3, because the acceleration has
     /// to be gone at x: from a little more than a stop one reaches less than from a stop. Look-ahead raises the speeds of
     /// corners, and what it granted before must stay possible.
     pub(crate) fn reach_from_up_to(&self, speed: f64, length: f64) -> f64 {
-        // Where x = u/3: L = 4/3 u sqrt(2u/3j).
+        // Farthest reach, at x = u/3: L = 4/3 u sqrt(2u/3j).
         let root = cube_root(length * 0.75 * square_root(1.5 * self.jerk));
         let farthest = root * root;
         let reached = self.reach(speed, length);

@@ -31,13 +31,13 @@ enum Rule {
 /// One or both motors step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineEvent {
-    /// When, as a share of the line's time at a constant speed.
+    /// Time, as a share of the line's time at a constant speed.
     pub share: f64,
-    /// What A and B do, -1, 0 or 1 each, not both 0.
+    /// Steps of A and B, -1, 0 or 1 each, not both 0.
     pub steps: [i8; 2],
 }
 
-/// What the motors A and B do along a line. A diagonal pulse is two events, two steps of one motor.
+/// Steps of the motors A and B along a line. A diagonal pulse is two events, two steps of one motor.
 ///
 /// Events are in the middle of their parts of the time, as in a print: of an N-th for N pulses, a half of that for each
 /// half of a diagonal, and of each motor's own period under dual-rate.
@@ -99,7 +99,7 @@ impl CoreXyLine {
         Self { rule, whole, made: [0; 2], quarters: 0, all_quarters, feeds, second: None, rest }
     }
 
-    /// Whether each motor has a rate of its own.
+    /// True if each motor has its own rate.
     pub fn has_two_rates(&self) -> bool {
         matches!(self.rule, Rule::TwoRates(_))
     }
@@ -124,7 +124,7 @@ impl Iterator for CoreXyLine {
 }
 
 impl CoreXyLine {
-    /// What the motors do next.
+    /// Next steps of the motors.
     fn next_steps(&mut self) -> Option<[i8; 2]> {
         if let Some(second) = self.second.take() {
             return Some(second.signed());

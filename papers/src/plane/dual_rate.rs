@@ -18,7 +18,7 @@ pub fn periods_from_us(shortest_us: f64, longest_us: f64) -> Result<DualRatePeri
     Ok(periods)
 }
 
-/// Whether periods are what their fields say.
+/// Checks that the periods are in range.
 fn check(periods: &DualRatePeriods) -> Result<(), PlaneError> {
     if periods.shortest_ns == 0 || periods.longest_ns == 0 {
         return Err(PlaneError::NoPeriod);
@@ -26,7 +26,7 @@ fn check(periods: &DualRatePeriods) -> Result<(), PlaneError> {
     if periods.longest_ns < periods.shortest_ns { Err(PlaneError::PeriodsReversed) } else { Ok(()) }
 }
 
-/// Whether the motor with fewer pulses would be slower than T_max while the other is at T_min: |A| : |B| is beyond
+/// True if the motor with fewer pulses would be slower than T_max while the other is at T_min: |A| : |B| is beyond
 /// T_max / T_min (the paper's eq. 8), or it does not turn at all.
 pub(crate) fn is_dead_zone(periods: &DualRatePeriods, one: u32, other: u32) -> bool {
     let (more, fewer) = (one.max(other), one.min(other));
@@ -72,7 +72,7 @@ pub struct TwoRates {
 }
 
 impl TwoRates {
-    /// How long the line takes, ns: the more pulses at T_min.
+    /// Duration of the line, ns: the larger number of pulses at T_min.
     pub fn duration_ns(&self) -> u64 {
         let [first, second] = self.target.magnitudes;
         u64::from(first.max(second)) * u64::from(self.shortest_ns)
@@ -86,7 +86,7 @@ impl TwoRates {
 }
 
 impl Iterator for TwoRates {
-    /// What each motor does, -1, 0 or 1, not both 0.
+    /// Step of each motor, -1, 0 or 1, not both 0.
     type Item = [i8; 2];
 
     fn next(&mut self) -> Option<[i8; 2]> {
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn the_worked_example() {
-        // From (11.3, -8.4) to (12.5, -8.7) in pulses of 0.01 mm: X = 120, Y = -30, so A = X + Y and B = X - Y.
+        // Line from (11.3, -8.4) to (12.5, -8.7) in pulses of 0.01 mm: X = 120, Y = -30, so A = X + Y and B = X - Y.
         let periods = periods_from_us(500.0, 2_500.0).unwrap();
         let line = two_rates(120 - 30, 120 + 30, &periods);
         assert_eq!(line.target.magnitudes, [90, 150]);

@@ -1,14 +1,14 @@
-//! How good a method's line is.
+//! Quality of a method's line.
 
 use super::core_xy::{CoreXyLine, LineEvent, PlaneMethod};
 use super::target::{PlaneError, Target};
 use ferrostep_planner::DualRatePeriods;
 use ferrostep_planner::square_root::square_root;
 
-/// What a line costs and how far it leads astray, at the paper's constant periods on a CoreXY machine.
+/// Cost and deviation of a line, at the paper's constant periods on a CoreXY machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineFigures {
-    /// Whether each motor had a rate of its own.
+    /// True if each motor had its own rate.
     pub has_two_rates: bool,
     /// Interpolation steps as the paper counts them: pulses along X, Y or a diagonal; under dual-rate those of the motor
     /// that has more.
@@ -19,7 +19,7 @@ pub struct LineFigures {
     pub motor_steps: u64,
     /// Steps of the motor that makes more of them.
     pub busiest_motor_steps: u64,
-    /// How often a motor turns round.
+    /// Number of times that a motor turns round.
     pub reversals: u64,
     /// Largest distance from the ideal line after an event, in pulses along X or Y.
     pub largest_distance: f64,

@@ -1,4 +1,4 @@
-//! What the motors of a plane do for a pulse.
+//! Steps of a plane's motors for a pulse.
 
 use super::target::Pulse;
 use ferrostep_planner::Kinematics;
@@ -14,15 +14,15 @@ pub(crate) struct MotorPulse {
     pub axes: u8,
     /// Those of them that run backwards.
     pub backwards: u8,
-    /// Whether the pulse is two of these steps: along a diagonal, a CoreXY machine moves by one motor alone.
+    /// True if the pulse is two of these steps: along a diagonal, a CoreXY machine moves by one motor alone.
     pub twice: bool,
 }
 
 impl MotorPulse {
-    /// None.
+    /// No steps.
     pub const NONE: Self = Self { axes: 0, backwards: 0, twice: false };
 
-    /// What each motor does, -1, 0 or 1.
+    /// Step of each motor, -1, 0 or 1.
     pub fn signed(self) -> [i8; 2] {
         [FIRST, SECOND].map(|bit| match (self.axes & bit != 0, self.backwards & bit != 0) {
             (false, _) => 0,
@@ -37,7 +37,7 @@ impl MotorPulse {
     }
 }
 
-/// What the motors do for each pulse that a line has, whose signs never change.
+/// Steps of the motors for each kind of pulse on a line; their signs never change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FeedSteps {
     along_x: MotorPulse,
@@ -90,7 +90,7 @@ impl FeedSteps {
 pub(crate) struct CoreXyTarget {
     /// Pulses along X and Y.
     pub pulses: [i64; 2],
-    /// Where A + B is odd, half a diagonal pulse more: a step of the motor that has more of them.
+    /// Half a diagonal pulse more if A + B is odd: a step of the motor that has more of them.
     pub rest: Option<MotorPulse>,
 }
 

@@ -24,17 +24,17 @@ pub struct Pulse {
     pub y: i8,
 }
 
-/// How many pulses of each kind a line has, and which way they go.
+/// Number of pulses of each kind on a line, and their directions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
-    /// At most [`MAX_STEPS`] each, not both 0.
+    /// Pulses, at most [`MAX_STEPS`] each, not both 0.
     pub magnitudes: [u32; 2],
     /// -1 or 1, 1 for none.
     pub signs: [i8; 2],
 }
 
 impl Target {
-    /// From 0 to here.
+    /// Target for a line from 0 to here.
     pub fn new(x: i64, y: i64) -> Result<Self, PlaneError> {
         if x == 0 && y == 0 {
             return Err(PlaneError::NoLength);

@@ -20,13 +20,13 @@ pub struct Chapter {
 pub struct Table {
     /// Key in JSON, `lower_case`.
     pub key: &'static str,
-    /// What it shows, and which table of the paper it stands beside.
+    /// Content, and the paper's table that it belongs to.
     pub title: String,
     /// Heads of its columns, units included.
     pub columns: Vec<&'static str>,
     /// Its rows, each as long as the head.
     pub rows: Vec<Vec<Cell>>,
-    /// What to know when reading it; perhaps nothing.
+    /// Note for the reader; may be empty.
     pub note: String,
 }
 
@@ -68,15 +68,15 @@ impl From<String> for Cell {
 pub struct Figure {
     /// Name of its file, without the ending.
     pub name: &'static str,
-    /// What it shows, and which figure of the paper it stands beside.
+    /// Content, and the paper's figure that it belongs to.
     pub title: String,
-    /// What is to the right, with its unit.
+    /// Quantity of the horizontal axis, with its unit.
     pub x_label: &'static str,
-    /// What is upwards, with its unit.
+    /// Quantity of the vertical axis, with its unit.
     pub y_label: &'static str,
-    /// Whether a unit is as long in both directions.
+    /// True if a unit is equally long in both directions.
     pub equal_scales: bool,
-    /// What is drawn.
+    /// Curves to draw.
     pub curves: Vec<Curve>,
 }
 
@@ -85,13 +85,13 @@ pub struct Figure {
 pub struct Curve {
     /// Its name in the legend.
     pub name: String,
-    /// How it is drawn.
+    /// Style of drawing.
     pub style: Style,
-    /// In their order.
+    /// Points in order.
     pub points: Vec<(f64, f64)>,
 }
 
-/// How points are drawn.
+/// Style in which points are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Style {

@@ -61,7 +61,7 @@ fn range(numbers: impl Iterator<Item = f64>) -> (f64, f64) {
 fn equal_height(x: (f64, f64), y: (f64, f64)) -> u32 {
     let [beside, below] = MARGINS;
     let pixels_per_unit = f64::from(WIDTH - beside) / (x.1 - x.0);
-    // Of a very flat figure there is still something to be seen.
+    // Keeps a very flat figure visible.
     (((y.1 - y.0) * pixels_per_unit) as u32).clamp(240, 2 * WIDTH) + below
 }
 

@@ -20,7 +20,7 @@ const METHODS: [(PlaneMethod, &str); 3] = [
 /// Periods of the worked example: 0.5 and 2.5 ms.
 const EXAMPLE: DualRatePeriods = DualRatePeriods { shortest_ns: 500_000, longest_ns: 2_500_000 };
 
-/// What the paper says drivers can do: 10 us to 3 ms.
+/// Periods that drivers can do, by the paper: 10 us to 3 ms.
 const DRIVERS: DualRatePeriods = DualRatePeriods { shortest_ns: 10_000, longest_ns: 3_000_000 };
 
 /// Pulses of the fan's lines: 10 mm of 0.01 mm.
@@ -48,7 +48,7 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// From C(11.3, -8.4) to D(12.5, -8.7).
+/// The paper's line from C(11.3, -8.4) to D(12.5, -8.7).
 fn worked_example() -> Table {
     const PULSE_MM: f64 = 0.01;
     let pulses = |from_mm: f64, to_mm: f64| ((to_mm - from_mm) / PULSE_MM).round() as i64;
@@ -128,7 +128,7 @@ struct Fan {
     reversals: u64,
     largest_distance: f64,
     mean_distance_sum: f64,
-    /// With motors that turn evenly between their steps.
+    /// Largest distance with motors that turn evenly between their steps.
     largest_evenly: f64,
     mean_evenly_sum: f64,
 }
@@ -327,7 +327,7 @@ mod tests {
         assert_eq!(worked_example().rows.len(), 7);
     }
 
-    /// What the fan's note says.
+    /// Checks the statements of the fan's note.
     #[test]
     fn the_paper_s_claims_over_all_directions() {
         let ours = fan_of(bresenham);
@@ -345,7 +345,7 @@ mod tests {
             assert!(dual.largest_distance > 0.95 * minimum.largest_distance, "{dual:?} {minimum:?}");
             let share = mean(&dual) / mean(&minimum);
             assert!((0.8..0.9).contains(&share), "{share}");
-            // With motors that turn evenly it is straight.
+            // The line is straight with motors that turn evenly.
             assert!(minimum.largest_evenly > 0.4 && ours.largest_evenly > 0.2, "{minimum:?} {ours:?}");
             assert!(dual.largest_evenly < if periods == DRIVERS { 1e-9 } else { 0.2 }, "{dual:?}");
             assert!(dual.mean_evenly_sum < 0.1 * minimum.mean_evenly_sum, "{dual:?} {minimum:?}");

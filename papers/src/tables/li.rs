@@ -47,7 +47,7 @@ fn number(number: f64) -> Cell {
     Cell::Number(number, 1)
 }
 
-/// What the paper says of its ramp beside what comes out.
+/// The paper's figures for its ramp beside the computed ones.
 fn experiment(ramp: &Ramp, table: &FrequencyTable) -> Table {
     let at_starts: f64 = table.iter().map(|slice| table.frequency_at(slice.start_s) * slice.duration_s).sum();
     let row = |what: &str, unit: &str, value: Cell| vec![what.into(), value, unit.into()];
@@ -313,7 +313,7 @@ fn short_segment(table: &FrequencyTable) -> Result<Figure, CurveError> {
     })
 }
 
-/// What a law for several moves gains where a circle begins.
+/// Gain of a law for several moves at the begin of a circle.
 fn runs() -> Figure {
     let way = circle();
     let speeds = |law, alone| {
@@ -353,7 +353,7 @@ mod tests {
         assert!((of("experiment", 0, 1) - 0.3).abs() < 1e-9 && (of("experiment", 1, 1) - 30_000.0).abs() < 1e-6);
         assert!((of("experiment", 2, 1) - 3_300.0).abs() < 1e-6 && (of("experiment", 4, 1) - 3_300.0).abs() < 1.0);
         assert!((of("experiment", 5, 1) - 3_291.0).abs() < 0.5);
-        // On a circle and on a wave a law for several moves is much faster, and never faster than a trapezoid.
+        // A law for several moves is much faster on a circle and on a wave, and never faster than a trapezoid.
         for row in [1, 2] {
             assert!(of("gains", row, 6) > 10.0 && of("gains", row, 5) > of("gains", row, 1), "{row}");
         }

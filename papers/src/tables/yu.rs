@@ -25,7 +25,7 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// What look-ahead makes of moves to these places, mm, each with some filament, mm.
+/// Look-ahead's plan of moves to these places, mm, each with some filament, mm.
 fn planned(places_mm: &[(f64, f64)], filament_mm: f64) -> Vec<PlannedBlock> {
     let Some(mut planner) = example_planner(ACCELERATION_MM_PER_S2, DEVIATION_MM, 64) else { return vec![] };
     let units = |mm: f64| (mm * UNITS_PER_MM as f64).round() as i64;
@@ -52,7 +52,7 @@ fn corner_speed_mm_per_s(angle: f64, length_mm: f64) -> f64 {
     // A long way before and after, in line with the moves, so that nothing but the corner limits it.
     let turned = (end.0 + 100.0 * angle.cos(), end.1 + 100.0 * angle.sin());
     let blocks = planned(&[(-100.0, 0.0), (0.0, 0.0), corner, end, turned], 0.0);
-    // In line, moves become one block: the corner is where the direction changes.
+    // Moves in line become one block: the corner is the change of direction.
     let before = blocks.iter().rfind(|planned| planned.block.line <= 3);
     before.map_or(0.0, |planned| planned.exit.mm_per_s())
 }
@@ -119,7 +119,7 @@ fn zigzag() -> Vec<(f64, f64)> {
 
 fn chain() -> Table {
     let blocks = planned(&zigzag(), 0.0);
-    // From the last block read backwards: v_s^2 = v_e^2 + 2 a s, with what look-ahead settled for v_e.
+    // Row of each block, read backwards from the last: v_s^2 = v_e^2 + 2 a s, with look-ahead's v_e.
     let rows = blocks
         .iter()
         .map(|planned| {

@@ -102,16 +102,16 @@ pub enum Status {
     InnerEnd {
         /// Path position from the trajectory's start, units of 10 nm.
         length_10nm: u16,
-        /// By how many lines it is before the trajectory's.
+        /// Lines from it to the trajectory's.
         lines_before: u8,
     },
     /// Signed steps of X, Y and Z (CoreXY: A, B, Z) that lead to the inner end before this, from the one before it.
     InnerSteps([i8; 3]),
-    /// What else leads there.
+    /// Rest of an inner end: its filament, and the end of a move.
     InnerExtruder {
         /// Signed travel of the extruder, 1/256 steps.
         travel_256ths: i16,
-        /// Whether the line's move ends there.
+        /// True if the line's move ends there.
         ends_move: bool,
     },
     /// The fan, 0 to 255.
@@ -120,7 +120,7 @@ pub enum Status {
     Text([u8; 3]),
     /// A part of where the machine is.
     Place {
-        /// Which, 0 to 11.
+        /// Number of the part, 0 to 11.
         part: u8,
         /// Its bits.
         bits: u16,

@@ -12,7 +12,7 @@ use super::step_limits::StepSizes;
 #[derive(Clone, Copy, Debug)]
 struct PushedExtruder {
     extruder_10nm: i64,
-    /// What is not in it yet, units of 0.1 nm times percent.
+    /// Filament not yet in it, units of 0.1 nm times percent.
     rest_100pm: i64,
 }
 
@@ -36,7 +36,7 @@ pub struct PacketPlayer {
 }
 
 impl PacketPlayer {
-    /// For a job that begins at this E of the G-code, units of 10 nm, on a machine of this profile.
+    /// Player for a job that begins at this E of the G-code, units of 10 nm, on a machine of this profile.
     pub fn new(profile: &Profile, extruder_10nm: i64) -> Self {
         let geometry = profile.geometry();
         Self {
@@ -98,7 +98,7 @@ impl PacketPlayer {
         printer.set_prepared_extruder(self.pushed.extruder_10nm);
     }
 
-    /// Where a command has set E since (G92), blocks push it from there.
+    /// Lets blocks push E from the value that a command has set since (G92).
     fn follow_commands<P: Ports>(&mut self, printer: &Printer<'_, P>) {
         let [.., extruder_10nm] = printer.logical_10nm();
         if extruder_10nm != self.printers_extruder_10nm {

@@ -37,7 +37,7 @@ pub enum PacketRequest<'a> {
 pub struct PacketReader {
     line: u32,
     next_line: Option<u32>,
-    /// Of these, the line is encoded as its distance before the block's.
+    /// Inner ends; the packet encodes their lines as distances before the block's.
     inner: Vec<InnerEnd, MAX_INNER_ENDS>,
     text: Vec<u8, MAX_TEXT_BYTES>,
     /// The text has been handed out and may be forgotten.
@@ -143,7 +143,7 @@ impl PacketReader {
         self.inner.last_mut().ok_or("the end of a move inside a trajectory before its steps and filament")
     }
 
-    /// Whether every request is complete: a job may end here.
+    /// True if every request is complete: a job may end here.
     pub fn is_complete(&self) -> bool {
         self.inner.is_empty() && (self.text.is_empty() || self.text_is_old) && self.place.is_empty()
     }

@@ -12,7 +12,7 @@ use ferrostep_planner::{Block, Geometry, Kinematics, Limits, MotionChoice, Speed
 
 use crate::method::Method;
 
-/// What rounding may be off, of a whole.
+/// Factor by which rounding may exceed a limit.
 const TOLERANCE: f32 = 1.001;
 
 /// Ticks for 10 nm at 1 mm/s.
@@ -36,7 +36,7 @@ pub(super) fn part(block: &Block, stretch: &Stretch) -> Block {
 pub(super) struct StepSizes {
     /// A step of each motor, mm.
     step_mm: [f32; 4],
-    /// How far a block's travel along X, Y and Z can be from what its steps say, mm.
+    /// Largest difference between a block's travel along X, Y and Z and that of its steps, mm.
     slack_mm: [f32; 3],
 }
 
@@ -48,7 +48,7 @@ impl StepSizes {
     }
 }
 
-/// How far the position along each axis can be off where each motor can be off by this much.
+/// Largest error of the position along each axis if each motor has this error.
 fn slack(kinematics: Kinematics, [first, second, third]: [f32; 3]) -> [f32; 3] {
     let mut slack = [0.0; 3];
     for alone in [[first, 0.0, 0.0], [0.0, second, 0.0], [0.0, 0.0, third]] {
@@ -87,7 +87,7 @@ impl<'a> StepLimits<'a> {
         }
     }
 
-    /// How far a block goes along X, Y, Z and the filament, mm.
+    /// Travel of a block along X, Y, Z and the filament, mm.
     fn travels_mm(&self, block: &Block) -> [f32; 4] {
         let step_mm = self.sizes.step_mm;
         let [first, second, third] = block.steps.map(|steps| steps as f32);
@@ -97,7 +97,7 @@ impl<'a> StepLimits<'a> {
         [x, y, z, filament]
     }
 
-    /// Whether a block's nominal speed and acceleration keep the limits of all axes, and its events their distance.
+    /// True if a block's nominal speed and acceleration keep the limits of all axes, and its events their distance.
     pub fn are_kept(&self, block: &Block) -> bool {
         let mm = self.travels_mm(block);
         let length = block.length_10nm as f32 / UNITS_PER_MM as f32;
@@ -140,7 +140,7 @@ impl<'a> StepLimits<'a> {
         }
         let mut apart = 0.0;
         for axis in 0..3 {
-            // Of unit vectors; each component is off by its slack at most.
+            // Difference of unit vectors; each component is off by its slack at most.
             let slack = self.sizes.slack_mm[axis] / lengths[0] + self.sizes.slack_mm[axis] / lengths[1];
             let difference = (one[axis] / lengths[0] - other[axis] / lengths[1]).abs();
             let least = (difference - slack).max(0.0);

@@ -15,7 +15,7 @@ const PER_MM: f64 = 100_000.0;
 pub struct PacketWriter {
     /// Source line of the packet before.
     line: u32,
-    /// Where the machine is after the moves so far, and what the packets so far say of it.
+    /// Machine's place after the moves so far, as far as the packets so far tell it.
     place: PreparedPlace,
     written: PreparedPlace,
     flow_percent: i64,

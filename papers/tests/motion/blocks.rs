@@ -26,8 +26,8 @@ fn issued(planned: &PlannedBlock, mut filament: i64) -> [i64; 4] {
     issued
 }
 
-/// Where the law has each motor after a share of a block, and how many steps it would have in all of the block's length,
-/// were it everywhere as dense as where it is densest.
+/// Position of each motor by the law after a share of a block, and the number of steps it would have in all of the
+/// block's length at the highest density.
 fn ideals(planned: &PlannedBlock, from: [f64; 4], share: f64) -> [(f64, f64); 4] {
     let whole = f64::from(planned.block.length_10nm);
     let mut ideals = from.map(|from| (from, 0.0f64));

@@ -1,4 +1,4 @@
-//! What holds for every method under every law.
+//! Properties of every method under every law.
 
 use ferrostep_planner::extruder::{Extruder, rounded_steps};
 use ferrostep_planner::{Geometry, MotionChoice, Move, Notice};

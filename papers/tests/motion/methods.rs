@@ -58,7 +58,7 @@ fn half_pulses(kinematics: Kinematics, [first, second]: [f64; 2]) -> [f64; 2] {
     }
 }
 
-/// How far X and Y may be from the block's line and from where its law has them along it, in pulses.
+/// Largest distance of X and Y from the block's line, and from their place along it by its law, in pulses.
 ///
 /// Across, point-by-point is off by less than a pulse and minimum deviation by half a one. Along, a point with k of N pulses
 /// is beside the line's point k of N: with e pulses too many along one axis and too few along the other that is e (X - Y)/S,

@@ -32,7 +32,7 @@ pub fn moves_up_to(farthest_10nm: i64, most: usize) -> impl Strategy<Value = Vec
     })
 }
 
-/// As many of them as fill any ring here.
+/// Enough moves to fill any ring here.
 pub fn moves() -> impl Strategy<Value = Vec<Move>> {
     moves_up_to(8_000_000, 40)
 }

@@ -1,4 +1,4 @@
-//! What a machine keeps up with: the budget of a block, and the pace of what leaves.
+//! Limits of a machine's processor: the budget of a block, and the pace of what leaves.
 
 use ferrostep_papers::Papers;
 use ferrostep_planner::extruder::rounded_steps;

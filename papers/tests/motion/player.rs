@@ -1,4 +1,4 @@
-//! What the step interrupt would make of entries.
+//! Step interrupt's view of entries.
 
 use ferrostep_planner::{Notice, StepDigests, StepEntry, StepKind, StepObserver, StepSink};
 
@@ -32,14 +32,14 @@ pub struct Player {
 }
 
 impl Player {
-    /// Where the motors stand after some of the events, from zero.
+    /// Motor positions after some of the events, from zero.
     pub fn motors_after<'a>(events: impl IntoIterator<Item = &'a Event>) -> [i64; 4] {
         let mut motors = [0; 4];
         events.into_iter().for_each(|event| event.apply(&mut motors));
         motors
     }
 
-    /// Where the motors stand.
+    /// Motor positions.
     fn counted(&mut self) -> [i64; 4] {
         for event in self.events.get(self.counted_events..).unwrap_or_default() {
             event.apply(&mut self.motors);

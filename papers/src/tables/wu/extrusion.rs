@@ -20,16 +20,16 @@ const CHAIN_MM: f64 = 60.0;
 /// Extruder steps a mm of path.
 const STEPS_PER_PATH_MM: f64 = LAMBDA * EXTRUDER_STEPS_PER_MM;
 
-/// Where the extruder steps along the chain, mm.
+/// Places of the extruder's steps along the chain, mm.
 type Steps = Vec<f64>;
 
-/// As the machine does: where lambda s passes a half step (Wu 2024, eq. 11).
+/// The machine's own steps: at each half step of lambda s (Wu 2024, eq. 11).
 fn by_its_own_times() -> Steps {
     let last = (CHAIN_MM * STEPS_PER_PATH_MM).round() as u32;
     (0..last).map(|step| (f64::from(step) + 0.5) / STEPS_PER_PATH_MM).collect()
 }
 
-/// By Bresenham: with some of the master's steps of each move, from one rounded position to the next.
+/// Steps by Bresenham: with some of the master's steps of each move, from one rounded position to the next.
 fn by_the_master(move_mm: f64) -> Steps {
     let master_steps = (move_mm * MASTER_STEPS_PER_MM).round() as u32;
     let mut steps = Vec::new();
@@ -45,7 +45,7 @@ fn by_the_master(move_mm: f64) -> Steps {
     steps
 }
 
-/// How far from lambda s just before and just after each step, in steps.
+/// Deviation from lambda s just before and just after each step, in steps.
 fn deviations(steps: &[f64]) -> impl Iterator<Item = (f64, f64)> {
     steps.iter().zip(0u32..).flat_map(|(&at_mm, made)| {
         let ideal = at_mm * STEPS_PER_PATH_MM;
