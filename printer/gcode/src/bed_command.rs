@@ -81,12 +81,12 @@ pub enum BedCommand {
 }
 
 impl BedCommand {
-    /// Whether Z may follow a mesh after it.
+    /// True if Z may follow a mesh after it.
     pub const fn switches_on(&self) -> bool {
         matches!(self, Self::Measure { .. } | Self::Follow { on: Some(true), .. })
     }
 
-    /// Whether it moves the machine.
+    /// True if it moves the machine.
     pub const fn probes(&self) -> bool {
         matches!(
             self,
@@ -94,12 +94,12 @@ impl BedCommand {
         )
     }
 
-    /// Whether it only reports.
+    /// True if it only reports.
     pub const fn is_query(&self) -> bool {
         matches!(self, Self::Follow { on: None, fade: None, .. })
     }
 
-    /// Whether it asks for what is so where there is no mesh.
+    /// True if a machine without a mesh already is as it asks.
     pub const fn asks_for_none(&self) -> bool {
         matches!(self, Self::Clear | Self::Follow { on: Some(false), .. })
     }

@@ -63,7 +63,7 @@ pub enum CardCommand<'a> {
     Log(&'a str),
 }
 
-/// What becomes of a print that a power cut has interrupted.
+/// Treatment of a print that a power cut has interrupted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InterruptedPrint {
     /// It goes on.

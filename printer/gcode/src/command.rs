@@ -1,4 +1,4 @@
-//! What a line asks for, as an enum.
+//! Commands of G-code lines, as an enum.
 
 use crate::command_words::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, DriverSetting, DriverWords, FeedWords,
@@ -16,7 +16,7 @@ pub enum Command<'a> {
     Linear {
         /// G0: nothing is laid on the way.
         rapid: bool,
-        /// Where to.
+        /// Target.
         axes: AxisWords,
         /// F.
         feed: Option<Decimal>,
@@ -25,9 +25,9 @@ pub enum Command<'a> {
     Arc {
         /// G2.
         clockwise: bool,
-        /// Where to.
+        /// Target.
         axes: AxisWords,
-        /// Which circle.
+        /// Form of the circle.
         form: ArcForm,
         /// F.
         feed: Option<Decimal>,
@@ -166,7 +166,7 @@ pub enum Command<'a> {
     ChangeFilament {
         /// T: of which tool.
         tool: Option<u8>,
-        /// Where the nozzle waits.
+        /// Place where the nozzle waits.
         park: AxisWords,
         /// U: how much filament is drawn out; its sign says nothing.
         unload: Option<Decimal>,
@@ -291,7 +291,7 @@ pub enum Command<'a> {
     // ANCHOR_END: m302
     /// M290 Z (or S): shifts Z while the G-code's coordinates stay; without Z a query. X, Y and E are for the machine to refuse.
     ShiftZ {
-        /// By how much, with its sign.
+        /// Shift, with its sign.
         words: AxisWords,
         /// P0: the probe's offset stays as it is.
         keeps_offset: bool,
@@ -325,7 +325,7 @@ pub enum Command<'a> {
     QuickStop,
     /// M569 S: stealthChop (1) or spreadCycle (0) for the motors named; without S a query.
     StealthChop {
-        /// Which motors; for a query, none means all.
+        /// Motors; in a query, none means all.
         motors: AxisFlags,
         /// T: whose motor E is; without it the selected tool's.
         tool: Option<u8>,
@@ -343,7 +343,7 @@ pub enum Command<'a> {
     },
     /// M593, SET_INPUT_SHAPER: the filters of X and Y; without a word a query.
     InputShaper {
-        /// What changes of X and of Y.
+        /// Changes of X and of Y.
         axes: [ShaperWords<'a>; 2],
         /// The kind for an axis that gets a frequency and has no filter: `zv` in M593, as in Marlin, and `mzv` in SET_INPUT_SHAPER, as
         /// in Klipper.

@@ -1,4 +1,4 @@
-//! What the words of commands say, as types.
+//! Types for the words of commands.
 
 use crate::Decimal;
 
@@ -22,7 +22,7 @@ impl AxisWords {
     }
 }
 
-/// Which axes a line names, with or without a value.
+/// Axes that a line names, with or without a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AxisFlags {
     /// X is named.
@@ -36,13 +36,13 @@ pub struct AxisFlags {
 }
 
 impl AxisFlags {
-    /// Whether no axis is named (which most commands take as "all").
+    /// True if no axis is named (which most commands take as "all").
     pub const fn is_empty(self) -> bool {
         !(self.x || self.y || self.z || self.e)
     }
 }
 
-/// How G2 and G3 name the circle.
+/// Form in which G2 and G3 name the circle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArcForm {
     /// I and J: the centre, relative to the start. An absent word is zero.
@@ -79,7 +79,7 @@ pub struct RetractionWords {
 /// The heater that M303 tunes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TunedHeater {
-    /// That of a nozzle: of the selected tool's without a number.
+    /// Nozzle of this tool; without a number that of the selected tool.
     Nozzle(Option<u8>),
     /// E-1 or H0: the bed's.
     Bed,
@@ -87,7 +87,7 @@ pub enum TunedHeater {
     Chamber,
 }
 
-/// What [`DriverWords`] set of a motor's driver.
+/// Setting of a motor's driver that [`DriverWords`] change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverSetting {
     /// M906: current in motion, mA.
@@ -134,13 +134,13 @@ pub struct DriverWords {
 }
 
 impl DriverWords {
-    /// In the order of the motors.
+    /// The numbers in the order of the motors.
     pub const fn all(self) -> [Option<u16>; 4] {
         [self.x, self.y, self.z, self.e]
     }
 }
 
-/// What M593 or SET_INPUT_SHAPER changes of an axis's filter; `None` where it stays.
+/// Changes of an axis's filter by M593 or SET_INPUT_SHAPER; `None` leaves a value unchanged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShaperWords<'a> {
     /// P, SHAPER_TYPE: the kind's name, for the machine to know.
@@ -151,7 +151,7 @@ pub struct ShaperWords<'a> {
     pub damping: Option<Decimal>,
 }
 
-/// What M900, M572 or SET_PRESSURE_ADVANCE sets; without any of them it asks.
+/// Words of M900, M572 or SET_PRESSURE_ADVANCE; without any of them it is a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AdvanceWords {
     /// K, S, ADVANCE: seconds. It takes the place of both K.
@@ -164,7 +164,7 @@ pub struct AdvanceWords {
     pub smooth_time: Option<Decimal>,
 }
 
-/// What M425 sets; without any of them it asks.
+/// Words of M425; without any of them it is a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BacklashWords {
     /// X, Y and Z: the play of their drives.
@@ -175,7 +175,7 @@ pub struct BacklashWords {
     pub smoothing: Option<Decimal>,
 }
 
-/// What is done with the settings that survive the power.
+/// Action on the settings that survive power-off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SettingsCommand {
     /// M500: those in force are stored.
@@ -186,14 +186,14 @@ pub enum SettingsCommand {
     Reset,
     /// M503: those in force are reported as commands.
     Report {
-        /// Not with S0: above each of them a line says what it is.
+        /// True but for S0: adds a line above each command that says what it is.
         headings: bool,
     },
     /// M504: the stored ones are checked.
     Validate,
 }
 
-/// What M220 does: first B, then R, then S. Without a word it asks.
+/// Words of M220, executed in this order: B, R, S. Without a word it is a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FeedWords {
     /// S: percent.
@@ -204,7 +204,7 @@ pub struct FeedWords {
     pub restores: bool,
 }
 
-/// What M412 sets. Without any of them it asks.
+/// Words of M412. Without any of them it is a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FilamentSensorWords {
     /// S: whether the filament sensor pauses a print.
@@ -216,13 +216,13 @@ pub struct FilamentSensorWords {
 }
 
 impl FilamentSensorWords {
-    /// Whether it asks.
+    /// True if it is a query.
     pub const fn is_query(&self) -> bool {
         self.on.is_none() && self.distance.is_none() && !self.resets
     }
 }
 
-/// What M75 to M78 do with the clock of the print and with what it has counted.
+/// Actions of M75 to M78 on the clock and the counters of the print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PrintClockCommand {
     /// M75: it starts, or goes on.
@@ -237,7 +237,8 @@ pub enum PrintClockCommand {
     Clear,
 }
 
-/// What M301 or M304 sets of a heater's gains, in Marlin's units: power is 0 to 255. Without any of them it asks.
+/// Words of M301 or M304: a heater's gains in Marlin's units, with power from 0 to 255. Without any of them it is a
+/// query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GainWords {
     /// P: per degree.
@@ -250,7 +251,7 @@ pub struct GainWords {
     pub fan: Option<Decimal>,
 }
 
-/// What M109, M190 and M191 wait for.
+/// Temperature that M109, M190 and M191 wait for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
     /// S: wait only while heating.

@@ -39,7 +39,7 @@ impl Default for Decimal {
 /// Why a text is not a [`Decimal`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberError {
-    /// Not of the form `5`, `-.8`, `1.` or `+3.25`; exponents are not numbers in G-code.
+    /// The text is not of the form `5`, `-.8`, `1.` or `+3.25`; exponents are not numbers in G-code.
     NotANumber,
     /// Beyond +-9 223 372 036.
     TooLarge,
@@ -180,7 +180,7 @@ impl Decimal {
         divide_half_away(self.nanos(), NANOS_PER_UNIT / factor)
     }
 
-    /// Whether the number is below zero.
+    /// True if the number is below zero.
     pub const fn is_negative(self) -> bool {
         self.nanos() < 0
     }

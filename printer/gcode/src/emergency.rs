@@ -74,7 +74,7 @@ enum State {
 /// The part of a line number so far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sign {
-    /// Nothing but blanks after N.
+    /// Only blanks after N so far.
     Open,
     /// A minus sign.
     Minus,

@@ -19,7 +19,7 @@ pub struct Line<'a> {
     pub text: &'a str,
     /// The `N` word at the start; beyond the range of `i64` it is the nearest end of that range.
     pub number: Option<i64>,
-    /// What the checksum says; always [`Checksum::Absent`] without an `N` word, for then a `*` belongs to the text.
+    /// Result of the checksum; always [`Checksum::Absent`] without an `N` word, because a `*` then belongs to the text.
     pub checksum: Checksum,
 }
 
@@ -32,9 +32,9 @@ pub enum Checksum {
     Right,
     /// It does not agree with the bytes.
     Wrong {
-        /// What the line says.
+        /// Checksum in the line.
         expected: u8,
-        /// What its bytes give.
+        /// Checksum of its bytes.
         computed: u8,
     },
     /// Something other than a number from 0 to 255 stands after the `*`.
@@ -50,7 +50,7 @@ pub enum LineError {
         line_number: u32,
         /// The `N` word at the start.
         number: Option<i64>,
-        /// What the checksum of the whole line says.
+        /// Result of the whole line's checksum.
         checksum: Checksum,
     },
     /// A control character other than a tab, or bytes that are not UTF-8, before the comment.
@@ -61,14 +61,14 @@ pub enum LineError {
         byte: u8,
         /// The `N` word at the start.
         number: Option<i64>,
-        /// What the checksum says, also without an `N` word.
+        /// Result of the checksum, also without an `N` word.
         checksum: Checksum,
     },
     /// Part of the line was lost on its way.
     Incomplete {
         /// Number of the physical line, from 1.
         line_number: u32,
-        /// Whether the line begins with an `N` word, so that a host can be asked for it again.
+        /// True if the line begins with an `N` word, so that a host can be asked for it again.
         numbered: bool,
     },
 }
@@ -92,12 +92,12 @@ impl LineError {
         }
     }
 
-    /// Whether a byte that is no text stands in a line without an `N` word that ends in a wrong checksum.
+    /// True for a line without an `N` word that contains a byte other than text and ends in a wrong checksum.
     pub(crate) const fn has_lost_its_number(&self) -> bool {
         matches!(self, LineError::NotText { number: None, checksum: Checksum::Wrong { .. }, .. })
     }
 
-    /// Whether the line begins with an `N` word, so that a host can be asked for it again.
+    /// True if the line begins with an `N` word, so that a host can be asked for it again.
     pub const fn is_numbered(&self) -> bool {
         match *self {
             LineError::TooLong { number, .. } | LineError::NotText { number, .. } => number.is_some(),
@@ -107,7 +107,7 @@ impl LineError {
 }
 
 impl fmt::Display for LineError {
-    /// What is wrong, without the line's number.
+    /// Writes the error without the line's number.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             LineError::TooLong { .. } => {
@@ -133,7 +133,7 @@ pub(crate) struct ChecksumScan {
     tail: Tail,
 }
 
-/// What has been read since the last `*`.
+/// Text read since the last `*`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Tail {
     NoStar,
@@ -227,7 +227,7 @@ fn text_before(bytes: &[u8]) -> (&str, Option<u8>) {
     (text, bytes.get(end).copied())
 }
 
-/// Whether a command is M117 or M118, whose text is for people: a part of it is better than none.
+/// True if a command is M117 or M118, whose text is for people: a part of it is better than none.
 fn is_message(command: &[u8]) -> bool {
     let Some((b'M' | b'm', rest)) = command.split_first() else { return false };
     let digits = rest.get(skip_blanks(rest, 0)..).unwrap_or_default();
@@ -238,8 +238,8 @@ fn is_message(command: &[u8]) -> bool {
     }
 }
 
-/// Whether a text begins with a command's name, of several letters, that does nothing here whatever its words are: outlines of objects have
-/// thousands of characters.
+/// True if a text begins with a command's name, of several letters, that has no effect whatever its words are: outlines
+/// of objects have thousands of characters.
 fn has_no_effect(text: &str) -> bool {
     let is_name =
         matches!(text.as_bytes(), [first, second, ..] if first.is_ascii_alphabetic() && second.is_ascii_alphabetic());
@@ -265,7 +265,7 @@ pub(crate) fn take_apart<'a>(
         }
     };
     let not_text = |byte: u8| {
-        // Without a number it tells a damaged line of a host's conversation.
+        // Without a number, the checksum tells a damaged line of a host's conversation.
         let mut scan = ChecksumScan::new();
         scan.extend(bytes);
         let checksum = if number.is_none() && scan.has_star() { scan.verdict() } else { checksum };

@@ -42,14 +42,14 @@ pub struct LineReader {
     lines_ended: u32,
 }
 
-/// Where the unfinished line stands.
+/// State of the unfinished line.
 #[derive(Clone, Copy, Debug)]
 enum Comment {
     /// No `;` yet.
     NotYet,
-    /// In a comment that cannot contain the line's checksum.
+    /// Inside a comment that cannot contain the line's checksum.
     Skipped,
-    /// In the comment of a numbered line without a `*` so far.
+    /// Inside the comment of a numbered line without a `*` so far.
     Scanned(ChecksumScan),
 }
 

@@ -35,7 +35,7 @@ pub const BEGIN: [u8; 9] = [
 /// Bytes that a host sends when it has packed its last line.
 pub const END: [u8; 3] = [SIGNAL, SIGNAL, Command::Reset as u8];
 
-/// What the byte after two [`SIGNAL`]s asks for.
+/// Command in the byte after two [`SIGNAL`]s.
 #[derive(Clone, Copy)]
 enum Command {
     Enable = 251,
@@ -70,7 +70,7 @@ impl fmt::Display for Settings {
     }
 }
 
-/// What a byte gives.
+/// Bytes unpacked from one byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Unpacked {
     bytes: [u8; Self::MAX_BYTES],
@@ -163,7 +163,7 @@ impl Unpacker {
             Some(Command::DisableNoSpaces) => Settings { no_spaces: false, ..self.settings },
             Some(Command::Query) | None => return,
         };
-        // What was half unpacked has lost its other half.
+        // A half-unpacked byte has lost its other half.
         *self = Self { settings, ..Self::new() };
     }
 

@@ -5,15 +5,15 @@
 
 use core::fmt;
 
-/// In the place of a letter: the command's name is a word, as Klipper's are.
+/// Takes the place of a letter: the command's name is a word, as Klipper's are.
 pub const NAMED: u8 = b'_';
 
-/// What becomes of a command that is not executed.
+/// Treatment of a command that is not executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Nothing, and the job goes on: slicers write it for many machines, and a print is the same without it.
+    /// Ignored, and the job continues: slicers write it for many machines, and a print is the same without it.
     Accepted,
-    /// As [`Outcome::Accepted`], but answered as an unknown command: the print may differ.
+    /// Ignored like [`Outcome::Accepted`], but answered as an unknown command: the print may differ.
     Unknown,
     /// An error: the rest of the job would be printed elsewhere, at another speed or with another amount of filament.
     Refused,
@@ -28,13 +28,14 @@ pub struct NotExecuted {
     pub first: u16,
     /// The last number.
     pub last: u16,
-    /// As people write it: `G29`, `G55 to G59`; names are divided by `, `, and one that ends with `*` stands for all that begin so.
+    /// Usual spelling: `G29`, `G55 to G59`; names are separated by `, `, and one that ends with `*` includes all that
+    /// begin so.
     pub name: &'static str,
-    /// What it does where it is executed.
+    /// Its action on machines that execute it.
     pub meaning: &'static str,
     /// Why it is not executed here, or what to use instead; of a refused one what would be wrong after it.
     pub why: &'static str,
-    /// What becomes of it.
+    /// Treatment.
     pub outcome: Outcome,
 }
 
@@ -52,8 +53,8 @@ impl NotExecuted {
     }
 }
 
-/// Whether `name` is one of the `known` names, which are written as in [`NotExecuted::name`]. By itself, as it is rarely called and
-/// flash is short.
+/// True if `name` is one of the `known` names, which are written as in [`NotExecuted::name`]. A separate function, as
+/// it is rarely called and flash is short.
 #[inline(never)]
 pub(crate) fn is_one_of(mut known: &[u8], name: &[u8]) -> bool {
     let mut rest = name;
@@ -71,7 +72,7 @@ pub(crate) fn is_one_of(mut known: &[u8], name: &[u8]) -> bool {
 }
 
 impl fmt::Display for NotExecuted {
-    /// As a remark says it, without the command's name.
+    /// Writes it as a remark, without the command's name.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "not executed ({}): {}", self.meaning, self.why)
     }
@@ -257,7 +258,7 @@ mod tests {
             for number in 0..2000 {
                 let text = format!("{letter}{number}");
                 let listed = NotExecuted::find(letter.as_bytes()[0], number).map(|(_, entry)| entry.outcome);
-                // Without words they are queries, ask for what is so, or say that a word is missing.
+                // These are queries without words, have no effect, or report a missing word.
                 if ["M42", "M149", "M155", "M200", "M280"].contains(&text.as_str()) {
                     continue;
                 }

@@ -66,7 +66,7 @@ pub enum ParseError {
     NotANumber {
         /// The letter, upper case.
         letter: char,
-        /// What follows it.
+        /// Text after it.
         text: ShortText,
     },
     /// The number does not fit a [`Decimal`] or its field.
@@ -114,7 +114,7 @@ pub enum ParseError {
         command: &'static str,
         /// The word.
         word: ShortText,
-        /// How its words are written.
+        /// Form of its words.
         words: &'static str,
     },
     /// A word that a macro of the profile does not know.
@@ -130,7 +130,7 @@ pub enum ParseError {
     NotSupported {
         /// The command, such as `G5`.
         command: &'static str,
-        /// What would happen if it were skipped, and what to write instead.
+        /// Effect of skipping it, and what to write instead.
         why: &'static str,
     },
 }

@@ -1,4 +1,4 @@
-//! From the text of a line to a [`Command`].
+//! Parsing of a line's text into a [`Command`].
 
 mod accelerometer;
 mod bed;
@@ -35,7 +35,8 @@ pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
     parse_with_remarks(text, &mut Remarks::default())
 }
 
-/// As [`parse`]; adds to `remarks` which parts of the line are ignored or changed and what has no effect, for the host.
+/// Parses like [`parse`], and adds to `remarks`, for the host, which parts of the line are ignored or changed and what
+/// has no effect.
 ///
 /// # Errors
 ///
@@ -93,7 +94,7 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
 /// Numbers above it are no tools, but orders to what some printers have: T255 and T1000 of Bambu's, T65535.
 const LAST_TOOL: u32 = 99;
 
-/// How an error calls a line of coordinates alone, with which other machines repeat the last G0 to G3.
+/// Name in errors for a line of coordinates alone, with which other machines repeat the last G0 to G3.
 const BARE_COORDINATE: &str = "a coordinate without a command";
 
 /// A line that begins with something other than a letter.
@@ -111,8 +112,8 @@ fn no_command<'a>(text: &'a str, at: usize, remarks: &mut Remarks) -> Command<'a
     Command::Unknown(text.trim_matches([' ', '\t']))
 }
 
-/// Whether a word is a name, as macros of other firmware have, and not a command that lost its number: two letters follow each
-/// other after the first, as in `MESH_ON`, but not in `GX5Y5`.
+/// True if a word is a name, such as a macro of other firmware, and not a command that lost its number: two letters
+/// follow each other after the first, as in `MESH_ON`, but not in `GX5Y5`.
 fn is_name(word: &[u8]) -> bool {
     let is_letter = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_';
     let word = word.split(|byte| matches!(byte, b' ' | b'\t')).next().unwrap_or_default();

@@ -3,7 +3,7 @@
 use crate::line::ChecksumScan;
 use crate::{Checksum, Command, Line, LineError, ResendReason, parse};
 
-/// What to do with a line.
+/// Treatment of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Execute it and answer `ok`.
@@ -89,7 +89,7 @@ impl LineNumbers {
     }
 }
 
-/// Whether a line is an `N` without a number, or ends in a checksum that is not that of its text.
+/// True if a line is an `N` without a number, or ends in a checksum that is not that of its text.
 fn has_lost_its_number(text: &str) -> bool {
     if matches!(text, "N" | "n") {
         return true;

@@ -17,12 +17,12 @@ pub struct Real {
 }
 
 impl Real {
-    /// With all its decimals, 0 to 9.
+    /// Number with all its decimals, 0 to 9.
     pub fn fixed(value: impl Into<f64>, decimals: u8) -> Self {
         Self { value: value.into(), decimals: decimals.min(MOST_DECIMALS), is_short: false }
     }
 
-    /// With up to this many decimals, 0 to 9, without trailing zeros.
+    /// Number with up to this many decimals, 0 to 9, without trailing zeros.
     pub fn short(value: impl Into<f64>, decimals: u8) -> Self {
         Self { is_short: true, ..Self::fixed(value, decimals) }
     }

@@ -90,7 +90,7 @@ pub enum Remark {
     NoServo,
 }
 
-/// What of a line was ignored or changed, so that the host learns how the line was read.
+/// Parts of a line that were ignored or changed, so that the host learns how the line was read.
 ///
 /// `Display` writes all remarks in one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -178,7 +178,7 @@ impl Remarks {
         unknown_word: None,
     };
 
-    /// Whether there are no remarks.
+    /// True if there are no remarks.
     pub fn is_empty(&self) -> bool {
         *self == Self::NONE
     }
@@ -238,17 +238,17 @@ impl Remarks {
         self.no_effect |= letters;
     }
 
-    /// Whether words without effect are all that is to be said of the line.
+    /// True if the only remarks are about words without effect.
     pub fn is_no_effect_alone(&self) -> bool {
         *self == Self { no_effect: self.no_effect, ..Self::NONE }
     }
 
-    /// Whether the line is a command that this firmware, or this machine, does not execute, known or not.
+    /// True if the line is a command that this firmware, or this machine, does not execute, known or not.
     pub fn is_not_executed(&self) -> bool {
         self.not_executed != 0 || self.about_line & (NO_BED | ONE_Z_MOTOR | NO_BACKLASH) != 0
     }
 
-    /// Whether the line is a command that this firmware does not know.
+    /// True if the line is a command that this firmware does not know.
     pub fn is_unknown(&self) -> bool {
         self.entries().any(|entry| entry.outcome == crate::Outcome::Unknown)
     }

@@ -45,7 +45,7 @@ pub struct ChamberTemperature {
     pub power: Option<u8>,
 }
 
-/// Where the machine stands (M114): logical coordinates in units of 10 nm, and motor step counters.
+/// Position of the machine (M114): logical coordinates in units of 10 nm, and motor step counters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Position {
     /// X, Y, Z and E as the G-code sees them.
@@ -66,11 +66,11 @@ pub struct MotionFigures {
     pub order_digest: u64,
     /// Digest of the same with the times.
     pub step_digest: u64,
-    /// How often the step queue was empty at non-zero speed.
+    /// Times that the step queue was empty at non-zero speed.
     pub underruns: u64,
-    /// How often a block left the look-ahead ring because steps ran out.
+    /// Blocks that left the look-ahead ring because steps ran out.
     pub starvation_flushes: u64,
-    /// How often waiting moves were executed because the host sent no more.
+    /// Times that waiting moves were executed because the host sent no more.
     pub idle_flushes: u64,
     /// Steps issued to the X, Y, Z (A, B, Z) and extruder motors, both directions added.
     pub issued_steps: [u64; 4],
@@ -78,7 +78,7 @@ pub struct MotionFigures {
     pub slowed_moves: u64,
     /// Moves that share the block of the one before.
     pub merged_moves: u64,
-    /// How often planning did not keep up and lowered the speed of the following blocks.
+    /// Times that planning did not keep up and lowered the speed of the following blocks.
     pub planning_slowdowns: u64,
     /// Updates of the step timer that its interrupt missed.
     pub missed_updates: u64,
@@ -88,12 +88,12 @@ pub struct MotionFigures {
     pub miscounts: u64,
 }
 
-/// How long a frequent event takes (M798). Percentiles are upper limits.
+/// Durations of a frequent event (M798). Percentiles are upper limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TimingFigures {
-    /// What was measured: `step_latency` ...
+    /// Name of the event: `step_latency` ...
     pub name: &'static str,
-    /// How often it happened.
+    /// Times that it happened.
     pub count: u32,
     /// Half of them took this or less.
     pub p50: u32,
@@ -112,7 +112,7 @@ pub struct TimingFigures {
 pub struct EndStopState {
     /// `x_min`, `y_max`, `z_probe` ...
     pub name: &'static str,
-    /// Whether it is triggered.
+    /// True if it is triggered.
     pub triggered: bool,
 }
 
@@ -127,7 +127,7 @@ pub struct ShaperState<'a> {
     pub damping: f64,
 }
 
-/// How far the extruder runs ahead of the flow (M900, M572).
+/// Lead of the extruder over the flow (M900, M572).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdvanceState {
     /// K, s.
@@ -138,12 +138,12 @@ pub struct AdvanceState {
     pub smooth_time_s: Option<f64>,
 }
 
-/// What M115 reports.
+/// Content of the M115 report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareInfo<'a> {
     /// Version of the firmware, `0.1.0 (commit abcdef0)`. Hosts look for keys in capitals before a colon, of which it has none.
     pub version: &'a str,
-    /// Where its sources are; empty where nobody has said it.
+    /// Address of its sources; empty if unknown.
     pub source_code_url: &'a str,
     /// The board's own number, by which a host tells two printers apart; `None` where it has none.
     pub identifier: Option<[u32; 3]>,
@@ -151,25 +151,25 @@ pub struct FirmwareInfo<'a> {
     pub machine: &'a str,
     /// `Cartesian` or `COREXY`.
     pub kinematics: &'a str,
-    /// How many extruders there are.
+    /// Number of extruders.
     pub extruders: u8,
     /// Lower ends of the travel of X, Y and Z, units of 10 nm (for the `area:` line).
     pub lower_end_10nm: [i64; 3],
     /// Upper ends.
     pub size_10nm: [i64; 3],
-    /// Whether M112, M108 and M410 act as their bytes arrive.
+    /// True if M112, M108 and M410 act as their bytes arrive.
     pub emergency_parser: bool,
     /// A host may pack its bytes ([`crate::meatpack`]).
     pub meatpack: bool,
-    /// Whether there are heaters, which are watched then.
+    /// True if there are heaters, which are then watched.
     pub thermal_protection: bool,
-    /// Whether Z homes with a probe.
+    /// True if Z homes with a probe.
     pub z_probe: bool,
-    /// Whether there is a slot for a memory card.
+    /// True if there is a slot for a memory card.
     pub card: bool,
-    /// Whether settings can be stored.
+    /// True if settings can be stored.
     pub stores_settings: bool,
-    /// Whether there is a filament sensor.
+    /// True if there is a filament sensor.
     pub filament_sensor: bool,
     /// The power supply can be switched (M80, M81).
     pub power_supply: bool,
@@ -214,7 +214,7 @@ pub enum Reply<'a> {
     },
     /// `echo:extrusion <gcode|adaptive> H:0.200 W:0.450 D:1.750 lambda:0.037418` (M795)
     Extrusion {
-        /// Whether moves without E extrude by their length.
+        /// True if moves without E extrude by their length.
         adaptive: bool,
         /// Layer height, line width, filament diameter, units of 10 nm.
         sizes_10nm: [i64; 3],
@@ -253,7 +253,7 @@ pub enum Reply<'a> {
     // ANCHOR: m302
     /// `echo:Cold extrudes are <en|dis>abled (min temp <n>C)`
     ColdExtrusion {
-        /// Whether extrusion is allowed at any temperature.
+        /// True if extrusion is allowed at any temperature.
         allowed: bool,
         /// The limit, degrees Celsius.
         minimum: f32,
@@ -263,7 +263,7 @@ pub enum Reply<'a> {
     ActiveExtruder(u32),
     /// `echo:; Soft endstops:` and the M211 line.
     SoftLimits {
-        /// On or off.
+        /// True if they are on.
         enabled: bool,
         /// Lower ends of X, Y and Z, units of 10 nm.
         min_10nm: [i64; 3],
@@ -274,7 +274,7 @@ pub enum Reply<'a> {
     Text(&'a str),
     /// `Error:checksum mismatch, Last Line: <n>`, `Resend: <n+1>`, `ok`: three lines; likewise the other two.
     Resend {
-        /// What was wrong.
+        /// Reason of the request.
         reason: ResendReason,
         /// Last good line number.
         last: i64,

@@ -32,7 +32,7 @@ pub enum SkewCommand {
 }
 
 impl SkewCommand {
-    /// Whether the axes may be off their right angles after it.
+    /// True if the axes may be off their right angles after it.
     pub fn may_skew(&self) -> bool {
         match self {
             Self::Factors(factors) => factors.iter().flatten().any(|factor| *factor != Decimal::ZERO),
@@ -41,7 +41,7 @@ impl SkewCommand {
         }
     }
 
-    /// Whether it changes nothing.
+    /// True if it changes nothing.
     pub const fn is_query(&self) -> bool {
         matches!(self, Self::Factors([None, None, None]) | Self::Calculate(_) | Self::Report)
     }

@@ -1,8 +1,8 @@
-//! What TUNING_TOWER asks for.
+//! Words of TUNING_TOWER.
 
 use crate::Decimal;
 
-/// How the value of a tower follows the height.
+/// Relation between a tower's value and the height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TowerCourse {
     /// FACTOR: evenly.
@@ -26,7 +26,7 @@ pub enum TowerCourse {
     },
 }
 
-/// What TUNING_TOWER changes with the height.
+/// Quantity that TUNING_TOWER changes with the height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TowerWords<'a> {
     /// COMMAND: what is executed, with further words of its own; for the machine to know.

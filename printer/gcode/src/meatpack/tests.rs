@@ -61,7 +61,7 @@ fn every_command_reports() {
         (250, "[MP] PV01 OFF ESP"),
         (251, "[MP] PV01 ON ESP"),
         (247, "[MP] PV01 ON NSP"),
-        // Not a command.
+        // A byte that is not a command.
         (253, "[MP] PV01 ON NSP"),
         (0, "[MP] PV01 ON NSP"),
         (249, "[MP] PV01 OFF ESP"),

@@ -21,7 +21,7 @@ pub(super) fn g_code<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Comman
         // RepRapFirmware's point P of a mesh, whose height is given and not probed.
         30 if words.is_present(b'P') && words.is_above(b'Z', NOT_GIVEN) => Ok(Command::Accepted),
         30 => Ok(Command::Bed(BedCommand::Probe { x: words.value(b'X'), y: words.value(b'Y') })),
-        // Of Prusa's G80 the other letters correct the mesh.
+        // The other letters of Prusa's G80 correct the mesh.
         _ => {
             let area = area_of_size(words, "G80")?;
             Ok(Command::Bed(BedCommand::Measure { area, unless_on: words.flag(b'O') }))
@@ -44,7 +44,7 @@ fn measure<'a>(words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let is_first_phase = has_phase && !words.is_other_than(b'P', 1);
     let (has_edges, has_size) = (has(words, b"RB"), has(words, b"WH"));
     if !is_first_phase {
-        // Of unified levelling F is the height of fading; of bilinear levelling an edge, beside others.
+        // F is the fade height in unified levelling; in bilinear levelling it is an edge, beside others.
         let fade = if has_edges { None } else { words.not_negative(b'F')? };
         if words.flag(b'A') {
             return follow(Some(true), fade, false);

@@ -72,7 +72,7 @@ fn progress<'a>(code: &Code<'a>, words: &mut Words<'_>) -> Result<CardCommand<'a
     Ok(interval.map_or(CardCommand::ReportProgress, |seconds| CardCommand::AutoReport { seconds }))
 }
 
-/// Whether a text is words of M32, each a letter with a number or without.
+/// True if a text consists of words of M32, each a letter with or without a number.
 fn is_words(text: &str) -> bool {
     let is_word = |word: &str| match word.as_bytes() {
         [b'P' | b'S' | b'p' | b's', number @ ..] => number.iter().all(u8::is_ascii_digit),

@@ -4,18 +4,18 @@ use super::words::{Strays, Words};
 use crate::remarks::{Remark, Remarks};
 use crate::{Command, NotExecuted, Outcome, ParseError};
 
-/// What stands at the start of a line: `G29.1`, `M204`, `T0`.
+/// Code at the start of a line: `G29.1`, `M204`, `T0`.
 #[derive(Clone, Copy)]
 pub(super) struct Code<'a> {
     /// The number after the letter, `u32::MAX` if it is larger still.
     pub(super) number: u32,
-    /// Whether `.` and a subcode follow.
+    /// True if `.` and a subcode follow.
     pub(super) has_subcode: bool,
     /// The subcode, 0 if there is none.
     pub(super) subcode: u32,
     /// The whole line, trimmed.
     pub(super) text: &'a str,
-    /// What follows the code.
+    /// Text after the code.
     pub(super) rest: &'a str,
     /// `G` or `M`.
     pub(super) letter: u8,
@@ -46,12 +46,12 @@ impl<'a> Code<'a> {
         Words::parse(self.rest, remarks, Strays::Remarked)
     }
 
-    /// What becomes of a command that the parser has no code for.
+    /// Treats a command that the parser has no code for.
     pub(super) fn not_executed(&self, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
         self.outcome(NotExecuted::find(self.letter, self.number), words.remarks())
     }
 
-    /// What becomes of a command by its entry; without one it is unknown.
+    /// Treats a command by its entry; without one it is unknown.
     pub(super) fn outcome(
         &self,
         entry: Option<(u8, &'static NotExecuted)>,

@@ -36,7 +36,7 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
             code.without_words(Command::Accepted, words)?;
             code.not_executed(words)
         }
-        // Before a move G53 means machine coordinates, and the move must not vanish silently.
+        // G53 before a move means machine coordinates, and the move must not vanish silently.
         53 if skip_blanks(code.rest.as_bytes(), 0) < code.rest.len() => {
             Err(not_supported("G53 with a move", "the move would be missing; put the move on a line of its own"))
         }

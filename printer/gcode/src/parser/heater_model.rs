@@ -4,7 +4,7 @@ use super::words::{Strays, Words};
 use crate::remarks::Remarks;
 use crate::{Decimal, ParseError};
 
-/// What M306 asks or sets, as Marlin has it. Without T and constants it asks.
+/// Words of M306, as Marlin has them. Without T and constants it is a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HeaterModelWords {
     /// E-1: of the bed.

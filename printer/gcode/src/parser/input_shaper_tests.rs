@@ -52,7 +52,7 @@ fn m593_as_reprapfirmware_has_it() {
     reads("M593 P\"None\"", m593(shaper("None", "", ""), shaper("None", "", "")));
     reads("M593 Y P\"ei3\"", m593(NONE, shaper("ei3", "", "")));
     reads_with("M593 P\"zvd\" L0.2", m593(shaper("zvd", "", ""), shaper("zvd", "", "")), "L has no effect");
-    // What follows a second command is not this one's.
+    // Words after a second command do not belong to the first.
     let second = "one command a line: the second and everything after it is ignored";
     reads_with("M593 F42 M117 P\"mzv\"", m593(shaper("", "42", ""), shaper("", "42", "")), second);
 }

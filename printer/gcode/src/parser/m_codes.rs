@@ -43,7 +43,7 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
         602 => code.without_words(Command::ResumePrint, words),
         125 | 600 | 601 => pause(code, words),
         603 | 701 | 702 => filament(code, words),
-        // With P it waits for a pin, of which this machine has none to name.
+        // P makes it wait for a pin, and this machine has no pin names.
         226 if code.peek(&mut Remarks::default())?.has(b'P') => Ok(code.unknown()),
         226 => pause(code, words),
         876 => {
@@ -105,7 +105,8 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
         81 => Ok(Command::Supply(SupplyCommand::Off { when_cool: code.words(words)?.flag(b'S') })),
         82 => code.without_words(Command::AbsoluteExtrusion, words),
         83 => code.without_words(Command::RelativeExtrusion, words),
-        // Where Marlin kills an idle machine, heaters go off here. S0, which slicers write to be left alone, leaves them watched.
+        // Marlin kills an idle machine; here the heaters go off. S0, which slicers write to be left alone, leaves them
+        // watched.
         85 => match code.words(words)?.whole_up_to(b'S', u16::MAX)? {
             Some(0) => Ok(Command::HeaterTimeout(None)),
             seconds => Ok(Command::HeaterTimeout(seconds)),
@@ -442,7 +443,7 @@ fn stop<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseE
     Ok(Command::Stop { longest_ms, text })
 }
 
-/// How long the word P or S is with which a text begins, with the blanks after it; `None` if it begins with another.
+/// Length of the word P or S at the begin of a text, with the blanks after it; `None` if it begins with another.
 fn time_length(text: &str) -> Option<usize> {
     let bytes = text.as_bytes();
     let at = match bytes {

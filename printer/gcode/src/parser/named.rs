@@ -101,7 +101,7 @@ impl<'a> NamedWords<'a> {
         unknown.map(|name| ShortText::new(core::str::from_utf8(name).unwrap_or_default()))
     }
 
-    /// Whether a word that the command has stands without `=` and its value.
+    /// True if one of the command's words lacks `=` and its value.
     fn lacks_value(&self) -> bool {
         let is_bare = |word: &[u8]| !word.contains(&b'=') && is_one_of(self.known.as_bytes(), word);
         Divided(self.text).any(is_bare)
@@ -263,7 +263,7 @@ fn executed_one<'a>(index: usize, words: &NamedWords<'a>, remarks: &mut Remarks)
     Ok(match index {
         0 => velocity_limit(words, remarks)?,
         1 => {
-            // Without a target it is off, as in Klipper.
+            // A missing target means off, as in Klipper.
             let target = Some(words.number("TARGET")?.unwrap_or(Decimal::ZERO).max(Decimal::ZERO));
             match words.heater("HEATER", remarks)? {
                 // Klipper's names are of the extruder, whichever is selected.

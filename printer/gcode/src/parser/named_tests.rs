@@ -109,7 +109,7 @@ fn unknown_words_are_named() {
     }
 }
 
-/// What files for Klipper begin, go on and end with is known, and says why it does nothing.
+/// Commands that begin, pause and end files for Klipper are known, and a remark says why they do nothing.
 #[test]
 fn what_means_nothing_here_says_so() {
     for (text, says) in [

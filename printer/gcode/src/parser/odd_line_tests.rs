@@ -4,7 +4,7 @@ use super::tests::{number, reads, reads_with, refused, some};
 use super::*;
 use crate::{ArcForm, AxisFlags, AxisWords, Decimal, Remarks};
 
-/// What is not executed says so; `tests` of `not_executed` go through the table itself.
+/// A remark says why a command is not executed; `tests` of `not_executed` go through the table itself.
 #[test]
 fn commands_without_effect_say_why() {
     for (text, says) in [
@@ -18,7 +18,7 @@ fn commands_without_effect_say_why() {
         assert_eq!(parse_with_remarks(text, &mut remarks), Ok(Command::Accepted), "{text}");
         assert!(remarks.to_string().ends_with(says) && !remarks.is_unknown(), "{text}: {remarks}");
     }
-    // What they ask for is so.
+    // The machine already is as they ask.
     reads("M862.1 P0.4 A0", Command::CheckNozzle(some("0.4")));
     reads_with("M862.1 Q", Command::CheckNozzle(None), "Q has no effect");
     for text in ["M862.3 P \"MK4\"", "M862.3 PMK4", "M862.3 P MK4 "] {

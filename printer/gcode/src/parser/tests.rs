@@ -16,7 +16,7 @@ pub(super) fn some(text: &str) -> Option<Decimal> {
     Some(number(text))
 }
 
-/// What the parser says about a line it refuses.
+/// Error of the parser for a line it refuses.
 pub(super) fn refused(text: &str) -> String {
     match parse(text) {
         Ok(command) => panic!("{text:?} is {command:?}"),
@@ -45,7 +45,7 @@ fn moves_as_slicers_write_them() {
         reads(text, Command::Linear { rapid: false, axes, feed: None });
     }
     let retract = AxisWords { e: some("-0.8"), ..AxisWords::default() };
-    // Of a web page.
+    // Non-breaking space, as copied from a web page.
     reads("M104 S0 \u{a0} ", Command::SetNozzle(None, some("0")));
     reads("G1 E-.8 F2100", Command::Linear { rapid: false, axes: retract, feed: some("2100") });
     let lift = AxisWords { z: some("0.2"), ..AxisWords::default() };
@@ -143,7 +143,7 @@ fn other_g_codes() {
     reads("G92 E0", Command::SetPosition(e));
     let zero = Some(Decimal::ZERO);
     reads("G92", Command::SetPosition(AxisWords { x: zero, y: zero, z: zero, e: zero }));
-    // Not all of them to zero, as without words.
+    // Does not set all of them to zero, as it would without words.
     reads_with("G92 E", Command::SetPosition(e), "E without a number is read as 0");
     reads_with("G92 A0", Command::SetPosition(AxisWords::default()), "A has no effect");
     for text in ["G28.1", "G99999999999999999999"] {

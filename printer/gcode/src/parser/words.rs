@@ -3,14 +3,14 @@
 use crate::remarks::{Remark, Remarks};
 use crate::{AxisFlags, AxisWords, Decimal, NumberError, ParseError, ShortText};
 
-/// What becomes of a number without its letter.
+/// Treatment of a number without its letter.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Strays {
     /// It is ignored, with a remark.
     Remarked,
     /// It is an error: it could have been a coordinate.
     Refused,
-    /// As [`Self::Remarked`]. Besides, `=` may stand before a number, as Klipper has it.
+    /// Ignored with a remark, like [`Self::Remarked`]; in addition `=` may come before a number, as in Klipper.
     Assigned,
 }
 
@@ -111,7 +111,7 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
-    /// Whether there is no word.
+    /// True if there is no word.
     pub(super) fn is_empty(&self) -> bool {
         self.present == 0
     }
@@ -121,18 +121,18 @@ impl<'a> Words<'a> {
         Decimal::from_nanos(self.values[(letter - b'A') as usize])
     }
 
-    /// Whether the letter is there, with or without a number.
+    /// True if the letter is there, with or without a number.
     pub(super) const fn has(&mut self, letter: u8) -> bool {
         self.asked |= bit(letter);
         self.present & bit(letter) != 0
     }
 
-    /// Whether the letter is there, without asking for it.
+    /// True if the letter is there; does not count as asking for it.
     pub(super) const fn is_present(&self, letter: u8) -> bool {
         self.present & bit(letter) != 0
     }
 
-    /// Whether the letter is there with another number than this one, with which it needs no remark.
+    /// True if the letter is there with another number than this one, with which it needs no remark.
     pub(super) fn is_other_than(&mut self, letter: u8, usual: i64) -> bool {
         let value = self.number(letter);
         let is_other = self.is_present(letter) && value != Decimal::from_nanos(usual * 1_000_000_000);
@@ -142,7 +142,7 @@ impl<'a> Words<'a> {
         is_other
     }
 
-    /// Whether the letter has a number of this size or above, without asking for it.
+    /// True if the letter has a number of at least `least`; does not count as asking for it.
     pub(super) fn is_above(&self, letter: u8, least: i64) -> bool {
         self.valued & bit(letter) != 0 && self.number(letter) >= Decimal::from_nanos(least * 1_000_000_000)
     }
@@ -309,17 +309,17 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// Which of X, Y, Z and E are named.
+    /// Axes named among X, Y, Z and E.
     pub(super) const fn axis_flags(&mut self) -> AxisFlags {
         AxisFlags { x: self.has(b'X'), y: self.has(b'Y'), z: self.has(b'Z'), e: self.has(b'E') }
     }
 
-    /// Which tool the line names by T, or by another letter; what is no number of a tool becomes [`NO_TOOL`].
+    /// Tool that the line names by T, or by another letter; numbers that no tool can have become [`NO_TOOL`].
     pub(super) fn tool(&mut self, letter: u8) -> Option<u8> {
         self.whole(letter).map(|number| u8::try_from(number).unwrap_or(NO_TOOL))
     }
 
-    /// Whether a letter has a number other than zero.
+    /// True if a letter has a number other than zero.
     pub(super) fn is_not_zero(&mut self, letter: u8) -> bool {
         self.value(letter).is_some_and(|value| value != Decimal::ZERO)
     }
@@ -346,7 +346,7 @@ impl<'a> Words<'a> {
 }
 
 impl Drop for Words<'_> {
-    /// What nobody has asked for has no effect.
+    /// Remarks that the words never asked for have no effect.
     fn drop(&mut self) {
         self.remarks.add_no_effect(self.present & !self.asked);
     }

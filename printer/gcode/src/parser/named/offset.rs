@@ -5,7 +5,7 @@ use crate::{Command, Decimal, ParseError};
 
 /// The keys of its words.
 pub(super) const WORDS: &str = "X, Y, Z, E, X_ADJUST, Y_ADJUST, Z_ADJUST, E_ADJUST, MOVE";
-/// How its words are written, for errors.
+/// Form of its words, for errors.
 pub(super) const FORM: &str = "Z or Z_ADJUST with a number, and MOVE with 0 or 1";
 
 /// Its words. Z is the offset, Z_ADJUST what is added to it; offsets of X, Y and E can be 0 only.

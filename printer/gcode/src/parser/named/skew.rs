@@ -6,7 +6,7 @@ use super::NamedWords;
 use crate::not_executed::is_one_of;
 use crate::{Decimal, Diagonals, ParseError, SkewCommand};
 
-/// How their words are written, for errors.
+/// Form of their words, for errors.
 pub(super) const SET: &str = "XY, XZ or YZ with the lengths AC,BD,AD in mm, or CLEAR=1";
 pub(super) const CALCULATE: &str = "AC, BD and AD with lengths in mm";
 

@@ -3,7 +3,7 @@
 use super::NamedWords;
 use crate::{Decimal, ParseError, TowerCourse, TowerWords};
 
-/// How its words are written, for errors.
+/// Form of its words, for errors.
 pub(super) const FORM: &str = "COMMAND, PARAMETER and START, with FACTOR (and BAND) or with STEP_DELTA and STEP_HEIGHT";
 
 /// The keys of its words.

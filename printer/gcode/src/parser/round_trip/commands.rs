@@ -90,7 +90,7 @@ fn any_autotune() -> impl Strategy<Value = Command<'static>> {
         .prop_map(|(of, target, cycles, uses)| Command::Autotune { of, target, cycles, uses })
 }
 
-/// As M593 sets it: of one axis, or of both alike.
+/// Words of M593: for one axis, or for both alike.
 fn any_shaper() -> impl Strategy<Value = Command<'static>> {
     let kind = of(proptest::sample::select(&["none", "zv", "mzv", "ei2", "zvddd", ""][..]));
     (kind, of(any_number()), of(any_number()), 1..=3_u8).prop_map(|(kind, frequency, damping, axes)| {
