@@ -32,7 +32,7 @@ pub struct Layout {
     pub table_start: u32,
     /// Length of a table, blocks.
     pub table_blocks: u32,
-    /// How many tables there are: 1 or 2.
+    /// Number of tables: 1 or 2.
     pub tables: u32,
     /// Blocks in a cluster.
     pub cluster_blocks: u32,
@@ -84,12 +84,12 @@ impl Layout {
         if is_possible && is_rooted { Ok(layout) } else { Err(NoVolume::Damaged) }
     }
 
-    /// Whether it has this cluster.
+    /// True if it has this cluster.
     pub fn has(&self, cluster: u32) -> bool {
         cluster.wrapping_sub(FIRST_CLUSTER) < self.clusters
     }
 
-    /// Where its tables are on a card on which it begins at `start`.
+    /// Place of its tables on a card on which it begins at `start`.
     pub fn tables_at(&self, start: u32) -> Tables {
         Tables { start: start.saturating_add(self.table_start), blocks: self.tables * self.table_blocks }
     }
@@ -110,7 +110,7 @@ pub fn first_partition(block: &Block) -> Option<(usize, u32)> {
     })
 }
 
-/// Whether a partition is of the type that exFAT (and NTFS) have.
+/// True if a partition is of the type of exFAT (and NTFS).
 pub fn has_exfat_partition(block: &Block) -> bool {
     block.contents.get(446 + 4) == Some(&0x07)
 }

@@ -12,14 +12,14 @@ use ferrostep_hal_shim::card::{Block, BlockCount, BlockDevice, BlockIdx, CardErr
 pub const SLOT_BYTES: usize = 32;
 /// Attributes of an entry that holds a part of a long name.
 const LONG_NAME: u8 = 0x0F;
-/// Where in an entry its attributes are.
+/// Offset of an entry's attributes.
 const ATTRIBUTES: usize = 11;
 /// Bits 24 to 31 of a file's first cluster. The upper four do not belong to it.
 const FIRST_CLUSTER_TOP: usize = 21;
 /// The first character of a part of a long name, upper byte.
 const FIRST_CHARACTER_TOP: usize = 2;
 
-/// What blocks are read for.
+/// Purpose of reading blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// A file's contents.
@@ -89,14 +89,14 @@ impl<S: CardSlot> Guard<S> {
         self.is_whole.set(false);
     }
 
-    /// Where the volume has its tables, which are not folders, and the block after its last one.
+    /// Sets the place of the volume's tables, which are not folders, and the block after its last one.
     pub fn set_volume(&self, tables: Tables, end: u32) {
         self.tables.set(tables);
         self.end.set(end);
     }
 
-    /// Whether a block after the volume's end was asked for since this was last asked: embedded-sdmmc 0.10 takes a free
-    /// place at the end of the table of clusters for a cluster.
+    /// Returns true if a block after the volume's end was asked for since the last call: embedded-sdmmc 0.10 takes a
+    /// free place at the end of the table of clusters for a cluster.
     pub fn take_passed_end(&self) -> bool {
         self.passed_end.take()
     }

@@ -21,7 +21,7 @@ pub const KEPT_BYTES: usize = 371;
 pub type Kept = heapless::Vec<u8, KEPT_BYTES>;
 
 const MAGIC: [u8; 4] = *b"FSPL";
-/// Of the layout below; the place has a version of its own.
+/// Version of the layout below; the place has its own version.
 const VERSION: u8 = 1;
 const FILE_BYTES: u32 = 2 * Block::LEN_U32;
 
@@ -32,11 +32,11 @@ const PLACE_AT: usize = PATH_AT + SHORT_PATH_BYTES;
 const CRC_AT: usize = Block::LEN - 4;
 const _: () = assert!(PLACE_AT + KEPT_BYTES <= CRC_AT);
 
-/// Where the file's blocks are on the card, and which is the older.
+/// Places of the file's blocks on the card, and which is the older.
 #[derive(Clone, Copy, Debug)]
 pub struct KeptFile {
     blocks: [BlockIdx; 2],
-    /// Which block is written next.
+    /// Block that is written next.
     turn: bool,
     /// The number that it gets.
     sequence: u32,

@@ -33,24 +33,24 @@ pub type Page = heapless::String<PAGE_BYTES>;
 pub struct ListOptions {
     /// The path of long names.
     pub long: bool,
-    /// When the file was written.
+    /// Include the time at which each file was written.
     pub time: bool,
 }
 
-/// Where a list goes on.
+/// Place at which a list continues.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cursor {
     /// The folder, each name with a slash after it.
     short: ShortPath,
     long: LongPath,
-    /// For each folder on the path, from the root on, how many of its entries have been passed.
+    /// Entries passed in each folder on the path, from the root on.
     passed: heapless::Vec<u16, { MAX_DEPTH + 1 }>,
     files: u16,
     /// Blocks that were read for it.
     blocks: u32,
 }
 
-/// How the search of a folder ended.
+/// Result of searching a folder.
 // There is one at a time, and no heap.
 #[allow(clippy::large_enum_variant)]
 enum Step {
@@ -95,7 +95,7 @@ fn clean(out: &mut LongPath, text: &str) -> fmt::Result {
     text.chars().try_for_each(|char| out.write_char(if char.is_control() || char == '/' { '_' } else { char }))
 }
 
-/// Whether an entry is listed: volume names, hidden files and links to parents are not.
+/// Names of an entry; `None` if it is not listed: volume names, hidden files and links to parents.
 fn names(entry: &DirEntry, long: Option<&str>) -> Option<Names> {
     let mut names = Names { short: short_name(entry), long: LongPath::new() };
     if entry.attributes.is_volume() || entry.attributes.is_hidden() || names.short.starts_with('.') {
@@ -111,7 +111,8 @@ fn names(entry: &DirEntry, long: Option<&str>) -> Option<Names> {
     (!names.long.starts_with('.')).then_some(names)
 }
 
-/// Whether a file may be printed: extensions that begin with a G, as Marlin lists it (GCO, G, GPR of prepared jobs), and BGC.
+/// True if a file may be printed: extensions that begin with a G, as Marlin lists it (GCO, G, GPR of prepared jobs),
+/// and BGC.
 fn is_job(entry: &DirEntry) -> bool {
     let extension = entry.name.extension();
     matches!(extension.first(), Some(b'G' | b'g')) || extension.eq_ignore_ascii_case(b"BGC")

@@ -43,7 +43,7 @@ pub enum Request {
     OpenKept,
 }
 
-/// Which page of a list.
+/// Page of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ListFrom {
     /// The first.
@@ -102,7 +102,7 @@ pub enum Put {
 /// The file that is open, as far as the mailbox knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stream {
-    /// None.
+    /// No file is open.
     Closed,
     /// Blocks are read ahead.
     Reading,
@@ -202,7 +202,7 @@ impl Mailbox {
         self.keeps = true;
     }
 
-    /// Whether a place is still to be written: the next must wait.
+    /// True while a place is still to be written: the next must wait.
     pub fn is_keeping(&self) -> bool {
         self.keeps
     }
@@ -294,7 +294,7 @@ impl Mailbox {
         Put::Bytes(length)
     }
 
-    /// Whether the card's task has something to do.
+    /// True if the card's task has something to do.
     pub fn has_work(&self) -> bool {
         self.request.is_some() || self.wants_block() || self.is_block_full() || self.keeps
     }
@@ -322,7 +322,7 @@ impl Mailbox {
         self.stream = Stream::Reading;
     }
 
-    /// Whether there is room for a block that is read.
+    /// True if there is room for a block that is read.
     pub(crate) fn wants_block(&self) -> bool {
         self.stream == Stream::Reading && self.buffers.iter().any(|buffer| buffer.filled == 0)
     }

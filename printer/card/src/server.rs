@@ -17,7 +17,7 @@ const FIRST_HANDLE: u32 = 1;
 /// Number of further attempts to read a block, each after a new start of the card.
 const RETRIES: u32 = 2;
 
-/// What is open.
+/// File that is open.
 #[derive(Debug)]
 enum Open {
     Nothing,
@@ -32,7 +32,7 @@ pub struct CardServer<S: CardSlot> {
     manager: Manager<S>,
     mounted: Option<Mounted>,
     open: Open,
-    /// Where the list goes on.
+    /// Place at which the list continues.
     cursor: Cursor,
     /// The file that keeps a print's place.
     kept: Option<KeptFile>,
@@ -53,7 +53,7 @@ impl<S: CardSlot> CardServer<S> {
     /// Does one task that the mailbox waits for; `false` if it waits for none.
     pub fn serve(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
         if let Some(request) = mailbox.with(Mailbox::take_request) {
-            // What was read ahead has told its failures itself.
+            // Failures of reading ahead have already been reported.
             self.manager.device(|guard| guard.take_failed());
             let answer = self.fulfil(request, mailbox);
             let answer = self.checked(answer, mailbox);
@@ -221,7 +221,7 @@ impl<S: CardSlot> CardServer<S> {
             || CardFailure::from(error.clone()) == CardFailure::Full;
         let failure = if is_full { CardFailure::Full } else { error.into() };
         if is_full {
-            // What was written keeps its clusters, until the file is deleted.
+            // The written part keeps its clusters until the file is deleted.
             let _ = self.close_written();
         } else {
             self.give_up();
@@ -267,7 +267,7 @@ impl<S: CardSlot> CardServer<S> {
     fn give_up(&mut self) {
         if let Open::Writing(file) = self.open {
             self.open = Open::Nothing;
-            // Without a budget nothing is written, least of all to another card.
+            // A budget of 0 prevents all writes, above all to another card.
             self.manager.device(|guard| guard.begin(Purpose::Data, 0));
             let _ = self.manager.close_file(file);
         }
@@ -315,7 +315,7 @@ impl<S: CardSlot> CardServer<S> {
             Open::Reading(_, source) => source.known_identity(),
             Open::Nothing | Open::Lost(_) | Open::Writing(_) => None,
         };
-        // Where the card was pulled out, the place is kept anew when the print goes on.
+        // If the card was pulled out, the place is kept anew when the print continues.
         let next = self.kept.as_ref().map(KeptFile::next);
         let block = mailbox.with(|mailbox| {
             mailbox.has_taken_kept();
@@ -461,7 +461,7 @@ impl<S: CardSlot> CardServer<S> {
     }
 }
 
-/// Whether a file can be created under this name: embedded-sdmmc writes no long ones.
+/// True if a file can be created under this name: embedded-sdmmc writes no long ones.
 fn is_short_name(name: &str) -> bool {
     !name.starts_with('.') && !name.ends_with('.') && name.is_ascii()
 }

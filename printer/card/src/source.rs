@@ -9,7 +9,7 @@ use crate::guard::Purpose;
 use crate::listing::ShortPath;
 use crate::volume::{Manager, Mounted, close, find, open_folder, split_file};
 
-/// As in gzip. A table would take 1 KB of flash, and save a tenth of a millisecond a block.
+/// CRC-32 as in gzip. A table would take 1 KB of flash, and save a tenth of a millisecond a block.
 pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 const BLOCK_BYTES: u32 = Block::LEN_U32;
 
@@ -18,7 +18,7 @@ const BLOCK_BYTES: u32 = Block::LEN_U32;
 pub struct Source {
     path: ShortPath,
     size: u32,
-    /// Where the next block is read.
+    /// Offset of the next block to read.
     offset: u32,
     first_crc: Option<u32>,
     /// The block before `offset`, and its CRC.
@@ -70,7 +70,7 @@ impl Source {
         if whole > 0 {
             self.last = Some((start, crc));
         }
-        // From the middle of a block on, after M26.
+        // After M26, reading begins in the middle of a block.
         let skipped = (self.offset - start) as usize;
         out.copy_within(skipped.min(whole)..whole, 0);
         let length = whole.saturating_sub(skipped);

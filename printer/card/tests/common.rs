@@ -98,7 +98,7 @@ pub fn write(card: &Card, file: &str, mut bytes: &[u8]) -> Result<(), CardFailur
     ask(card, Request::Finish).map(|_| ())
 }
 
-/// What `make.sh` put into the long files.
+/// Content of the long files that `make.sh` writes.
 pub fn lines_file() -> Vec<u8> {
     (1..=400).flat_map(|number| format!("G1 X{number} Y10 F3000\n").into_bytes()).collect()
 }

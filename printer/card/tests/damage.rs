@@ -95,7 +95,7 @@ fn damaged_volumes_neither_panic_nor_hang() {
     }
 }
 
-/// What `next_cluster` of embedded-sdmmc panics on, and rings of clusters.
+/// Chains on which `next_cluster` of embedded-sdmmc panics, and rings of clusters.
 #[test]
 fn known_traps_are_refused() {
     // A folder that contains itself, and one whose chain is a ring.

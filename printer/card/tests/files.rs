@@ -129,7 +129,7 @@ fn what_is_written_is_read_again() {
         write(&card, "/PARTS/new2.g", b"G28\n").unwrap();
         write(&card, "MANY/EMPTY.GCO", b"").unwrap();
         assert_eq!(read(&card, "new.gco").unwrap(), long);
-        // In place of the one before, then again.
+        // Overwritten, twice.
         write(&card, "NEW.GCO", &long[..700]).unwrap();
         assert_eq!(read(&card, "NEW.GCO").unwrap(), long[..700]);
         assert_eq!(ask(&card, Request::Delete(path("MANY/GAPS.GCO"))), Ok(Answer::Done));
@@ -148,7 +148,7 @@ fn a_full_card_says_so() {
     let card = mounted("fat16");
     let written = write(&card, "HUGE.GCO", &vec![b'x'; 5 << 20]);
     assert_eq!(written, Err(CardFailure::Full));
-    // What was there is still there.
+    // Older files are unchanged.
     assert_eq!(read(&card, "MANY/GAPS.GCO").unwrap(), lines_file());
 }
 

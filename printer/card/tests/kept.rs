@@ -21,7 +21,7 @@ fn keep(card: &Card, place: &[u8]) {
     assert_eq!(failure, None);
 }
 
-/// What the card keeps after the power has come back.
+/// Place that the card keeps after the power has come back.
 fn kept(card: &Card) -> Result<Vec<u8>, CardFailure> {
     card.with_slot(|slot| {
         slot.pull();
@@ -138,7 +138,7 @@ fn a_cut_at_any_byte_of_a_save_leaves_the_old_place_or_the_new_one() {
             cuts += 1;
             new_ones += u32::from(is_whole);
         }
-        // As after a cut that the card's own checksum notices.
+        // The state after a cut that the card's own checksum notices.
         let number = (block.start / 512) as u32;
         card.with_slot(|slot| slot.set_fault(Some(CardFault::Unreadable(number..number + 1))));
         assert_eq!(kept(&card).unwrap(), old, "save {save}: unreadable");
