@@ -26,7 +26,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// Of an order of at most 31.
+    /// Code of order `k`, at most 31.
     pub fn new(k: u32) -> Self {
         let k = k & 31;
         Self { shortest: k + 1, base: 1 << k }
@@ -59,7 +59,7 @@ impl Window {
 }
 
 impl<'a> BitReader<'a> {
-    /// From the first bit on.
+    /// Reader from the first bit on.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, position: 0 }
     }
@@ -127,7 +127,7 @@ impl<'a> BitReader<'a> {
     #[inline(never)]
     pub fn few(&mut self, count: u32) -> Result<u32, Fault> {
         let count = count.min(WINDOW_BITS);
-        // In two shifts: a shift by 32 overflows.
+        // Two shifts, because a shift by 32 overflows.
         let value = self.window().bits >> 1 >> (31 - count);
         self.pass(count)?;
         Ok(value)
@@ -172,7 +172,7 @@ impl<'a> BitReader<'a> {
         u32::try_from(self.golomb_long(k)?).map_err(|_| Fault::Content("a number of at most 32 bits"))
     }
 
-    /// As [`Self::golomb`], of up to 64 bits.
+    /// Version of [`Self::golomb`] for up to 64 bits.
     fn golomb_long(&mut self, k: u32) -> Result<u64, Fault> {
         const TOO_LONG: Fault = Fault::Content("a number of at most 63 bits");
         let k = k.min(32);
@@ -199,7 +199,7 @@ impl<'a> BitReader<'a> {
         self.golomb_in(window, order).map(with_sign)
     }
 
-    /// As [`Self::signed`], of up to 63 bits.
+    /// Version of [`Self::signed`] for up to 63 bits.
     pub fn signed_long(&mut self, k: u32) -> Result<i64, Fault> {
         let coded = self.golomb_long(k)?;
         Ok((coded >> 1) as i64 ^ -((coded & 1) as i64))
@@ -253,7 +253,7 @@ impl BitWriter {
         }
     }
 
-    /// See [`BitReader::golomb`]; the number is below 2^62.
+    /// Writes a number for [`BitReader::golomb`]; it must be below 2^62.
     pub fn golomb(&mut self, value: u64, k: u32) {
         let value = value + (1 << k);
         let width = 64 - value.leading_zeros();
@@ -261,7 +261,7 @@ impl BitWriter {
         self.bits(value, width);
     }
 
-    /// See [`BitReader::signed`].
+    /// Writes a number for [`BitReader::signed`].
     pub fn signed(&mut self, value: i64, k: u32) {
         self.golomb(zigzag(value), k);
     }

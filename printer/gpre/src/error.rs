@@ -50,9 +50,9 @@ pub enum Fault {
     },
     /// The checksum is wrong: bits have changed.
     Checksum {
-        /// As the file has it.
+        /// Checksum in the file.
         file: u32,
-        /// As it should be.
+        /// Checksum of its bytes.
         computed: u32,
     },
     /// The frames are not in their order.
@@ -110,7 +110,7 @@ impl fmt::Display for Fault {
 /// A fault and where it was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadError {
-    /// What is wrong.
+    /// The fault.
     pub fault: Fault,
     /// Byte in the file at which the part begins that is wrong.
     pub offset: u64,

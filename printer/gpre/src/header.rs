@@ -1,4 +1,4 @@
-//! How a file begins, in either encoding.
+//! Begin of a file, in either encoding.
 //!
 //! | byte | type | meaning |
 //! |---|---|---|
@@ -42,7 +42,7 @@ pub const MAX_THUMBNAIL_BYTES: u32 = 1 << 20;
 /// Bytes of the checksum.
 const CRC_BYTES: usize = 4;
 
-/// Which of the two encodings.
+/// One of the two encodings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// Frames of bits.
@@ -51,7 +51,7 @@ pub enum Encoding {
     Wide,
 }
 
-/// How a thumbnail is encoded.
+/// Encoding of a thumbnail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ThumbnailFormat {
     /// PNG.
@@ -111,7 +111,7 @@ fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
 }
 
 impl Header {
-    /// Whether a file that begins with these bytes claims to be GPRE.
+    /// True if a file that begins with these bytes claims to be GPRE.
     pub fn is_gpre(bytes: &[u8]) -> bool {
         bytes.starts_with(&MAGIC)
     }
@@ -178,7 +178,7 @@ impl Header {
         (FIXED_BYTES + CRC_BYTES) as u32 + self.thumbnail.map_or(0, |thumbnail| thumbnail.length)
     }
 
-    /// Whether the job was prepared for this machine by this planner.
+    /// Checks that the job was prepared for this machine by this planner.
     ///
     /// # Errors
     /// It was prepared for another machine, or by another version of the planner.

@@ -29,7 +29,7 @@ pub enum Item<'a> {
 /// X, Y, Z and the filament.
 pub type LimitValues = [f32; 16];
 
-/// Where in [`LimitValues`] the instantaneous corner velocities begin, which may be infinite.
+/// Index in [`LimitValues`] of the first instantaneous corner velocity; these may be infinite.
 pub(crate) const FIRST_CORNER_VALUE: usize = 12;
 
 /// The settings in force from move to move: with them a job can be entered at a frame.
@@ -47,14 +47,14 @@ pub struct ModalState {
     pub extruder_10nm: i64,
     /// The G-code's coordinates of X, Y and Z minus the machine's (G92), units of 10 nm.
     pub offset_10nm: [i64; 3],
-    /// How far Z is lifted by a firmware retraction, units of 10 nm: the moves' Z includes it, the G-code's does not.
+    /// Lift of Z by a firmware retraction, units of 10 nm: the moves' Z includes it, the G-code's does not.
     pub lift_10nm: i64,
     /// The limits, if they differ from the profile's.
     pub limits: Option<LimitValues>,
 }
 
 impl ModalState {
-    /// As a machine is switched on.
+    /// State of a machine that has just been switched on.
     pub const START: Self = Self {
         nozzle_celsius: 0,
         bed_celsius: 0,

@@ -19,14 +19,14 @@ pub enum Part {
         length: usize,
         /// Its expected number.
         number: u32,
-        /// Where it begins in the file.
+        /// Offset of its begin in the file.
         offset: u64,
     },
     /// The end of the file, where it should be.
     End,
 }
 
-/// Where in a file the next part begins.
+/// Finds the begin of each part of a file.
 pub struct Parts {
     offset: u64,
     header: Option<Header>,
@@ -35,7 +35,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// At the file's first byte.
+    /// New at the file's first byte.
     pub fn new() -> Self {
         Self { offset: 0, header: None, check: HeaderCheck::new(), next: 0 }
     }

@@ -146,7 +146,7 @@ proptest! {
         prop_assert_eq!(decoded(&written(&job)), job);
     }
 
-    /// From any frame on, without those before it.
+    /// Frames can be read from any frame on, without those before it.
     #[test]
     fn frames_stand_for_themselves(job in job()) {
         let bytes = written(&job);

@@ -13,7 +13,7 @@ use ferrostep_gpre::{Fault, Item, PreparedMove};
 
 use crate::framed::framed;
 
-/// How a frame begins; what a test does not change has a meaning.
+/// Begin of a frame; fields that a test does not change are valid.
 #[derive(Clone, Debug)]
 struct Start {
     can_be_entered: bool,
@@ -118,7 +118,7 @@ enum Read {
     Command(u32, String),
 }
 
-/// What is in a frame, to its end or to its first fault.
+/// Items of a frame, to its end or to its first fault.
 fn read(frame: &[u8]) -> (Vec<Read>, Result<(), Fault>) {
     let mut items = Vec::new();
     let frame = Frame::read(frame, 0, Some(0)).unwrap();
@@ -137,7 +137,7 @@ fn read(frame: &[u8]) -> (Vec<Read>, Result<(), Fault>) {
     }
 }
 
-/// What a frame is refused for, and the items read before that.
+/// Fault for which a frame is refused, and the number of items read before it.
 fn refused(frame: &[u8]) -> (usize, Fault) {
     let (items, outcome) = read(frame);
     (items.len(), outcome.unwrap_err())

@@ -22,7 +22,7 @@ impl Dice {
     }
 }
 
-/// How a line treats what passes: one in this many is changed in a bit, and one is lost.
+/// Faults of a line: one transfer in `changes` has a bit changed, and one in `loses` is lost.
 #[derive(Clone, Copy, Debug)]
 struct Treatment {
     changes: u64,

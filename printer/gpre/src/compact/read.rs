@@ -30,7 +30,7 @@ enum Uncommon {
     Command,
 }
 
-/// Where a frame begins.
+/// State at the begin of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameState {
     /// A job can be entered here: the first move begins a block.
@@ -86,7 +86,7 @@ pub struct Decoder<'a> {
     orders: [Order; 4],
     feeds: Places<f32>,
     lambdas: Places<f32>,
-    /// Where the bits of each command begin.
+    /// Places at which the bits of each command begin.
     commands: Places<usize>,
     text: [u8; MAX_TEXT_BYTES],
 }
@@ -177,7 +177,7 @@ impl<'a> Decoder<'a> {
         })
     }
 
-    /// Where the frame begins.
+    /// State at the begin of the frame.
     pub fn start(&self) -> &FrameState {
         &self.start
     }

@@ -1,4 +1,4 @@
-//! What is encoded of a move: its shape, and the prediction of its filament.
+//! Encoding of a move: its shape, and the prediction of its filament.
 
 /// The longest text of a command.
 pub const MAX_TEXT_BYTES: usize = 255;
@@ -6,18 +6,18 @@ pub const MAX_TEXT_BYTES: usize = 255;
 /// Places for feeds, lambdas and commands.
 pub const PLACES: usize = 8;
 
-/// Which parts of a move are encoded.
+/// Parts of a move that are encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape(pub u8);
 
-/// Which components of the path are encoded.
+/// Components of the path that are encoded.
 pub const PATH_XY: u8 = 0;
 pub const PATH_XYZ: u8 = 1;
 pub const PATH_Z: u8 = 2;
 #[cfg(feature = "write")]
 pub const PATH_NONE: u8 = 3;
 
-/// How the filament is encoded.
+/// Encodings of the filament.
 pub const FILAMENT_NONE: u8 = 0;
 pub const FILAMENT_PREDICTED: u8 = 1;
 pub const FILAMENT_ALL: u8 = 2;
@@ -28,7 +28,7 @@ impl Shape {
     /// Bits of a shape.
     pub const BITS: u32 = 7;
 
-    /// Whether a move is encoded by X, Y and the difference of its filament from the prediction.
+    /// True if a move is encoded by X, Y and the difference of its filament from the prediction.
     #[inline]
     pub fn is_plain(self) -> bool {
         self.0 >> 3 == PATH_XY << 2 | FILAMENT_PREDICTED

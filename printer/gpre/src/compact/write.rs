@@ -30,7 +30,7 @@ pub struct FrameWriter {
     /// About how many bits they will take.
     bits: usize,
     start: Place,
-    /// After the last item taken.
+    /// Place after the last item taken.
     end: Place,
     number: u32,
 }
@@ -123,8 +123,9 @@ impl FrameWriter {
     }
 }
 
-/// Whether a job can be entered before these items: the first move begins a block, and no speed follows from one before.
-/// A bound that follows from the corner before the first move is unknown to a reader that has not read the frame before.
+/// True if a job can be entered before these items: the first move begins a block, and no speed follows from an earlier
+/// one. A bound that follows from the corner before the first move is unknown to a reader that has not read the frame
+/// before.
 fn can_be_entered(items: &[Waiting]) -> bool {
     let speeds = items.iter().filter_map(|item| if let Waiting::Move(next) = item { Some(next.entry) } else { None });
     let mut blocks = speeds.enumerate().filter(|(index, speed)| *index == 0 || *speed != EntrySpeed::Continues);

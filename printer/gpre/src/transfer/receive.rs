@@ -54,12 +54,12 @@ impl Receiver {
         self.size
     }
 
-    /// Whether all bytes have arrived.
+    /// True if all bytes have arrived.
     pub fn is_complete(&self) -> bool {
         self.next == self.size
     }
 
-    /// Whether a frame has begun and not ended.
+    /// True if a frame has begun and not ended.
     pub fn is_in_frame(&self) -> bool {
         self.unwrap.is_in_frame()
     }
@@ -112,7 +112,7 @@ impl Receiver {
         Report { word: if self.asked { Word::Again } else { Word::Have }, numbers: [self.next, limit] }
     }
 
-    /// Whether a host that knows `limit` should hear that there is more room by now.
+    /// True if a host that knows `limit` should hear that there is more room by now.
     pub fn has_opened(&self, limit: u32, room: usize) -> bool {
         let now = self.report(room).numbers[1];
         limit < self.size && now > limit && (now == self.size || now - limit >= MAX_DATA_BYTES as u32)

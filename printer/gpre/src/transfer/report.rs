@@ -5,7 +5,7 @@ use core::fmt::Write;
 
 use crate::checksum::CRC;
 
-/// What a report is about.
+/// Subject of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
     /// `have`: all bytes before the first number have come, those before the second may be sent.
@@ -46,14 +46,14 @@ impl Word {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// What it is about.
+    /// Its subject.
     pub word: Word,
     /// Its numbers.
     pub numbers: [u32; 2],
 }
 
 impl Report {
-    /// What is said where no job has been received.
+    /// Report if no job has been received.
     pub const NONE: Self = Self { word: Word::None, numbers: [0; 2] };
 
     /// Reads a line; `None` if it is no report, or was changed in transit.

@@ -25,7 +25,7 @@ pub struct Sender {
     next: usize,
     /// The first byte that must not be sent yet.
     limit: usize,
-    /// How often the board has asked for something again.
+    /// Requests by the board to repeat something.
     repeats: u32,
     /// The board has said that it receives.
     begun: bool,
@@ -59,22 +59,22 @@ impl Sender {
         self.arrived
     }
 
-    /// How often the board has asked for something again.
+    /// Number of requests by the board to repeat something.
     pub fn repeats(&self) -> u32 {
         self.repeats
     }
 
-    /// Whether the board has said that it receives the job.
+    /// True once the board has said that it receives the job.
     pub fn has_begun(&self) -> bool {
         self.begun
     }
 
-    /// Whether something was sent that the board has not said to have.
+    /// True if the board has not confirmed everything that was sent.
     pub fn awaits_answer(&self) -> bool {
         self.next > self.arrived
     }
 
-    /// How it ended, if it has.
+    /// Report of its end; `None` before that.
     pub fn end(&self) -> Option<Report> {
         self.end
     }
@@ -85,7 +85,7 @@ impl Sender {
             return None;
         }
         let end = self.limit.min(self.next + self.frame_bytes);
-        // What room there is shall not be taken by many small frames.
+        // Keeps many small frames from taking the room.
         if end < self.next + self.frame_bytes && end < self.job.len() && self.awaits_answer() {
             return None;
         }
@@ -121,7 +121,7 @@ impl Sender {
                     }
                 }
             }
-            // Before, it is of another job.
+            // A report before the begin is about another job.
             _ if !self.begun => {}
             Word::Done | Word::Refused | Word::Stopped | Word::None => self.end = Some(report),
         }

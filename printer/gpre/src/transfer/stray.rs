@@ -9,7 +9,7 @@ pub struct StrayFrames {
     in_frame: bool,
 }
 
-/// What a host's next bytes are.
+/// Kind of a host's next bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stretch {
     /// Text, up to the end of its line at most.
@@ -22,12 +22,12 @@ pub enum Stretch {
 }
 
 impl StrayFrames {
-    /// At the start of a line.
+    /// New at the start of a line.
     pub const fn new() -> Self {
         Self { mid_line: false, in_frame: false }
     }
 
-    /// How many of these bytes belong together, and what they are.
+    /// Number of these bytes that belong together, and their kind.
     pub fn next(&mut self, bytes: &[u8]) -> (usize, Stretch) {
         let line_end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
         let length = line_end.map_or(bytes.len(), |end| end + 1);

@@ -42,7 +42,7 @@ impl Unwrap {
         Self { in_frame: false, escaped: false, head: [0; HEAD_BYTES], last: 0, count: 0, digest: CRC.digest() }
     }
 
-    /// Whether a frame has begun and not ended.
+    /// True if a frame has begun and not ended.
     pub(super) fn is_in_frame(&self) -> bool {
         self.in_frame
     }

@@ -28,12 +28,12 @@ impl Bits {
         self.golomb(if value < 0 { 2 * value.unsigned_abs() - 1 } else { 2 * value.unsigned_abs() }, k);
     }
 
-    /// How many.
+    /// Number of bits.
     pub fn length(&self) -> usize {
         self.0.len()
     }
 
-    /// In bytes, the last one filled with zeros.
+    /// The bits as bytes, the last one filled with zeros.
     pub fn into_bytes(self) -> Vec<u8> {
         self.0
             .chunks(8)

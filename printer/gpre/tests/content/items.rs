@@ -1,4 +1,4 @@
-//! What stands in the items of a frame.
+//! Content of the items of a frame.
 
 use ferrostep_gpre::{EntrySpeed, Fault, PreparedMove, SquaredSpeed};
 
@@ -122,7 +122,7 @@ fn what_was_told_before_is_told_by_its_place() {
         }
     });
     assert_eq!(moves(&frame).iter().map(|item| item.feed_mm_per_s).collect::<Vec<_>>(), [9.0, 2.0]);
-    // Before any is encoded each place has the feed of the frame's start; and no lambda.
+    // Each place has the feed of the frame's start, and no lambda, until one is encoded.
     let frame = Start::default().with(3, |bits| {
         other(bits, 0);
         bits.put(7, 3);
@@ -395,7 +395,7 @@ fn a_command_is_repeated_by_its_place() {
 fn a_frame_ends_with_its_last_item() {
     const OVER: Fault = Fault::Content("the end of the frame after its last item");
     const LEFT: Fault = Fault::Content("the frame's end after its last item");
-    // Of all kinds of moves, each the last of a frame.
+    // All kinds of moves, each as the last of a frame.
     let usual = |bits: &mut Bits| {
         plain(bits);
         [100, 100, 100].into_iter().for_each(|number| bits.signed(number, 4));

@@ -1,4 +1,4 @@
-//! What stands at the start of a frame.
+//! Content of the start of a frame.
 
 use ferrostep_gpre::compact::{Frame, FrameState};
 use ferrostep_gpre::{Fault, LimitValues, ModalState};
@@ -6,7 +6,7 @@ use ferrostep_gpre::{Fault, LimitValues, ModalState};
 use super::{Limit, Start, refused};
 use crate::framed::framed;
 
-/// How a frame without items begins, or why it is refused.
+/// Start state of a frame without items, or the reason why it is refused.
 fn start(start: &Start) -> Result<FrameState, Fault> {
     let bytes = start.with(0, |_| ());
     let frame = Frame::read(&bytes, 0, None).unwrap();

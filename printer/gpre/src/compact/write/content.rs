@@ -18,7 +18,7 @@ pub struct Content<'a> {
     items: &'a [Waiting],
     unit_10nm: i64,
     filament_unit_100pm: i64,
-    /// Of the moves, in their order.
+    /// Steps of the moves, in order.
     steps: Vec<Steps>,
     /// The lambda of each move, where it has one.
     lambdas: Vec<f32>,

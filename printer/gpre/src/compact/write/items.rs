@@ -14,7 +14,7 @@ use crate::item::{EntrySpeed, PreparedMove};
 pub struct ItemWriter {
     /// The items.
     pub bits: BitWriter,
-    /// How many.
+    /// Number of items.
     pub count: u64,
     /// Source line of the last.
     pub line: u32,
@@ -89,7 +89,7 @@ impl ItemWriter {
                 self.next_lambda = (self.next_lambda + 1) % PLACES;
             }
         }
-        // Where there is no filament it makes no difference whether it counts.
+        // The flag has no meaning without filament.
         let counts = next.counts;
         let shape = Shape(
             steps.kind << 5 | kind << 3 | u8::from(same_line) << 2 | u8::from(next.ends_move) << 1 | u8::from(counts),
@@ -194,6 +194,6 @@ fn as_words(text: &str) -> Option<(u64, u32, Vec<Word>)> {
         };
         words.push((letter, value));
     }
-    // What would come back must be what was there: no leading zeros, no plus signs.
+    // Only a text that would be read back unchanged: no leading zeros, no plus signs.
     (again == text && number < 1 << 20).then_some((letter, number, words))
 }

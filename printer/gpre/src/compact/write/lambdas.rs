@@ -1,4 +1,4 @@
-//! Which lambda predicts a move's filament.
+//! Choice of the lambda that predicts a move's filament.
 
 use std::vec::Vec;
 
@@ -49,7 +49,7 @@ pub fn lambdas(steps: &[Steps]) -> Vec<f32> {
     chosen
 }
 
-/// How many moves from here on one lambda predicts well, and which.
+/// Number of moves from here on that one lambda predicts well, and that lambda.
 fn longest_run(steps: &[Steps], is_predicted: impl Fn(&Steps) -> bool) -> (usize, f32) {
     /// Longer runs say no more.
     const ENOUGH: usize = 40;
