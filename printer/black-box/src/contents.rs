@@ -17,9 +17,9 @@ pub enum ReadError {
     Short,
     /// The checksum in them is not theirs.
     Checksum {
-        /// What they say.
+        /// Checksum in the bytes.
         expected: u32,
-        /// What they give.
+        /// Checksum of the bytes.
         computed: u32,
     },
     /// A slot that no step queue has, by its place.
@@ -51,7 +51,7 @@ impl fmt::Display for ReadError {
 
 impl core::error::Error for ReadError {}
 
-/// Where a black box comes from.
+/// Origin of a black box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Identity<'a> {
     /// The board.
@@ -65,7 +65,7 @@ pub struct Identity<'a> {
 /// The contents of a black box.
 #[derive(Clone, Debug)]
 pub struct Contents<'a> {
-    /// Where it comes from.
+    /// Origin.
     pub identity: Identity<'a>,
     /// Each edge of a step signal is a step.
     pub both_edges: bool,
@@ -79,7 +79,7 @@ pub struct Contents<'a> {
     pub is_damaged: bool,
     /// The board has a memory for records.
     pub has_memory: bool,
-    /// What the slots are of; they are numbered from 0, so that `oldest` is 0.
+    /// Range of the slots; they are numbered from 0, so that `oldest` is 0.
     pub past: Past,
     /// The records, the oldest first.
     pub records: RecordReader<'a>,

@@ -26,10 +26,10 @@ use heapless::{String, Vec};
 use crate::memory::RecordMemory;
 use crate::varint;
 
-/// How every line begins.
+/// Begin of every line.
 pub const PREFIX: &str = "blackbox:";
 
-/// What the last line has in the place of a number.
+/// Mark of the last line, in place of a number.
 pub const END: &str = "end";
 
 /// Bytes in a line.
@@ -38,7 +38,7 @@ pub const LINE_BYTES: usize = 45;
 /// Longest line, characters.
 pub const LINE_CHARS: usize = 80;
 
-/// How the bytes begin.
+/// First bytes.
 pub(crate) const MAGIC: [u8; 4] = *b"FBX1";
 
 /// Bits of the second field.
@@ -63,13 +63,13 @@ pub(crate) static CRC: crc::Crc<u32, crc::NoTable> = crc::Crc::<u32, crc::NoTabl
 
 /// The step queue's past, as the board has it.
 pub trait StepPast {
-    /// As [`ferrostep_step_player::StepPlayer::past`].
+    /// Range of the kept slots; see [`ferrostep_step_player::StepPlayer::past`].
     fn past(&self) -> Past;
-    /// As [`ferrostep_step_player::StepPlayer::past_slot`].
+    /// A kept slot; see [`ferrostep_step_player::StepPlayer::past_slot`].
     fn slot(&self, number: u32) -> Option<PastSlot>;
 }
 
-/// What else the desk must know.
+/// Facts about the board that the desk must know.
 #[derive(Clone, Copy, Debug)]
 pub struct Facts<'a> {
     /// Each edge of a step signal is a step.
@@ -84,7 +84,7 @@ pub struct Facts<'a> {
     pub names: [&'a str; 3],
 }
 
-/// What comes next.
+/// Part that comes next.
 #[derive(Clone, Copy, Debug)]
 enum Part {
     Header,
@@ -112,11 +112,11 @@ pub struct Dump<'a, S> {
 }
 
 impl<'a, S: StepPast> Dump<'a, S> {
-    /// Of these memories, as they are now.
+    /// Dump of these memories, as they are now.
     #[inline(never)]
     pub fn new(steps: S, memory: &'a RecordMemory, facts: Facts<'a>) -> Self {
         let mut past = steps.past();
-        // From the newest slot back to the first that cannot be read.
+        // Goes back from the newest slot to the first that cannot be read.
         let mut sound = past.filled;
         while sound != past.oldest && steps.slot(sound.wrapping_sub(1)).is_some() {
             sound = sound.wrapping_sub(1);
@@ -166,7 +166,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
         true
     }
 
-    // Not inlined, nor are the others: flash is short, and a line takes longer to send.
+    // None of these functions is inlined: flash is short, and a line takes longer to send.
     #[inline(never)]
     fn put(&mut self, byte: u8) {
         // There is room for the longest part.

@@ -7,7 +7,7 @@ use core::sync::atomic::{AtomicU8, AtomicU32, Ordering, compiler_fence};
 
 use crate::record::{MAX_BYTES, OVERHEAD, Record};
 
-/// In memory that a program has set up.
+/// Marker of memory that a program has set up.
 const MARKER: u32 = 0x1f05_7bb1;
 
 /// Bytes for records.
@@ -22,19 +22,19 @@ pub struct RecordMemory {
     ends: [[AtomicU32; 2]; 2],
     /// 1: a halt or a reset has ended the recording until the next motion.
     frozen: AtomicU32,
-    /// How many motions had begun then.
+    /// Motions that had begun at that time.
     motions: AtomicU32,
     /// Time of the newest record, ms.
     newest_ms: AtomicU32,
     ring: [AtomicU8; RING],
 }
 
-/// What a start has found.
+/// Finding at a start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
     /// Records of the program before.
     Records,
-    /// Nothing that was a memory of records, as after power-on.
+    /// No memory of records, as after power-on.
     Nothing,
     /// Memory that does not keep what is stored: this chip has none, or it is switched off.
     NoMemory,
@@ -54,7 +54,7 @@ impl Default for RecordMemory {
 }
 
 impl RecordMemory {
-    /// Not set up.
+    /// Memory that is not set up yet.
     pub const fn new() -> Self {
         Self {
             marker: AtomicU32::new(0),
@@ -66,8 +66,8 @@ impl RecordMemory {
         }
     }
 
-    /// To be called once at the start, before all else. `motions` is the number of motions that the step queue has begun: with
-    /// records of the program before, nothing is recorded until there are more.
+    /// Must be called once at the start, before all else. `motions` is the number of motions that the step queue has
+    /// begun: with records of the previous program, nothing is recorded until there are more.
     pub fn restart(&self, motions: u32) -> Found {
         if self.marker.load(Ordering::Relaxed) == MARKER && self.is_consistent() {
             self.freeze(motions);
@@ -79,7 +79,7 @@ impl RecordMemory {
         if is_there { Found::Nothing } else { Found::NoMemory }
     }
 
-    /// Whether there is a memory that has been set up.
+    /// True if there is a memory that has been set up.
     pub fn is_there(&self) -> bool {
         self.marker.load(Ordering::Relaxed) == MARKER
     }
@@ -91,7 +91,7 @@ impl RecordMemory {
         self.store(Ends { begin: 0, end: 0 });
     }
 
-    /// Nothing is recorded until more than these motions have begun.
+    /// Stops recording until more than these motions have begun.
     pub fn freeze(&self, motions: u32) {
         self.motions.store(motions, Ordering::Relaxed);
         self.frozen.store(1, Ordering::Relaxed);
@@ -148,12 +148,12 @@ impl RecordMemory {
         self.ring.get(place % RING).map_or(0, |byte| byte.load(Ordering::Relaxed))
     }
 
-    /// How many bytes the records have.
+    /// Bytes of the records.
     pub fn len(&self) -> usize {
         self.load().map_or(0, |Ends { begin, end }| (end + RING - begin) % RING)
     }
 
-    /// Whether there are no records.
+    /// True if there are no records.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -183,7 +183,7 @@ impl RecordMemory {
         })
     }
 
-    /// Whether records lead from one end to the other.
+    /// True if records lead from one end to the other.
     fn is_consistent(&self) -> bool {
         let Some(Ends { begin, end }) = self.load() else { return false };
         let mut left = (end + RING - begin) % RING;

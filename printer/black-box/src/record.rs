@@ -44,7 +44,7 @@ pub struct HeaterSample {
 }
 
 impl HeaterSample {
-    /// Of degrees and a share of full power; beyond the range of the types it is the nearest that they have.
+    /// Converts degrees and a share of full power; values outside the types' ranges become the nearest end.
     pub fn new(celsius: f32, target_celsius: f32, power: f32) -> Self {
         // Casts of floats stop at the ends of the range.
         let tenths = |celsius: f32| (celsius * 10.0) as i16;
@@ -63,14 +63,14 @@ impl HeaterSample {
     }
 }
 
-/// What has happened. Texts are ASCII as a rule, and are cut where they are too long.
+/// Event. Texts are usually ASCII, and are cut if they are too long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Record<'a> {
     /// A command began.
     Command {
         /// Its line in the file or of its host, counted from 1.
         line: u32,
-        /// Without comment and line number.
+        /// Text without comment and line number.
         text: &'a [u8],
     },
     /// Nozzle and bed.
@@ -98,7 +98,7 @@ pub(crate) struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    /// How many bytes the record has.
+    /// Length of the record, bytes.
     pub fn bytes(&self) -> usize {
         self.length + self.text.len() + 1
     }
@@ -154,7 +154,7 @@ impl Record<'_> {
 pub struct Stamped<'a> {
     /// Time since the start of the program that wrote it, ms.
     pub now_ms: u32,
-    /// What has happened.
+    /// The event.
     pub record: Record<'a>,
 }
 

@@ -1,4 +1,4 @@
-//! From the board's memories to the desk, and whatever else comes there.
+//! Tests of dumps from the board's memories to the desk, and of other input there.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;

@@ -1,4 +1,4 @@
-//! How the device identifies itself.
+//! Identification of the device.
 
 /// The open-source vendor of <https://pid.codes>.
 pub const VENDOR_ID: u16 = 0x1209;
@@ -19,7 +19,7 @@ const DIGITS: usize = 24;
 pub struct SerialNumber([u8; DIGITS]);
 
 impl SerialNumber {
-    /// From the three words of the identifier, in the order of their addresses; each as eight digits.
+    /// Identity from the three words of the identifier, in the order of their addresses; each as eight digits.
     pub fn of(words: [u32; 3]) -> Self {
         let mut digits = [0; DIGITS];
         let nibbles = words.iter().flat_map(|word| (0..8).rev().map(move |place| word >> (4 * place) & 0xf));
@@ -29,7 +29,7 @@ impl SerialNumber {
         Self(digits)
     }
 
-    /// As a string.
+    /// The identity as a string.
     pub fn as_str(&self) -> &str {
         // Digits are ASCII.
         core::str::from_utf8(&self.0).unwrap_or_default()

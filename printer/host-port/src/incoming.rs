@@ -1,4 +1,4 @@
-//! From packets to lines.
+//! Input: lines from packets.
 
 use ferrostep_gcode::meatpack::Unpacker;
 use ferrostep_gcode::{Emergency, EmergencyScanner, Line, LineError, LineReader};
@@ -8,7 +8,7 @@ use crate::buffers::Buffers;
 /// Stands in the ring of received bytes where a line was broken off. No byte of UTF-8 has this value.
 pub const BREAK: u8 = 0xff;
 
-/// What a host's own 0xff becomes: no byte of UTF-8 either, so that its line is refused all the same.
+/// Replacement for a host's own 0xff: no byte of UTF-8 either, so that its line is refused all the same.
 const NOT_A_BREAK: u8 = 0xfe;
 
 /// The end that receives: bytes to the ring, unpacked if the host packs them (MeatPack), whole lines or none, and the commands
@@ -24,14 +24,14 @@ pub struct Incoming {
     scanner: EmergencyScanner,
     /// The ring ends with an unfinished line.
     mid_line: bool,
-    /// That line is broken off: a [`BREAK`] goes before the next byte.
+    /// True if that line is broken off: a [`BREAK`] goes before the next byte.
     broken: bool,
     /// The rest of a line is dropped, because it did not fit.
     dropping: bool,
     line: LineKind,
 }
 
-/// What a line has been so far.
+/// Kind of a line so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum LineKind {
     /// Empty.
@@ -44,7 +44,7 @@ enum LineKind {
 }
 
 impl Incoming {
-    /// At the start of a line.
+    /// New at the start of a line.
     pub const fn new() -> Self {
         Self {
             unpacker: Unpacker::new(),
@@ -121,7 +121,7 @@ impl Incoming {
     }
 }
 
-/// What arrived from a host.
+/// Input from a host.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard<'a> {
     /// A line, or why it cannot be read.
@@ -138,7 +138,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// At the start of line 1.
+    /// New at the start of line 1.
     pub const fn new() -> Self {
         Self { reader: LineReader::new() }
     }
@@ -196,7 +196,7 @@ mod tests {
                 incoming.take_in(&[byte], &mut counter);
             }
             assert_eq!(counter.0, lines, "{bytes:?}");
-            // After the connection has ended, the rest of a line belongs to another host.
+            // The rest of a line after the end of a connection belongs to another host.
             incoming.break_off();
             incoming.take_in(b"\n", &mut counter);
             assert_eq!(counter.0, lines);

@@ -27,7 +27,7 @@ impl<'a> LineWriter<'a> {
         self.line(text, self.bytes.capacity() / 2);
     }
 
-    /// Whether half of the ring is free: room for a line that is to leave the other half to replies.
+    /// True if half of the ring is free: room for a line that is to leave the other half to replies.
     pub fn is_half_free(&self) -> bool {
         self.bytes.len() <= self.bytes.capacity() / 2
     }

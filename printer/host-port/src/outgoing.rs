@@ -1,4 +1,4 @@
-//! From lines to packets.
+//! Output: packets from lines.
 
 use usb_device::Result;
 

@@ -132,7 +132,7 @@ impl<'a, B: UsbBus> UsbSerial<'a, B> {
         }
     }
 
-    /// Whether a host has configured the device.
+    /// True if a host has configured the device.
     pub fn is_configured(&self) -> bool {
         self.is_configured
     }

@@ -9,7 +9,7 @@ use crate::store::NOT_WORKING;
 /// Bytes of a word, as an STM32F4 writes it.
 const WORD_BYTES: usize = 4;
 
-/// When the power goes.
+/// Time of a power cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut {
     /// Words and erasures that are still made.

@@ -11,7 +11,7 @@
 
 use core::fmt;
 
-/// Of the layout above.
+/// Version of the layout above.
 const FORMAT: u8 = 1;
 
 const HEADER_BYTES: usize = 3;
@@ -45,7 +45,7 @@ pub const fn id_of(name: &str) -> u16 {
 pub struct Entry {
     /// [`id_of`] the setting's name.
     pub id: u16,
-    /// Which of its values, such as an axis.
+    /// Index of one of its values, such as an axis.
     pub index: u8,
     /// The value; any bits.
     pub value: f64,
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(Record::read(&[7, 0, 0], "corexy"), Err(RecordError::Format(7)));
     }
 
-    /// What boards have stored depends on it.
+    /// The layout must stay: the stored settings of boards depend on it.
     #[test]
     fn the_layout_stays() {
         let mut record = RecordWriter::new("corexy");

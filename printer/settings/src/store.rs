@@ -60,7 +60,7 @@ impl core::error::Error for StoreError {}
 /// A slot that was read.
 pub type Slot = [u8; SLOT_BYTES];
 
-/// Where the newest record is.
+/// Place of the newest record.
 #[derive(Clone, Copy)]
 struct Newest {
     address: u32,
@@ -115,7 +115,7 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         };
         let words = slot.get(..length.next_multiple_of(F::WRITE_SIZE)).ok_or(StoreError::TooLong)?;
         self.flash.write(address, words).map_err(fault)?;
-        // What was written, and nothing else, is read back.
+        // Exactly the written bytes must be read back.
         if self.contains(address, words)? { Ok(()) } else { Err(StoreError::Memory(NOT_WORKING)) }
     }
 
@@ -193,7 +193,7 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         self.flash.read(address, bytes).map_err(fault)
     }
 
-    /// Whether the flash contains these bytes.
+    /// True if the flash contains these bytes.
     fn contains(&mut self, address: u32, bytes: &[u8]) -> Result<bool, StoreError> {
         let mut read = [0; CHUNK_BYTES];
         for (at, expected) in (address..).step_by(CHUNK_BYTES).zip(bytes.chunks(CHUNK_BYTES)) {

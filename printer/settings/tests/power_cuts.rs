@@ -38,7 +38,7 @@ fn save_until(bytes: &[u8], cut: Cut, record: &[u8]) -> Vec<u8> {
 #[test]
 fn a_cut_leaves_the_old_record_or_the_new_one() {
     let (mut cuts, mut news, mut in_erasures, mut seed) = (0_u32, 0_u32, 0_u32, 1);
-    // What a chip has contained before does not matter.
+    // The previous content of a chip does not matter.
     let mut bytes: Vec<u8> = (0..SECTORS * SECTOR).map(|at| (at * at) as u8).collect();
     for number in 0..1_000 {
         let old = load(&mut store(Flash::new(bytes.clone())));
@@ -105,7 +105,7 @@ fn sectors_that_are_none_are_refused() {
     assert_eq!(Store::new(small).err(), Some(StoreError::Sectors));
 }
 
-/// Of a record with a wrong bit the one before it is read.
+/// A record with a wrong bit is skipped, and the previous one is read.
 #[test]
 fn a_wrong_bit_makes_the_record_before_it_the_newest() {
     let mut store = store(Flash::new(vec![0xff; SECTORS * SECTOR]));
