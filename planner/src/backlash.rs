@@ -1,8 +1,9 @@
 //! The play of a drive is taken up where its motor turns.
 //!
-//! A nut, a gear or a belt leaves its axis some play: after a reversal the motor turns by that much before the axis follows. The steps
-//! that make up for it join the motor's own on their way to the step queue ([`BacklashStage`]), behind the ones that follow the bed:
-//! no block is split, look-ahead plans as ever, and every step of the plan comes when it would without them.
+//! A nut, a gear or a belt leaves its axis some play: after a reversal the motor turns by that much before the axis
+//! follows. The steps that make up for it join the motor's own on their way to the step queue ([`BacklashStage`]),
+//! after the ones that follow the bed: no block is split, look-ahead plans as ever, and every step of the plan comes
+//! when it would without them.
 
 mod changes;
 mod stage;
@@ -37,11 +38,11 @@ impl Backlash {
     /// The longest way, mm.
     pub const MAX_SMOOTHING_MM: f64 = 100.0;
 
-    /// The way where nothing else is asked for, mm. A motor with 0.1 mm of play goes a tenth faster on it.
+    /// Distance over which play is taken up by default, mm. A motor with 0.1 mm of play moves a tenth faster on it.
     pub const SMOOTHING_MM: f64 = 1.0;
 
-    /// The first axis with play whose motor moves another axis, too, of a machine with these kinematics: what its motor does at a
-    /// reversal of the other axis has nothing to do with it.
+    /// The first axis with play whose motor moves another axis as well, on a machine with these kinematics: that motor
+    /// also turns when the other axis reverses, which does not concern its play.
     pub fn shared_axis(&self, kinematics: Kinematics) -> Option<usize> {
         (0..3).zip(self.play_mm).find(|(axis, mm)| *mm > 0.0 && kinematics.shares_motors(*axis)).map(|(axis, _)| axis)
     }
@@ -59,14 +60,14 @@ pub trait BacklashCorrection: Debug {
     /// The play.
     fn backlash(&self) -> Backlash;
 
-    /// Sets the play, at standstill, after [`Self::stand`].
+    /// Sets the play, at standstill, after a call of [`Self::stand`].
     fn set(&mut self, backlash: &Backlash);
 
     /// Sets the limits of the machine: a motor takes up play at a part of its axis' largest speed.
     fn set_limits(&mut self, _limits: &Limits) {}
 
-    /// The motors stand, nothing waits, and `issued` steps of each were made: what was handed on beyond those did not happen.
-    /// Returns how many steps of each motor are for its play.
+    /// Takes note that the motors rest, nothing waits, and `issued` steps of each were made: later entries that were
+    /// handed on did not happen. Returns how many steps of each motor are for its play.
     fn stand(&mut self, issued: [u64; 4], directions: u8) -> [i64; 3];
 
     /// The motors' positions are counted anew, without those steps.
@@ -75,7 +76,7 @@ pub trait BacklashCorrection: Debug {
     /// Takes entries; `false`: they may pass as they are.
     fn take(&mut self, entries: &[StepEntry]) -> bool;
 
-    /// Takes a notice behind the entries; `false`: it may pass.
+    /// Takes a notice that follows the entries; returns `false` if the notice may pass.
     fn take_notice(&mut self, notice: &Notice) -> bool;
 
     /// True while something waits for [`Self::work`].

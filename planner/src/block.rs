@@ -37,7 +37,7 @@ impl Speed {
         self.0 as f32 / 65_536.0
     }
 
-    /// Its square, mm^2/s^2.
+    /// Square of the speed, mm^2/s^2.
     pub fn squared(self) -> f64 {
         self.mm_per_s() * self.mm_per_s()
     }
@@ -60,7 +60,7 @@ impl SquaredSpeed {
     /// Standstill.
     pub const ZERO: Self = Self(0);
 
-    /// This many units.
+    /// Squared speed of this many units.
     pub const fn from_units(units: u64) -> Self {
         Self(units)
     }
@@ -76,7 +76,7 @@ impl SquaredSpeed {
         self.changed_by(block.reach())
     }
 
-    /// The same, where [`Block::reach`] is known.
+    /// Version of [`Self::changed_over`] for a known [`Block::reach`].
     #[inline(always)]
     pub(crate) fn changed_by(self, reach: u64) -> Self {
         Self(self.0.saturating_add(reach))
@@ -87,7 +87,7 @@ impl SquaredSpeed {
         self.slowed_by(block.reach())
     }
 
-    /// The same, where [`Block::reach`] is known.
+    /// Version of [`Self::slowed_over`] for a known [`Block::reach`].
     #[inline(always)]
     pub(crate) fn slowed_by(self, reach: u64) -> Self {
         Self(self.0.saturating_sub(reach))
@@ -143,7 +143,7 @@ impl Acceleration {
         Self::from_quantised((mm_per_s2 * 256.0) as u32)
     }
 
-    /// This many units of 2^-8 mm/s^2, held to the range from one unit to the largest.
+    /// Acceleration of this many units of 2^-8 mm/s^2, clamped to the range from one unit to the largest.
     pub fn from_quantised(units: u32) -> Self {
         Self(units.clamp(1, Self::MAX.0))
     }
@@ -176,8 +176,8 @@ pub struct Block {
     pub steps: [i32; 3],
     /// Signed travel of the extruder in 1/256 steps.
     pub extruder_256ths: i32,
-    /// Path length in units of 10 nm, at least 1: that of X, Y and Z, of the filament where nothing else moves. A move
-    /// can be too short for a step and still take its time.
+    /// Path length in units of 10 nm, at least 1: that of X, Y and Z, of the filament if it moves alone. A move can be
+    /// too short for a step and still take its time.
     pub length_10nm: u32,
     /// Largest speed along the path.
     pub nominal: Speed,

@@ -184,7 +184,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         Some(*fault)
     }
 
-    /// The same, if it has not been reported.
+    /// Returns and reports the plan's fault, unless it has been reported.
     pub fn take_unreported_fault(&mut self) -> Option<PlanFault> {
         if self.fault?.is_reported { None } else { self.report_fault() }
     }

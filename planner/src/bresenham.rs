@@ -6,9 +6,10 @@
 //! a line of dx by dy steps has min(dy, dx - dy) whole stairs, whatever its slope.
 //!
 //! [`StepBresenham`] divides once a stair, when its width is asked for. It can be asked at any point of a stair and
-//! answers for both kinds of stair, and a line of which no width is asked for costs an addition and a decision a step and
-//! nothing in advance. The interpolator needs this: in ramps each step has a time of its own, and in the cruise the
-//! extruder and the other motor end stairs early. Wu's own rules, which do without that division, are in the papers' crate.
+//! answers for both kinds of stair, and a line of which no width is asked for costs an addition and a decision a step
+//! and nothing in advance. The interpolator needs this: in ramps each step has its own time, and in the cruise the
+//! extruder and the other motor end stairs early. Wu's own rules, which do without that division, are in the papers'
+//! crate.
 
 mod slope;
 mod step;

@@ -18,7 +18,7 @@ pub(crate) struct Budget {
     piece_ticks: f32,
     /// Pieces that a block has besides those of its moves: its ramps.
     ramp_pieces: u32,
-    /// The same for each of its moves.
+    /// Pieces for each of its moves.
     move_pieces: u32,
     /// The most that the events cost of the moves which may still join a block.
     growth_ticks: f32,
@@ -48,8 +48,8 @@ impl Budget {
     /// Filters of this length, ticks, see no more pieces of the plan than their ring holds.
     /// `has_knee`: where the filament passes a speed, the extruder's advance has another slope, and the plan another piece.
     pub fn hold_pieces(&mut self, length_ticks: u32, is_s_curve: bool, has_knee: bool) {
-        // Under an S-curve a block may have all ramps of a run. A knee may be passed once in each move, and in the one with the
-        // highest speed twice.
+        // A block under an S-curve may have all ramps of a run. A knee may be passed once in each move, and in the one
+        // with the highest speed twice.
         self.ramp_pieces = if is_s_curve { 6 } else { 2 } + u32::from(has_knee);
         self.move_pieces = 1 + u32::from(has_knee);
         self.piece_ticks = length_ticks as f32 / MOST_IN_FILTER as f32;
@@ -57,7 +57,7 @@ impl Budget {
 
     /// Cost of a block of `moves` moves and `events` step events.
     ///
-    /// A step of the extruder is taken for an event of its own, though some join others.
+    /// Each step of the extruder counts as an event, though some join others.
     #[inline(always)]
     pub fn cost(&self, block: &Block, events: f32, moves: u32) -> Cost {
         // Units of 10 nm in a tick at one unit of speed.

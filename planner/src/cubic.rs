@@ -24,7 +24,7 @@ pub(crate) fn cube_root_above(x: f32) -> f32 {
 }
 
 impl<F: Real> Cubic<F> {
-    /// The same in another unit of path, of which one of this makes `factor`.
+    /// The same curve in another unit of path, of which one of this makes `factor`.
     pub(crate) fn scaled(&self, factor: F) -> Self {
         Self { linear: self.linear * factor, cubic: self.cubic * factor }
     }
@@ -99,7 +99,7 @@ mod tests {
         fn roots_are_found(
             linear in prop_oneof![Just(0.0f64), 1e-6f64..1e7], ratio in 1e-9f64..1e6, x in 1e-4f64..=1.0, slow in any::<bool>(),
         ) {
-            // Beside a fast end at most a sixth of the linear part.
+            // At a fast end the cubic part is at most a sixth of the linear part.
             let cubic = match (slow, linear > 0.0) {
                 (true, true) => linear * ratio,
                 (true, false) => ratio,

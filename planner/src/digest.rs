@@ -16,7 +16,7 @@ const PRIME_5: u64 = PRIME_2.wrapping_mul(PRIME_2).wrapping_mul(PRIME);
 pub struct StepDigests {
     /// Hash of the motors and directions of all steps, in order.
     pub order: u64,
-    /// The same with the times.
+    /// Hash of the same with the times.
     pub step: u64,
 }
 

@@ -40,7 +40,7 @@ impl ExtruderPosition {
 }
 
 impl Extruder {
-    /// An extruder that stands at zero.
+    /// New extruder at zero.
     pub const fn new(steps_per_mm: StepsPerMm) -> Self {
         Self { steps_per_mm, at: ExtruderPosition { whole_256ths: 0, remainder: 0 } }
     }
@@ -55,7 +55,7 @@ impl Extruder {
     /// 4,000 steps/mm, where the product with the steps would exceed 64 bits.
     #[inline(always)]
     pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
-        // 1 m times the most steps/mm is 10^19, in range of u64; there is no division to be paid for each line.
+        // 1 m times the most steps/mm is 10^19, in range of u64, which saves a division on each line.
         let magnitude = delta_100pm.unsigned_abs();
         // Every machine can push 21 cm: 2^31 * 10^9.
         magnitude >> 31 == 0
@@ -131,8 +131,8 @@ impl Extruder {
         self.at.position_256ths()
     }
 
-    /// The motor stands at this step after an abandoned move. Returns the filament between there and where it would have
-    /// gone, units of 0.1 nm; nothing, fractions of a step included, where that is the same step.
+    /// Sets the motor to this step after an abandoned move. Returns the filament between there and the target of the
+    /// move, units of 0.1 nm; 0 if both are the same step, fractions included.
     pub fn reset_to(&mut self, steps: i64) -> i64 {
         if rounded_steps(self.position_256ths()) == steps {
             return 0;

@@ -12,7 +12,7 @@ pub(crate) enum Look {
     Again,
     /// A step of the extruder, this many ticks after the last event.
     Step(u32),
-    /// A step of the extruder, too near to the last event; it has not been taken.
+    /// The extruder's step is too near to the last event; it has not been taken.
     TooNear,
 }
 
@@ -109,7 +109,7 @@ impl ExtruderGap {
             if behind.cast_signed() < 0 {
                 return Look::TooNear;
             }
-            // It may be of the same tick. There is no other question before the one for the event after that.
+            // The extruder's step may be of the same tick. The next question is for the event after that.
             self.free = free.max(((gap >> FRACTION_BITS) as u32).saturating_add(1));
             return Look::Free;
         }

@@ -62,8 +62,8 @@ impl InnerEnds {
         count: 0,
     };
 
-    /// These ends and one more, in a block that now ends at `block_line` instead of at the added end's line; `None`
-    /// where it does not fit.
+    /// These ends and one more, in a block that now ends at `block_line` instead of at the added end's line; `None` if
+    /// it does not fit.
     pub fn with(&self, added: InnerEnd, block_line: u32) -> Option<Self> {
         let mut ends = *self;
         let step = u8::try_from(block_line.checked_sub(added.line)?).ok()?;

@@ -1,9 +1,9 @@
-//! A time law in, ordered step events out.
+//! Interpolation: turns a time law into ordered step events.
 //!
-//! The motor with most steps is the master: its step k of N is due at path position (k - 1/2) S/N, so that motors
-//! run from one rounded position to the next without ever being a step away from the straight line. The other two
-//! follow it by step Bresenham. The extruder has times of its own: it steps where e(t) = e0 + lambda s(t) passes a
-//! half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
+//! The motor with most steps is the master: its step k of N is due at path position (k - 1/2) S/N, so that motors run
+//! from one rounded position to the next without ever being a step away from the straight line. The other two follow it
+//! by step Bresenham. The extruder has its own times: it steps as e(t) = e0 + lambda s(t) passes a half step, lambda =
+//! dE/S (Wu 2024, eqs. 10 and 11).
 
 mod hot_loop;
 mod pattern_merge;
@@ -45,7 +45,7 @@ struct Rest<P> {
     end_10nm: u32,
 }
 
-/// Turns one block at a time into step events, move by move: each *stretch* of a block has motor steps of its own, and all
+/// Turns one block at a time into step events, move by move: each *stretch* of a block has its own motor steps, and all
 /// follow the block's time law.
 ///
 /// Within a block, times are in units of 2^-16 tick from its start. They wrap: what is before it is just below 2^64.
@@ -63,7 +63,7 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     move_start: u64,
     /// Entries on their way out. The last of them is held back while a later event may still join it.
     entries: EventBuffer<MAX_ENTRIES>,
-    /// The direction signals as they stand.
+    /// Direction signals after the last entry.
     directions: u8,
     /// Extruder position at the end of the present stretch (or the last one).
     extruder_256ths: i64,
@@ -118,8 +118,8 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// The step pattern for the blocks to come; `None` for step Bresenham, with which the interpolator begins. The block
-    /// in execution goes on as it began.
+    /// The step pattern for the blocks to come; `None` for step Bresenham, with which the interpolator begins. The
+    /// block in execution keeps its pattern.
     pub fn set_pattern(&mut self, pattern: Option<M::Pattern>) {
         self.pattern = pattern;
     }
@@ -455,7 +455,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.tick(later(self.last, 0))
     }
 
-    /// The direction signals as they will stand after the last entry.
+    /// Direction signals after the last entry.
     pub fn directions(&self) -> u8 {
         self.directions
     }

@@ -85,7 +85,7 @@ impl CornerAcceleration {
     /// The speed along an arc of this radius, v^2 = a R (Yu 2019).
     #[inline(always)]
     pub fn speed_along(self, radius_10nm: f32) -> Speed {
-        // NaN, where an infinite radius meets no acceleration, is no speed.
+        // The square root can be NaN, for an infinite radius without acceleration; the cast makes it 0.
         Speed(square_root_f32(radius_10nm * self.0) as u32)
     }
 }

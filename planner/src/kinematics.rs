@@ -55,7 +55,7 @@ impl Coordinate {
     /// The coordinate `by_10nm` further; `None` if it is too large.
     #[inline(always)]
     pub const fn advanced(self, by_10nm: i32) -> Option<Self> {
-        // A sum that wraps is too large, too: it is more than 2^31 - 5 * 10^8 either way.
+        // A sum that wraps is too large as well: it is more than 2^31 - 5 * 10^8 either way.
         Self::new(self.0.wrapping_add(by_10nm))
     }
 
@@ -176,14 +176,14 @@ impl StepsPerMm {
         self.steps_of_near(coordinate_10nm.clamp(-limit, limit) as i32)
     }
 
-    /// The same for a coordinate that is known to be no larger.
+    /// Version of [`Self::steps`] for a coordinate that is known to be no larger.
     #[inline(always)]
     pub(crate) fn steps_of_near(&self, coordinate_10nm: i32) -> i32 {
         let near = if self.steps_per_10nm.is_some() { self.steps_if_near(coordinate_10nm) } else { None };
         near.unwrap_or_else(|| self.steps_of_far(coordinate_10nm))
     }
 
-    /// The same where the processor can divide, as it can on any printer; `None` elsewhere.
+    /// Version by the processor's division, which suffices on any printer; `None` if it does not.
     #[inline(always)]
     fn steps_if_near(&self, coordinate_10nm: i32) -> Option<i32> {
         let magnitude = self.steps_per_10nm.rounded(coordinate_10nm.unsigned_abs())? as i32;
@@ -218,8 +218,8 @@ impl StepsPerMm {
         }
     }
 
-    /// The same by one division of the processor, which takes 32 bits. Below 5.4 m four roundings in double precision are
-    /// off by less than 2^-21; a quotient by less than 2^20 that is no half is further from the nearest half.
+    /// Version by one division of the processor, which takes 32 bits. Below 5.4 m four roundings in double precision
+    /// are off by less than 2^-21; a quotient by less than 2^20 that is not a half is further from the nearest half.
     #[inline(always)]
     fn near_coordinate_10nm(&self, steps: i64) -> Option<i64> {
         let Fraction { numerator, denominator } = self.steps_per_10nm;
@@ -258,7 +258,7 @@ pub struct Geometry {
     /// Processor time that a step event costs, in ticks, drawn out by the share of the processor that motion gets: a
     /// block takes at least this long for each of its events. 0 where steps cost nothing.
     pub event_cost_ticks: u32,
-    /// The same for each move, from its line to its last step, its events not counted.
+    /// Ticks for each move, from its line to its last step, without its events.
     pub move_cost_ticks: u32,
 }
 
@@ -271,8 +271,8 @@ impl Geometry {
         [steps_x.steps(first), steps_y.steps(second), steps_z.steps(third)]
     }
 
-    /// The same, if another position and its motors are known: a third motor that stays is not computed again. Both positions
-    /// are within [`MAX_COORDINATE_10NM`].
+    /// Version of [`Self::motor_steps`] for a known other position and its motors: a third motor that stays is not
+    /// computed again. Both positions are within [`MAX_COORDINATE_10NM`].
     #[inline(always)]
     pub(crate) fn motor_steps_from(
         &self,
@@ -288,7 +288,7 @@ impl Geometry {
         [steps_x.steps_of_near(first.0), steps_y.steps_of_near(second.0), third_steps]
     }
 
-    /// The machine position, in units of 10 nm, nearest to where the motors stand.
+    /// Machine position nearest to that of the motors, units of 10 nm.
     pub fn position_10nm(&self, motor_steps: [i64; 3]) -> [i64; 3] {
         let [first, second, third] = motor_steps;
         let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;

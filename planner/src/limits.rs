@@ -34,7 +34,7 @@ pub struct Limits {
 pub(crate) struct ExtruderAdvance {
     /// The largest K, s; 0: it has none.
     pub seconds: f32,
-    /// Over how long it is averaged, s.
+    /// Time over which it is averaged, s.
     pub smooth_time_s: f32,
 }
 
@@ -141,8 +141,9 @@ impl PathLimits {
     pub fn along(&self, feed_mm_per_s: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
         let feed = feed_mm_per_s;
         let acceleration = if prints { self.print_acceleration_mm_per_s2 } else { self.travel_acceleration_mm_per_s2 };
-        // Nearly all: in the plane, at a feed and an acceleration that both axes have by themselves. Of products of numbers
-        // that are no larger none is rounded to a larger one, so X and Y ask for nothing; nor does Z, which stands.
+        // Nearly all moves are in the plane, at a feed and an acceleration that both axes have by themselves. Of
+        // products of numbers that are no larger none is rounded to a larger one, so X, Y and the resting Z set no
+        // limit.
         let [x, y, z, filament] = travels;
         let [.., filament_feed] = self.max_feed_mm_per_s;
         let [.., filament_acceleration] = self.max_acceleration_mm_per_s2;

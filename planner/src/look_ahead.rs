@@ -184,8 +184,8 @@ fn reverse_pass<S: RingMemory, R: SpeedRule>(
     }
 }
 
-/// Settles the entry speed of the oldest block in the ring, or of the one that comes next, where that is foreseen. Zero if
-/// there is none: the next one then starts from standstill.
+/// Settles the entry speed of the oldest block in the ring, or of the one that comes next, if that is foreseen. Zero
+/// without such a block: the next one then starts from standstill.
 fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Speed {
     for place in 0..ring.len() {
         if let Some(Content::Block(next)) = ring.at(place) {

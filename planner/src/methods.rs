@@ -21,12 +21,12 @@ use crate::time_law::TimeLaw;
 
 pub use crate::pieces::{Never, OtherLaw, Pieces};
 
-/// Why a choice of methods was refused. The planner goes on with the methods that it had.
+/// Reason why a choice of methods was refused. The planner continues with the methods that it had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChoiceError {
     /// Moves wait or are being executed.
     InMotion,
-    /// This build does not contain the method.
+    /// The method is not compiled in.
     NotContained,
     /// A parameter of the method is out of range.
     Parameter,
@@ -43,7 +43,7 @@ pub struct DueEvent {
     pub time: u64,
     /// The motors that step: bits 0 to 2 are X (A), Y (B) and Z.
     pub axes: u8,
-    /// Those of them that run backwards.
+    /// Motors of these that run backwards.
     pub backwards: u8,
 }
 
@@ -64,7 +64,7 @@ pub trait StepPattern<P>: Copy + Debug {
     /// Z's steps where the pattern's events leave Z out; else [`StepTimes::NONE`].
     fn z(&self) -> &StepTimes<P>;
 
-    /// The same, to take them.
+    /// Mutable access to them.
     fn z_mut(&mut self) -> &mut StepTimes<P>;
 
     /// Starts with a block, of which the stretch is all.

@@ -19,7 +19,7 @@ pub enum Interpolation {
     PointByPoint,
     /// Minimum deviation: pulses along the longer axis or diagonally (CoreXY paper, method 2).
     MinimumDeviation,
-    /// Each motor at a rate of its own (CoreXY paper, method 3).
+    /// Separate rate of each motor (CoreXY paper, method 3).
     DualRate,
 }
 
@@ -48,9 +48,9 @@ pub enum AccelerationProfile {
     Trapezoid,
     /// Acceleration that rises and falls at a constant jerk, and is held once it reaches its limit (after Li 2017).
     SCurve,
-    /// The same, never held, from Li's table of frequencies.
+    /// S-curve that is never held, from Li's table of frequencies.
     SCurveTable,
-    /// The same in closed form, segment by segment: Li's five parts of constant jerk.
+    /// S-curve in closed form, segment by segment: Li's five parts of constant jerk.
     SCurveFiveSegments,
 }
 
@@ -111,7 +111,7 @@ pub struct MotionChoice {
     pub acceleration: AccelerationProfile,
     /// Largest jerk along the path under [`AccelerationProfile::SCurve`], mm/s^3, above zero.
     pub jerk_mm_per_s3: f64,
-    /// The same for moves of the filament alone.
+    /// Jerk of moves of the filament alone.
     pub filament_jerk_mm_per_s3: f64,
     /// Periods of [`Interpolation::DualRate`].
     pub dual_rate: DualRatePeriods,
@@ -119,7 +119,8 @@ pub struct MotionChoice {
     pub s_curve_table: SCurveTableSettings,
     /// Shapers of X and Y.
     pub shapers: [AxisShaper; 2],
-    /// Over how long X, Y, Z and the extruder are averaged after their shapers, s, within [`crate::SMOOTH_TIME_S`]; `None`: they are not.
+    /// Time over which X, Y, Z and the extruder are averaged after their shapers, s, within [`crate::SMOOTH_TIME_S`];
+    /// `None`: no averaging.
     pub smooth_time_s: Option<f64>,
     /// Maximum distance of the filtered path from the programmed one, mm, within [`crate::PATH_TOLERANCE_MM`]; `None`:
     /// the filters round corners freely.

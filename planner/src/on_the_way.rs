@@ -27,7 +27,7 @@ pub(crate) const MOST_LEGS: usize = 5;
 /// other firmware, which motors take from standstill.
 pub(crate) const EXTRUDER_JUMP_MM_PER_S: f32 = 5.0;
 
-/// The same for fast filament, as a share of its speed: more stages would be more blocks.
+/// Share of the speed of fast filament for the same: more stages would be more blocks.
 const LARGEST_JUMP: f32 = 0.2;
 
 /// No stage is planned shorter, s: stages are pieces of the plan, and filters see a limited number of them.
@@ -37,8 +37,8 @@ const LEAST_STAGE_S: f32 = 0.003;
 /// extruder's speed changes by a fifth, [`LARGEST_JUMP`].
 const GROWTH: f32 = 1.25;
 
-/// A stage by which the filament's speed rises or falls is this share of what the extruder may do at once: within the stages the path's
-/// speed changes, too.
+/// A stage by which the filament's speed rises or falls takes this share of the extruder's largest jump, since the
+/// path's speed changes within the stages as well.
 const STEP: f32 = 0.75;
 
 /// The most stages of a filament move.
@@ -61,12 +61,12 @@ pub(crate) fn stage_jump_mm_per_s(feed_mm_per_s: f32) -> f32 {
     larger(EXTRUDER_JUMP_MM_PER_S, LARGEST_JUMP * feed_mm_per_s)
 }
 
-/// Between which times of a leg filament moves: no faster than a ramp from the one, and a ramp to the other.
+/// Time within a leg in which filament moves: no faster than a ramp from its start, and a ramp to its end.
 #[derive(Clone, Copy, Debug)]
 struct Window {
-    /// Time before the leg's begin at which the ramp up starts, s.
+    /// Time before the leg's start at which the ramp up starts, s.
     head_s: f32,
-    /// Time after the leg's begin at which the ramp down ends, s.
+    /// Time after the leg's start at which the ramp down ends, s.
     left_s: f32,
     /// End of its last stage, s.
     stop_s: f32,
@@ -75,7 +75,7 @@ struct Window {
     is_end_cut: bool,
 }
 
-/// Filament that is drawn back along the begin of a way, or pushed along its end and seen backwards.
+/// Filament that is drawn back along the start of a way, or pushed along its end and seen backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FilamentLaw {
     /// Filament to move, mm, above zero.
@@ -100,7 +100,7 @@ pub(crate) struct Stage {
     pub ends_leg: bool,
     /// Filament that could move along it, mm.
     filament_mm: f32,
-    /// Time of the leg's begin, and the stage's end within the leg, s.
+    /// Time of the leg's start, and the stage's end within the leg, s.
     leg_begin_s: f32,
     end_s: f32,
 }
@@ -128,7 +128,7 @@ impl FilamentLaw {
         self.filament_mm / peak + peak / self.acceleration_mm_per_s2
     }
 
-    /// Its acceleration along a way: no step of a ramp is shorter than a stage may be.
+    /// Acceleration of the filament along a way: no step of a ramp is shorter than a stage may be.
     fn ramp_mm_per_s2(&self) -> f32 {
         smaller(self.acceleration_mm_per_s2, STEP / LEAST_STAGE_S * stage_jump_mm_per_s(self.feed_mm_per_s))
     }
@@ -160,7 +160,7 @@ impl FilamentLaw {
         Some(Stage { leg, begin_mm, end_mm, begins_leg, ends_leg, filament_mm, leg_begin_s, end_s })
     }
 
-    /// Between which times filament moves along a leg, of a law that ends at `left_s`.
+    /// Window in which filament moves along a leg, by a law that ends at `left_s`.
     fn window(&self, course: &Course, left_s: f32) -> Window {
         // The rest of the leg would be too short for a stage.
         let ends_inside = left_s < course.duration_s - LEAST_STAGE_S;
@@ -260,7 +260,7 @@ impl FilamentLaw {
 
     /// The shortest ride, or how much time it lacks, s.
     fn ride(&self, way: &Way<'_>, way_s: f32) -> Result<Ride, f32> {
-        // Until it is long enough.
+        // Tries longer and longer times until one is long enough.
         let (mut short_s, mut long_s) = (0.0, smaller(self.duration_s(), way_s));
         let mut found = Err(0.0);
         for _ in 0..MOST_TRIALS {
@@ -329,7 +329,7 @@ impl Spread {
         best
     }
 
-    /// These, along a way as slow as they need.
+    /// Distribution of these filament moves along a way as slow as they need.
     fn riding(legs: &[Leg], way_s: f32, first: Option<&FilamentLaw>, last: Option<&FilamentLaw>) -> Option<Self> {
         let mut slowness = 1.0;
         for _ in 0..MOST_TRIALS {

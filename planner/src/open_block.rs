@@ -32,7 +32,7 @@ pub(crate) struct OpenBlock {
     corner: Speed,
     /// Source of its entry speed.
     entry: EntrySpeed,
-    /// Its nominal speed at the present feed, which may differ from the feed of a prepared job's plan.
+    /// Nominal speed at the present feed, which may differ from the feed of a prepared job's plan.
     nominal_now: Speed,
     /// Number of moves in it; 0 where no block is open.
     moves: u32,
@@ -90,12 +90,13 @@ impl OpenBlock {
         self.is_end_known = false;
     }
 
-    /// Its acceleration as all but the corner at its end leave it; of the last block, where none is open, the one that it has.
+    /// Acceleration of the open block before the corner at its end limits it; without an open block that of the last
+    /// one.
     pub fn acceleration_before_end(&self) -> Acceleration {
         if self.is_some() { self.acceleration_before_end } else { self.block.acceleration }
     }
 
-    /// Its nominal speed, or that of the last block.
+    /// Nominal speed of the open block, or of the last one.
     pub fn nominal(&self) -> Speed {
         self.block.nominal
     }
@@ -151,7 +152,8 @@ impl OpenBlock {
         self.continues(next) && most <= MAX_EXTRUDER_256THS && self.join(next, nominal_now)
     }
 
-    /// The same for a move whose plan says that it continues the block. How much filament goes with it may have changed since.
+    /// Version of [`Self::absorb`] for a move whose plan says that it continues the block. Its filament may have
+    /// changed since.
     pub fn absorb_prepared(&mut self, next: &Planned, nominal_now: Speed) -> bool {
         self.continues(next) && self.join(next, nominal_now)
     }

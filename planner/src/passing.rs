@@ -10,7 +10,7 @@ const AT_ONCE: usize = 16;
 /// The most entries that one event needs: a change of direction before it, and a step in the middle of its interval.
 const MAX_FOR_EVENT: usize = 3;
 
-/// Notices behind the entries that wait: the ends of a move and of a block, of one call of the planner.
+/// Notices that follow the waiting entries: the ends of a move and of a block, of one call of the planner.
 const NOTICES: usize = 4;
 
 /// A few entries that leave a stage.
@@ -70,7 +70,7 @@ pub(crate) trait Stage {
     }
 }
 
-/// Entries, and notices behind them, that wait for a stage: at most what one call of the planner makes.
+/// Entries that wait for a stage, and notices that follow them: at most the output of one call of the planner.
 #[derive(Debug)]
 pub(crate) struct Waiting {
     entries: EventBuffer<MAX_ENTRIES>,
@@ -92,7 +92,7 @@ impl Waiting {
         }
     }
 
-    /// Adds a notice behind the entries.
+    /// Adds a notice after the entries.
     pub(crate) fn take_notice(&mut self, notice: &Notice) {
         if let Some(free) = self.notices.iter_mut().find(|notice| notice.is_none()) {
             *free = Some(*notice);
@@ -114,7 +114,7 @@ impl Waiting {
         self.entry().map_or(0, StepEntry::count).wrapping_sub(self.events_done)
     }
 
-    /// These events of it are done.
+    /// Marks this many events of the next entry as done.
     pub(crate) fn pass_events(&mut self, events: u16) {
         if events < self.events_left() {
             self.events_done = self.events_done.wrapping_add(events);

@@ -27,7 +27,7 @@ impl Path {
         Self { vector, length: square_root_f32(dot(vector, vector)), filament: 0.0 }
     }
 
-    /// The same, so long, in units of 10 nm; as long as it is for 0.
+    /// Path of the same direction with this length, in units of 10 nm; 0 keeps the length.
     pub fn of_length(&self, length: f32) -> Self {
         if length <= 0.0 || self.length <= 0.0 {
             return *self;
@@ -64,7 +64,7 @@ fn dot([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> f32 {
 pub struct Turn {
     /// Cosine of the angle.
     pub cosine: f32,
-    /// Its sine, not below zero.
+    /// Sine of the angle, not below zero.
     pub sine: f32,
 }
 
@@ -78,7 +78,7 @@ impl Turn {
         Self { cosine: dot(before.vector, after.vector) * inverse, sine }
     }
 
-    /// Squared cosine of half the angle; precise for turns back, too.
+    /// Squared cosine of half the angle; precise for turns back as well.
     #[inline(always)]
     pub fn half_cosine_squared(self) -> f32 {
         if self.cosine < 0.0 {
@@ -115,7 +115,7 @@ mod tests {
             a in proptest::array::uniform3(coordinate()), b in proptest::array::uniform3(coordinate()),
             turn in prop_oneof![Just(None), (-1_000i32..1_000).prop_map(Some)], flat in any::<bool>(),
         ) {
-            // Nearly in line, too, there and back.
+            // Includes paths nearly in line, there and back.
             let mut b = match turn {
                 Some(turn) if turn % 2 == 0 => [a[0] + turn, a[1] - turn, a[2] + turn / 3],
                 Some(turn) => [turn - a[0], -turn - a[1], turn / 3 - a[2]],

@@ -46,9 +46,9 @@ pub enum Motion<F> {
 /// End of a piece on a block's path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PieceEnd<F> {
-    /// This far from the block's start, 10 nm.
+    /// Distance from the block's start, 10 nm.
     FromStart(F),
-    /// This far from the block's end, 10 nm.
+    /// Distance from the block's end, 10 nm.
     ToEnd(F),
     /// End of the block.
     Last,

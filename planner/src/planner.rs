@@ -192,7 +192,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.rules.pattern.is_none() && self.rule.is_none()
     }
 
-    /// A move has been taken; `whole_10nm`: the length of the travel of which it is a part, 0 if it is none.
+    /// Advances the position by a move; `whole_10nm`: the length of the travel that it is a part of, 0 if it is not
+    /// part of one.
     #[inline(always)]
     fn advance_position(&mut self, target: &Target, planned: &Planned, whole_10nm: f32) {
         let Planned { path, corner_acceleration, line, ends_move, is_forgotten, .. } = *planned;
@@ -316,9 +317,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         is_final
     }
 
-    /// Forgets all motion that has not happened: the motors stand at these steps (X, Y, Z, extruder), at this tick of
-    /// the motion clock, with these direction signals. The position becomes the nearest to where they stand. Returns the
-    /// filament that has been taken and not pushed, units of 0.1 nm.
+    /// Forgets all motion that has not happened: the motors are at these steps (X, Y, Z, extruder), at this tick of the
+    /// motion clock, with these direction signals. The position becomes the nearest to theirs. Returns the filament
+    /// that has been taken and not pushed, units of 0.1 nm.
     pub fn reset_to(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
         // Every field is named: a new one has to say here what remains of it after a stop.
         let Self {
@@ -359,7 +360,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         dropped_100pm
     }
 
-    /// Sets the machine's position, at standstill (homing). Returns where its motors therefore stand.
+    /// Sets the machine's position, at standstill (homing). Returns the steps of its motors there.
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
         self.position.set(position_10nm, &self.rules.geometry);
         self.released.steps = self.position.motor_steps;

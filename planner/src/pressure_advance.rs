@@ -17,7 +17,7 @@ pub(crate) const MOST_FILAMENT_IN_LINE: f32 = 0.5;
 pub struct PressureAdvance {
     /// K: filament ahead for each mm/s at which it is pushed into a line, s. 0: none.
     pub seconds: f64,
-    /// Beyond a speed of the filament, another K for what exceeds it.
+    /// Another K for the filament's speed above a limit.
     pub above: Option<SecondSlope>,
     /// Time over which the lead is averaged, s; `None`: nearly as long as the filters of X and Y spread the motion.
     pub smooth_time_s: Option<f64>,
@@ -88,7 +88,7 @@ impl PressureAdvance {
 /// Units of a constant advance in 1/256 steps.
 const PER_256TH: f64 = 4096.0;
 
-/// The same in ticks, for an extruder.
+/// Advance in ticks, for an extruder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AdvanceLaw {
     /// K, ticks.

@@ -21,7 +21,7 @@ pub trait Real:
     /// The nearest value, of a constant.
     fn constant(x: f64) -> Self;
 
-    /// The same value.
+    /// Converts exactly.
     fn from_f32(x: f32) -> Self;
 
     /// The square root; of a negative number zero (rounding can leave a tiny one).

@@ -13,11 +13,11 @@ pub(crate) struct Waiting {
     pub entry: SquaredSpeed,
     /// The block before it has left with this speed.
     pub settled: bool,
-    /// Under an S-curve, which knows no squares: the bound of the entry speed. Of very slow speeds several have one square.
+    /// Bound of the entry speed under an S-curve, which has no squares: several very slow speeds have one square.
     pub bound_speed: Speed,
-    /// Under an S-curve: the entry speed. With given speeds: the root of `entry`, or zero where it has not been worked out.
+    /// Entry speed under an S-curve. With given speeds: the root of `entry`, or zero before it has been worked out.
     pub entry_speed: Speed,
-    /// Under an S-curve: how many places ahead the corner is to which one ramp leads from here.
+    /// Places from here to the corner at the end of one ramp, under an S-curve.
     pub anchor: u8,
     /// Duration, ticks, once [`Ring::final_ticks`] has counted it.
     pub ticks: u32,
@@ -37,12 +37,12 @@ impl Waiting {
     };
 }
 
-/// Something that keeps its place among the blocks and takes no time.
+/// Marker among the blocks that keeps its place and takes no time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Marker {
     /// A fan changes here.
     FanPower {
-        /// Its number, of which only who takes the steps knows the meaning.
+        /// Number of the fan; only the receiver of the steps knows its meaning.
         fan: u8,
         /// Power, 0 to 255.
         power: u8,
@@ -169,7 +169,7 @@ impl<S: RingMemory> Ring<S> {
     #[inline(always)]
     pub(crate) fn at(&mut self, place: usize) -> Option<&mut Content> {
         let slots = self.slots.as_mut();
-        // Neither is more than the number of places.
+        // Neither number is more than that of the places.
         let (index, capacity) = (self.first.wrapping_add(place), slots.len());
         slots.get_mut(if index >= capacity { index.wrapping_sub(capacity) } else { index }).map(|slot| &mut slot.0)
     }

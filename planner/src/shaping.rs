@@ -1,4 +1,4 @@
-//! Input shaping: every axis follows the plan through a filter of its own, which leaves the frame at rest.
+//! Input shaping: every axis follows the plan through its own filter, which leaves the frame at rest.
 //!
 //! A shaper ([`AxisShaper`]) gives a [`Kernel`]: weights and delays. The shaped position of an axis is the weighted sum of its
 //! planned positions at those delays (Singer and Seering 1990).
@@ -56,9 +56,9 @@ pub struct Shaping {
     /// Variance by which the shapers and the frame together spread the path of the nozzle, squared ticks: the mean of
     /// X's and Y's, at least 0. The extruder's impulses have the same variance.
     pub extruder_variance: f64,
-    /// Over how many ticks X, Y, Z and the extruder are averaged after that, an even number; 0: they are not.
+    /// Ticks over which X, Y, Z and the extruder are averaged after that, an even number; 0: no averaging.
     pub smooth_ticks: u32,
-    /// Over how many ticks the extruder's advance is averaged; 0: it has none.
+    /// Ticks over which the extruder's advance is averaged; 0: no advance.
     pub advance_ticks: u32,
 }
 
@@ -91,7 +91,7 @@ impl Shaping {
         f64::from(self.smooth_ticks) * f64::from(self.smooth_ticks) * (1.0 / 12.0)
     }
 
-    /// Over how many ticks an advance is averaged.
+    /// Ticks over which an advance is averaged.
     #[cold]
     fn average_ticks(&self, smooth_time_s: Option<f64>) -> u32 {
         let ticks_per_second = f64::from(TICKS_PER_SECOND);

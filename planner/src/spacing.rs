@@ -28,9 +28,9 @@ pub enum MotorSteps {
 pub(crate) struct Span<F> {
     /// Path from the block's start to its own.
     before: F,
-    /// Its length.
+    /// Length of the part.
     length: F,
-    /// The reciprocal of its length.
+    /// Reciprocal of the length.
     per_length: F,
     /// Path from its end to the block's. Not a difference of long lengths: where the block ends at standstill, a hair of
     /// path takes long.
@@ -71,7 +71,7 @@ pub(crate) struct Spacing<F> {
     pub(crate) after_last: F,
     /// Path length from one to the next.
     pub(crate) spacing: F,
-    /// Its reciprocal.
+    /// Reciprocal of the spacing.
     pub(crate) per_spacing: F,
 }
 
@@ -103,7 +103,7 @@ impl<F: Real> Spacing<F> {
         }
     }
 
-    /// Those of a motor.
+    /// Spacing of a motor's steps.
     #[inline]
     pub(crate) fn new(span: &Span<F>, steps: &MotorSteps) -> Self {
         match *steps {

@@ -20,11 +20,11 @@ pub enum EntrySpeed {
     Bound,
     /// The entry speed of the block before, slowed down over that block's whole length.
     Falling,
-    /// This squared speed.
+    /// Given by the plan: this squared speed.
     Given(SquaredSpeed),
 }
 
-/// Why the plan of a prepared job cannot be followed.
+/// Reason why the plan of a prepared job cannot be followed.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ pub enum PlanFault {
     NotTrapezoid(AccelerationProfile),
 }
 
-/// Begin of a block.
+/// Start of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockStart {
     /// Bound of the speed by the corner before it.
@@ -76,7 +76,7 @@ pub struct Part {
     pub block: Block,
     /// The run that it is part of.
     pub run: Run,
-    /// Begin within the run, units of 10 nm.
+    /// Start within the run, units of 10 nm.
     pub offset_10nm: u32,
 }
 

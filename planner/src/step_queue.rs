@@ -130,7 +130,7 @@ impl StepEntry {
         Self { interval_ticks, rest }
     }
 
-    /// The same entry as single events, for a player that looks at something after each (homing).
+    /// The entry as single events, for a player that looks at something after each (homing).
     pub fn events(self) -> impl Iterator<Item = Self> {
         let single = self.count().max(1);
         (1..=single).map(move |index| match self.count() {
@@ -150,13 +150,13 @@ impl StepEntry {
         Self::stair(self.interval_ticks, count, self.axes(), 0)
     }
 
-    /// The same at another interval.
+    /// The entry with another interval.
     #[inline(always)]
     pub(crate) const fn at(self, interval_ticks: u32) -> Self {
         Self { interval_ticks, ..self }
     }
 
-    /// The same event with more motors stepping.
+    /// The event with more motors stepping.
     #[inline(always)]
     pub(crate) const fn with(self, axes: u8) -> Self {
         Self { rest: self.rest | (axes as u32) << 16, ..self }
@@ -168,14 +168,14 @@ impl StepEntry {
         Self { rest: self.rest.wrapping_add(count).wrapping_sub(1), ..self }
     }
 
-    /// The same stair with more motors stepping in its last event, none of which steps anywhere in it.
+    /// The stair with more motors stepping in its last event, none of which steps anywhere in it.
     #[inline(always)]
     pub(crate) const fn with_added(self, axes: u8) -> Self {
         Self { rest: self.rest | (axes as u32) << 24, ..self }
     }
 
-    /// The same stair with other motors stepping in its last event too; `None` if one of them steps anywhere in it, or
-    /// the entry is no stair.
+    /// The stair with other motors also stepping in its last event; `None` if one of them steps anywhere in it, or the
+    /// entry is not a stair.
     pub(crate) const fn joined(self, axes: u8) -> Option<Self> {
         let shift = if self.count() == 1 { 16 } else { 24 };
         if self.count() == 0 || (self.axes() | self.added()) & axes != 0 {
@@ -197,15 +197,14 @@ impl StepEntry {
     }
 }
 
-/// Something that happens between steps, at a tick of the motion clock: after the steps up to that tick and before
-/// the later ones.
+/// Event between steps, at a tick of the motion clock: after the steps up to that tick and before the later ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Notice {
     /// A move has ended.
     MoveEnded {
         /// Time of the end.
         tick: u64,
-        /// Its source line.
+        /// Source line of the move.
         line: u32,
     },
     /// A block has ended: all steps of it and of the blocks before it have been handed out.

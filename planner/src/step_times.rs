@@ -26,13 +26,13 @@ pub(crate) use even::EvenSteps;
 enum Source<P> {
     /// No steps.
     None,
-    /// Along a trapezoid of a quarter of a second at most.
+    /// Steps along a trapezoid of at most a quarter of a second.
     Short(Unsolved<f32, TrapezoidPieces<f32>>),
-    /// Along a longer trapezoid.
+    /// Steps along a longer trapezoid.
     Long(Unsolved<f64, TrapezoidPieces<f64>>),
-    /// Along a block of a run, and the block's start, in time units from the run's, from which the pieces count.
+    /// Steps along a block of a run, and the block's start, in time units from the run's, from which the pieces count.
     Run(Unsolved<f64, CurvePieces>, u64),
-    /// Along a law of another kind.
+    /// Steps along a law of another kind.
     Other(Unsolved<f64, P>),
 }
 

@@ -8,7 +8,7 @@ use crate::inner_ends::InnerEnds;
 pub struct Stretch {
     /// Path from the block's start to its own, units of 10 nm.
     pub before_10nm: u32,
-    /// Its path length, units of 10 nm, at least 1.
+    /// Path length of the stretch, units of 10 nm, at least 1.
     pub length_10nm: u32,
     /// Path from its end to the block's, units of 10 nm.
     pub after_10nm: u32,
@@ -16,7 +16,7 @@ pub struct Stretch {
     pub steps: [i32; 3],
     /// Signed travel of the extruder, 1/256 steps.
     pub extruder_256ths: i32,
-    /// Its source line.
+    /// Source line of the stretch.
     pub line: u32,
     /// True if the line's move ends with it.
     pub ends_move: bool,
@@ -50,7 +50,7 @@ pub struct Stretches {
 }
 
 impl Stretches {
-    /// Those of a block.
+    /// Stretches of a block.
     pub fn of(block: &Block) -> Self {
         Self {
             ends: block.inner_ends,
@@ -94,7 +94,7 @@ impl Iterator for Stretches {
         self.rest = Some(Stretch {
             before_10nm: end_10nm,
             length_10nm: after_10nm.max(1),
-            // Within the block's own.
+            // The differences are within the block's own numbers.
             steps: [x.wrapping_sub(dx), y.wrapping_sub(dy), z.wrapping_sub(dz)],
             extruder_256ths: rest.extruder_256ths.wrapping_sub(end.extruder_256ths),
             ..rest

@@ -41,14 +41,14 @@ pub trait Bed: Debug {
     /// True if Z follows the mesh.
     fn is_on(&self) -> bool;
 
-    /// Lets Z follow the mesh, or stops it, at standstill; [`Self::stand`] comes next. Returns what blocks keep to.
+    /// Lets Z follow the mesh, or stops it, at standstill; [`Self::stand`] comes next. Returns the limits of blocks.
     ///
     /// # Errors
-    /// [`MeshError`]; Z follows nothing then.
+    /// [`MeshError`]; Z then follows nothing.
     fn switch(&mut self, on: bool) -> Result<SurfaceBounds, MeshError>;
 
-    /// The motors of X, Y and Z (A, B, Z) stand at these steps, and nothing waits. Returns how many of Z's steps are the
-    /// correction there.
+    /// Sets the motors of X, Y and Z (A, B, Z) to these steps while nothing waits. Returns how many of Z's steps are
+    /// the correction there.
     fn stand(&mut self, motor_steps: [i64; 3], directions: u8) -> i64;
 
     /// Sets the offset of the nozzle from the motors' position, X and Y in units of 10 nm; it takes effect at the next
@@ -58,7 +58,7 @@ pub trait Bed: Debug {
     /// Takes entries; `false`: they may pass as they are.
     fn take(&mut self, entries: &[StepEntry]) -> bool;
 
-    /// Takes a notice behind the entries; `false`: it may pass.
+    /// Takes a notice that follows the entries; returns `false` if the notice may pass.
     fn take_notice(&mut self, notice: &Notice) -> bool;
 
     /// True while something waits for [`Self::work`].

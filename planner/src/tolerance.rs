@@ -188,7 +188,7 @@ impl PathTolerance {
         let [x, y, z, filament] = Path::jumps(before.path, after.path);
         let turn = square_root_f32(x * x + y * y + z * z);
         let at_rate = ExtruderRule { jump: filament, acceleration: extruder_mm_per_s2 };
-        // Also where one line goes on in another with a larger acceleration, which a corner nearby may see.
+        // Included: a line that continues in another with a larger acceleration, which a corner nearby may see.
         let turn = larger(turn, LEAST_TURN);
         let alone = self.alone(moves, turn, &at_rate);
         // Turning more than a radian within their reach they are never in a crowd.
@@ -244,7 +244,7 @@ impl PathTolerance {
             moves.each_ref().map(|one| smaller(self.along_in_crowd(one), length_mm(one.path) / (turn_s * turn_s)));
         let mut mm_per_s = self.fitting_in_crowd(turn, shorter_mm);
         for (length_mm, acceleration) in lengths.into_iter().zip(accelerations) {
-            // It lasts at least k H.
+            // The move lasts at least k H.
             mm_per_s = smaller(mm_per_s, length_mm / turn_s - 0.5 * acceleration * turn_s);
         }
         if self.smooth_s > 0.0 {
@@ -308,7 +308,7 @@ struct ExtruderRule {
 
 /// The speed v with v (v / l + rate) = `share`: so much of an acceleration, over the jump of a speed of 1, that a corner takes.
 fn spread_speed(share: f32, rate: f32, length_mm: f32) -> f32 {
-    // A form that does not cancel. An infinite share, of a corner without a jump, is no bound.
+    // Written so that nothing cancels. An infinite share, of a corner without a jump, sets no bound.
     if share > f32::MAX {
         return f32::INFINITY;
     }
@@ -362,7 +362,7 @@ mod tests {
             corner(&tolerance(ShaperKind::Zv, None, 0.02), core::f64::consts::PI, [80.0, 90.0]);
         let rounded_mm = 0.5 * f64::from(accelerations[0]) * 0.02 * 0.02 / 16.0;
         assert!(mm_per_s > 0.0 && rounded_mm < 0.02 && rounded_mm > 0.018, "{mm_per_s} {accelerations:?}");
-        // Also beside a short move, which must last as long as the filter reaches.
+        // The same beside a short move, which must last as long as the filter reaches.
         let Corner { mm_per_s, accelerations } = corner(&tolerance(ShaperKind::Zv, None, 0.1), 1.57, [0.02, 90.0]);
         assert!(
             mm_per_s > 0.0 && accelerations[0] < 1000.0 && accelerations[1] > 2500.0,

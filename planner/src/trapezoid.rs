@@ -16,7 +16,7 @@ const GAIN: f64 = 2.0 / 256.0 / UNITS_PER_MM as f64 * 65_536.0 * 65_536.0;
 pub struct Trapezoid<F> {
     /// Path length of the whole.
     pub(crate) length: F,
-    /// Its reciprocal.
+    /// Reciprocal of the length.
     pub(crate) per_length: F,
     /// Speed at the start.
     pub(crate) entry: F,
@@ -125,7 +125,7 @@ impl<F: Real> Trapezoid<F> {
         self.duration.to_u64().saturating_add(HALF_TICK) >> FRACTION_BITS
     }
 
-    /// Its pieces: acceleration, cruise and deceleration, those of them that have a length.
+    /// Pieces with a length: acceleration, cruise and deceleration.
     #[inline]
     pub(crate) fn pieces(&self) -> TrapezoidPieces<F> {
         TrapezoidPieces { law: *self, next: 0 }

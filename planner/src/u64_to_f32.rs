@@ -17,7 +17,7 @@ pub(crate) fn of_u64(value: u64) -> f32 {
     (upper | rest) as f32 * f32::from_bits(((127 + 32_u32).wrapping_sub(zeros)) << 23)
 }
 
-/// The same of a number with a sign.
+/// Version of [`of_u64`] for a number with a sign.
 #[inline]
 pub(crate) fn of_i64(value: i64) -> f32 {
     let magnitude = of_u64(value.unsigned_abs());

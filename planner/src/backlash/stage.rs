@@ -70,7 +70,7 @@ impl Drive {
     }
 }
 
-/// Between the planner, or the bed's stage, and the step queue.
+/// Backlash stage between the planner, or the bed's stage, and the step queue.
 #[derive(Debug)]
 pub struct BacklashStage {
     backlash: Backlash,
@@ -271,7 +271,7 @@ impl BacklashStage {
         for (motor, drive) in self.drives.iter().enumerate() {
             let steps_at = |axes: u8| axes >> motor & 1 == 1;
             if drive.side != self.way_of(motor) && drive.play > 0 {
-                // It turns with its first step.
+                // The motor turns with its first step.
                 if steps_at(axes) && (left > 1 || !steps_at(added)) {
                     return 0;
                 }
@@ -284,7 +284,7 @@ impl BacklashStage {
                     if self.is_at_once(motor) { 0 } else { (drive.left_10nm.max(0) as u32).div_ceil(way_10nm) };
                 let time_left = drive.least_ticks.saturating_sub(drive.since_ticks);
                 let by_time = time_left.div_ceil(interval_ticks.max(1)).saturating_sub(1);
-                // It is due in the event after these.
+                // A correcting step is due in the event after these.
                 sure = sure.min(by_way.max(by_time).min(u16::MAX.into()) as u16);
             }
         }
@@ -298,7 +298,7 @@ impl BacklashStage {
         ways.filter(|(motor, _)| axes >> motor & 1 == 1).map(|(_, drive)| drive.step_10nm).sum()
     }
 
-    /// Time and way go on for the motors that have play to take up.
+    /// Adds time and distance to the motors that have play to take up.
     #[inline(never)]
     fn let_pass(&mut self, ticks: u32, way_10nm: u32) {
         for drive in &mut self.drives {
@@ -393,7 +393,7 @@ impl BacklashStage {
         due
     }
 
-    /// These motors make a step that takes up play.
+    /// Lets these motors make a step that takes up play.
     #[inline(never)]
     fn take_up(&mut self, axes: u8) {
         for (motor, drive) in self.drives.iter_mut().enumerate() {

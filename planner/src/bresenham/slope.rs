@@ -3,7 +3,7 @@
 /// Largest step count either axis of a line may have; keeps every decision value in 32 bits.
 pub const MAX_STEPS: u32 = 1 << 28;
 
-/// Why there is no such line.
+/// Reason why there is no such line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
     /// An axis would make more than [`MAX_STEPS`] steps.

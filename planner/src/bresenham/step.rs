@@ -36,7 +36,7 @@ impl StepBresenham {
         if self.rise == 0 {
             return u32::MAX;
         }
-        // Neither is negative.
+        // Neither term is negative.
         (self.decision.wrapping_neg() as u32 / self.rise as u32).wrapping_add(1)
     }
 

@@ -74,7 +74,7 @@ impl Gap for u32 {
 impl Gap for u64 {
     #[inline(always)]
     fn holds(units: u64) -> bool {
-        // Faster ones go on in 32 bits.
+        // Faster steps continue in 32 bits.
         (u64::from(u32::MAX)..FAR - u64::from(ONE_TICK)).contains(&units)
     }
 
@@ -109,7 +109,7 @@ impl<M: MotionMethods> Interpolator<M> {
     pub(super) fn make_ramp<G: Gap>(&mut self, mut gap: G, most: usize) -> (usize, bool) {
         let Some((mut run, steps)) = self.master.hot_ramp() else { return (0, false) };
         let [first, second] = self.followers;
-        // Up to the second follower's next step.
+        // Steps before the second follower's next step.
         let steps = steps.min(second.until().wrapping_sub(1)) as usize;
         let places = self.entries.room(most);
         let mut between =
@@ -146,7 +146,7 @@ impl<M: MotionMethods> Interpolator<M> {
                 Look::Free | Look::Again => {}
                 Look::Step(ticks) => {
                     gap = gap.less(ticks);
-                    // There is a place: one of those for the master's steps.
+                    // This place exists: it is one of those for the master's steps.
                     if let Some(place) = places.get_mut(events) {
                         *place = StepEntry::event(ticks, EXTRUDER);
                     }
@@ -168,9 +168,9 @@ impl<M: MotionMethods> Interpolator<M> {
         (events, between.has_joined)
     }
 
-    /// The same in the cruise, of which `left` steps are left, with stairs: of steps that no follower takes part in but
-    /// perhaps the last, or of steps that the first one takes part in. How many entries there are, and whether anything
-    /// has happened.
+    /// Makes the steps of a cruise, of which `left` are left, with stairs: of steps that no follower takes part in but
+    /// perhaps the last, or of steps that the first one takes part in. Returns how many entries there are, and whether
+    /// anything has happened.
     ///
     /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where they are due, and no
     /// step of the extruder comes before the last.
@@ -192,7 +192,7 @@ impl<M: MotionMethods> Interpolator<M> {
         let interval = cruise.interval << BITS_BEYOND | u64::from(cruise.beyond);
         let surplus = interval as i32;
         let longest = if cruise.ticks >= least { cruise.longest_stair } else { 1 };
-        // The next event is no stair where a step of the extruder waits for it, or the move before would end in it.
+        // The next event is not a stair if a step of the extruder waits for it, or the move before would end in it.
         let mut begins = self.joining & MOVE_BEGINS != 0;
         let mut is_single = waits;
         let [alone, common] = self.masters_events;

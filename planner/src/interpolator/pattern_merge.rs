@@ -1,13 +1,14 @@
 //! Blocks made by another step pattern: its events, Z's and the extruder's steps, merged.
 //!
-//! All of them follow the block's time law. The pattern's events are on time: an extruder or Z step that would come less
-//! than the minimum event interval before one of them waits for it, one that would come that near after the last event
-//! joins it. Two of the pattern's own join where they are as near, the later stepping early. Nothing joins across a change
-//! of direction, so a motor that turns round does it no sooner than the interval after the event before, and the signals
-//! change right after that: the profile's check ensures that pulse and set-up time fit into the interval.
+//! All of them follow the block's time law. The pattern's events are on time: an extruder or Z step that would come
+//! less than the minimum event interval before one of them waits for it, one that would come that near after the last
+//! event joins it. Two of the pattern's events join if they are that near, the later stepping early. Nothing joins
+//! across a change of direction, so a motor that turns round does it no sooner than the interval after the event
+//! before, and the signals change right after that: the profile's check ensures that pulse and set-up time fit into the
+//! interval.
 //!
-//! At a block's end all motors stand at its end, as each has made all its steps. Moves do not share blocks under another
-//! pattern, so that is every move's end too; a block that has several is made by step Bresenham.
+//! At a block's end all motors stand at its end, as each has made all its steps. Moves do not share blocks under
+//! another pattern, so that is the end of every move; a block that has several is made by step Bresenham.
 
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
 use crate::methods::{DueEvent, MotionMethods, StepPattern};

@@ -39,7 +39,7 @@ macro_rules! kinematics {
                 match self { $(Self::$name => $name::motors(position),)+ }
             }
 
-            /// The position at which the motors stand; undoes [`Self::motors`].
+            /// Position for these motor positions; undoes [`Self::motors`].
             #[inline(always)]
             pub fn position<T: Length>(self, motors: [T; 3]) -> [T; 3] {
                 match self { $(Self::$name => $name::position(motors),)+ }

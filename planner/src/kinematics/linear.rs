@@ -42,16 +42,16 @@ impl Length for f64 {
 }
 
 // ANCHOR: trait
-/// A machine whose motors X, Y and Z (as the board names them) each stand at a sum or difference of axes. All numbers of one
-/// call have one unit of length.
+/// A machine whose motors X, Y and Z (as the board names them) are each at a sum or difference of axes. All numbers of
+/// one call have one unit of length.
 ///
 /// Both functions are linear, without constants and with whole factors from axes to motors. The planner relies on it: a
 /// straight move at constant speed turns every motor at constant speed, so that one step Bresenham per block makes the steps of
 /// all three, blocks merge by adding steps, and a prepared job holds motor steps. A motor's steps are its coordinate times its
 /// steps/mm, exactly rounded.
 ///
-/// A delta is not such a machine: there each motor would need a stepper of its own that solves for the times of its steps over
-/// the pieces of the path, and a prepared job the positions as well.
+/// A delta is not such a machine: there each motor would need its own stepper, which solves for the times of its steps
+/// over the pieces of the path, and a prepared job the positions as well.
 pub trait LinearKinematics {
     /// The profile's word, and the trace's.
     const NAME: &'static str;
@@ -63,7 +63,7 @@ pub trait LinearKinematics {
     /// Motor positions X, Y, Z for a position.
     fn motors<T: Length>(position: [T; 3]) -> [T; 3];
 
-    /// The position at which the motors stand; undoes [`Self::motors`].
+    /// Position for these motor positions; undoes [`Self::motors`].
     fn position<T: Length>(motors: [T; 3]) -> [T; 3];
 }
 // ANCHOR_END: trait

@@ -48,7 +48,7 @@ pub(super) struct Runs {
 /// A corner as the end of a run that begins at the oldest block.
 #[derive(Clone, Copy, Debug)]
 struct End {
-    /// Place of the block after it; the ring's length where there is none.
+    /// Place of the block after it; the ring's length without such a block.
     place: usize,
     /// Blocks before it, their length, and the smallest of their accelerations and of their jerks.
     blocks: usize,
@@ -280,7 +280,7 @@ impl Settling {
                 }
             }
             end.blocks += 1;
-            // A run is no longer than 42 m; where it would be, what is found there has to do.
+            // A run is no longer than 42 m; beyond that, the result so far has to do.
             end.length_10nm = end.length_10nm.checked_add(block.length_10nm)?;
             end.acceleration = end.acceleration.min(block.acceleration);
             end.jerk = end.jerk.min(self.jerks.of(block));

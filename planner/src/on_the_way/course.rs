@@ -53,11 +53,11 @@ pub struct Way<'a> {
 pub struct Course {
     pub length_mm: f32,
     pub acceleration_mm_per_s2: f32,
-    /// Speeds at its begin, at its peak and at its end.
+    /// Speeds at its start, at its peak and at its end.
     pub begin_mm_per_s: f32,
     pub peak_mm_per_s: f32,
     pub end_mm_per_s: f32,
-    /// Beyond its begin and its end filament has another proportion to the path, whatever its speed.
+    /// The filament's proportion to the path changes at its start and its end, whatever the speed.
     pub begins_apart: bool,
     pub ends_apart: bool,
     /// Times at which the first ramp ends, the last one begins, and the leg ends, s.

@@ -111,7 +111,7 @@ proptest! {
             check(&Way { legs: &legs, slowness: spread.slowness, is_backwards }, law, ride)?;
             ends_s += ride.end_s;
         }
-        // They do not overlap, and take no more time than stops.
+        // The filament moves do not overlap, and take no more time than stops.
         prop_assert!(ends_s <= spread.slowness * way_s * 1.000_1);
         prop_assert!(spread.slowness * way_s + rest_s <= stops_s * 1.000_1);
     }

@@ -13,7 +13,7 @@ use crate::time_law::TimeLaw;
 /// Result of [`Planner::advance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Something; call again.
+    /// Some work; call again.
     Worked,
     /// No work: no block may leave the look-ahead ring now.
     Waiting,

@@ -1,4 +1,4 @@
-//! A move becomes a block of its own: its steps, its length, and the speeds that machine and limits allow.
+//! Planning of a move as a separate block: its steps, its length, and the speeds that machine and limits allow.
 
 use super::move_error::MoveError;
 use super::position::{Position, Target};
@@ -37,11 +37,11 @@ const TICKS_PER_10NM_AT_1_MM_PER_S: f32 = (TICKS_PER_SECOND as i64 / UNITS_PER_M
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Previous {
     pub path: Path,
-    /// Zero if there is no move before, or it has no path.
+    /// Corner acceleration; zero if there is no move before, or it has no path.
     pub acceleration: CornerAcceleration,
     /// The line of which more moves come: those of an arc.
     pub unended_line: Option<u32>,
-    /// The length of the travel of which it is a part, units of 10 nm; 0: it is none.
+    /// Length of the travel that it is a part of, units of 10 nm; 0 if it is not part of one.
     pub whole_10nm: f32,
     /// No filter sees a path before its end any more.
     pub is_forgotten: bool,
@@ -64,7 +64,7 @@ pub(crate) struct Travel {
     pub target_10nm: [i32; 3],
     /// Filament, units of 0.1 nm.
     pub filament_100pm: i64,
-    /// The same as its corners see it: as it was prepared.
+    /// Filament as its corners see it, in units of 0.1 nm: as it was prepared.
     pub corner_filament_100pm: i64,
     pub feed_mm_per_s: f32,
     pub line: u32,
@@ -76,7 +76,7 @@ pub(crate) struct Travel {
 /// Limits of a part of a travel on which filament moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PartLimits {
-    /// Along the path.
+    /// Limits along the path.
     pub feed_mm_per_s: f32,
     pub acceleration_mm_per_s2: f32,
     /// Limits of the filament.
@@ -115,11 +115,11 @@ pub(crate) struct Planned {
     pub events: f32,
     /// Bound of the speed at its start, by the corner there.
     pub corner: Speed,
-    /// Its path.
+    /// Path of the move.
     pub path: Path,
-    /// Its acceleration, as its corners see it; zero where the filament moves alone.
+    /// Acceleration as its corners see it; zero if the filament moves alone.
     pub corner_acceleration: CornerAcceleration,
-    /// It is a stop after which no filter sees a path before it any more.
+    /// True for a stop after which no filter sees an earlier path.
     pub is_forgotten: bool,
 }
 
@@ -242,7 +242,7 @@ impl<M: MotionMethods> BlockRules<M> {
         Ok(Some(Target { coordinates_10nm, motor_steps, extruder, vector_10nm, steps, extruder_256ths }))
     }
 
-    /// A move as a block of its own, its speed not yet within the budget.
+    /// Plans a move as a separate block, its speed not yet within the budget.
     #[inline(never)]
     pub fn plan(&self, travel: &Travel, target: &Target, before: &Previous) -> Planned {
         let Target { steps, extruder_256ths, .. } = *target;
@@ -355,7 +355,8 @@ impl<M: MotionMethods> BlockRules<M> {
             }
             (true, Some(part)) => *per_filament_velocity = 1.0 / stage_jump_mm_per_s(part.filament_feed_mm_per_s),
             (is_left, _) => {
-                // Beside a line there is a stop, as for filament alone: a faster nozzle would round the line's end.
+                // Filament beside a line needs a stop, as for filament alone: a faster nozzle would round the line's
+                // end.
                 let beside = if is_left { path } else { &before.path };
                 if beside.filament > 0.0 {
                     return Speed::ZERO;

@@ -47,8 +47,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(Moved::Queued)
     }
 
-    /// Makes this the position, units of 10 nm, if the motors stand there: blocks tell it to a motor step only. Returns
-    /// whether they do.
+    /// Makes this the position, units of 10 nm, if it agrees with the motors' steps: blocks give it to a motor step
+    /// only. Returns true if it agrees.
     pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
         let Some(coordinates_10nm) = narrow(position_10nm) else { return false };
         let stands = self.rules.geometry.motor_steps(position_10nm) == self.position.motor_steps;

@@ -43,7 +43,7 @@ struct TravelMove {
 /// Moves that are held.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
-    /// Its begin, and the end of what has been planned of it.
+    /// Start of the held moves, and the end of their planned part.
     begin_10nm: [i32; 3],
     from: Position,
     retraction: Option<FilamentMove>,
@@ -130,7 +130,7 @@ impl Held {
         self.legs.get(..self.travels).unwrap_or(&[])
     }
 
-    /// Begin of leg `leg`: the end of the previous one.
+    /// Start of leg `leg`: the end of the previous one.
     fn begin_of(&self, leg: usize) -> [i32; 3] {
         let before = leg.checked_sub(1).and_then(|before| self.moves.get(before));
         before.map_or(self.begin_10nm, |before| before.target_10nm)
@@ -215,7 +215,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
                 let acceleration = CornerAcceleration::of_mm_per_s2(before.acceleration_mm_per_s2);
                 Previous { path: held.path_of(number), acceleration, ..Previous::NONE }
             }
-            // Between a line and its retraction there is a stop.
+            // A line and its retraction are separated by a stop.
             None if held.retraction.is_some() && previous.path.filament > 0.0 => Previous::NONE,
             None => *previous,
         };
@@ -266,7 +266,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         is_planned
     }
 
-    /// The same, with the position where what has been planned ends.
+    /// Plans the held parts, and advances the position to the end of what has been planned.
     fn plan_held_parts(&mut self) -> bool {
         while let Some((part, next)) = self.held.as_ref().and_then(Held::next_part) {
             if !self.plan_part(&part) {
@@ -289,7 +289,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
                 return self.push_open_block() && self.queue.push_marker(Marker::PressureAdvance(advance));
             }
         };
-        // Within the moves that were in reach as a whole.
+        // Cannot fail: the part is within moves that were in reach as a whole.
         let Ok(Some(target)) = self.rules.target(travel, &self.position) else { return true };
         let mut planned = self.rules.plan(travel, &target, &self.previous);
         self.keep_tolerance(&mut planned);
@@ -319,7 +319,7 @@ fn kind(travel: &Travel, target: &Target) -> Kind {
     let stands = target.vector_10nm == [0; 3];
     match travel.filament_100pm {
         0 if travel.ends_move && is_long(target.vector_10nm) => Kind::Travel,
-        // 40 cm are no retraction.
+        // A move of 40 cm is not a retraction.
         filament if stands && filament.unsigned_abs() >> 32 == 0 => {
             if filament < 0 {
                 Kind::Retraction

@@ -2,7 +2,7 @@
 
 use crate::speed_plan::PlanFault;
 
-/// Why motion was not taken. Nothing has changed then, but for [`Self::Plan`].
+/// Reason why motion was not taken. Nothing has changed, but for [`Self::Plan`].
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,8 +24,8 @@ pub enum MoveError {
 /// The outcome of a request that was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moved {
-    /// It displaces nothing and was dropped.
+    /// The move displaces nothing and was dropped.
     Nothing,
-    /// It will be executed.
+    /// The move will be executed.
     Queued,
 }

@@ -49,8 +49,8 @@ impl Position {
         self.motor_steps = geometry.motor_steps(self.coordinates_10nm.map(i64::from));
     }
 
-    /// The motors stand at these steps (X, Y, Z, extruder); the coordinates become the nearest to it. Returns the filament
-    /// that was taken and not pushed, units of 0.1 nm.
+    /// Sets the motors to these steps (X, Y, Z, extruder); the coordinates become the nearest to them. Returns the
+    /// filament that was taken and not pushed, units of 0.1 nm.
     pub fn reset_to(&mut self, motor_steps: [i64; 4], geometry: &Geometry) -> i64 {
         let [x, y, z, extruder] = motor_steps;
         self.coordinates_10nm = geometry.position_10nm([x, y, z]).map(within_reach);
@@ -82,7 +82,7 @@ impl MotorPosition {
     #[inline(always)]
     pub fn advance(&mut self, block: &Block) {
         let ([x, y, z], [dx, dy, dz]) = (self.steps, block.steps);
-        // Within 31 and 63 bits, as the sums of the moves taken.
+        // Both sums stay within 31 and 63 bits, as do those of the moves taken.
         self.steps = [x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz)];
         self.extruder_256ths = self.extruder_256ths.wrapping_add(i64::from(block.extruder_256ths));
     }

@@ -22,7 +22,7 @@ pub struct PreparedMove {
     pub target: [Coordinate; 3],
     /// Filament to push (or draw back), units of 0.1 nm.
     pub filament_100pm: i64,
-    /// Speed along the path, of the filament where nothing else moves, mm/s; above zero.
+    /// Speed along the path, mm/s; that of the filament if it moves alone; above zero.
     pub feed_mm_per_s: f32,
     /// Number of the source line.
     pub line: u32,

@@ -43,7 +43,7 @@ impl Recorder {
             if let Released::Marker(Marker::FanPower { fan, power }) = released {
                 return Some(Recorded::FanPower { fan, power });
             }
-            // Who plays the job advances by what its commands say.
+            // A player of the job advances by its commands.
             let Some(planned) = planner.pass_over(&released) else { continue };
             let (entry, bound) = match (released, notes) {
                 (Released::Block(_), Some((bound, next))) => (core::mem::replace(&mut self.entry, next), bound),

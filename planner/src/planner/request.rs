@@ -35,7 +35,7 @@ pub struct Move {
     pub target_10nm: [i64; 3],
     /// Filament to push (or draw back), units of 0.1 nm.
     pub filament_100pm: i64,
-    /// Speed along the path, of the filament where nothing else moves, mm/s.
+    /// Speed along the path, mm/s; that of the filament if it moves alone.
     pub feed_mm_per_s: f32,
     /// Number of the source line.
     pub line: u32,

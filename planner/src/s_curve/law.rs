@@ -201,7 +201,7 @@ pub struct Along {
     pub(crate) length: f64,
     /// Path from the block's end to the run's, 10 nm.
     rest: f64,
-    /// Begin, a whole tick, in time units from the run's start.
+    /// Start, a whole tick, in time units from the run's start.
     pub(crate) start: u64,
     duration_ticks: u64,
 }
@@ -221,7 +221,7 @@ impl Along {
         Self { curve: *curve, offset, length, rest, start: start << FRACTION_BITS, duration_ticks }
     }
 
-    /// Its pieces. Their times count from the run's start, [`Self::start`] before the block's.
+    /// Pieces of the block. Their times count from the run's start, [`Self::start`] before the block's.
     pub(crate) fn pieces(&self) -> CurvePieces {
         CurvePieces { curve: self.curve, offset: self.offset, rest: self.rest, next: 0 }
     }

@@ -29,7 +29,7 @@ impl Jerk {
 /// The largest jerks of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Jerks {
-    /// Along the path.
+    /// Jerk along the path.
     pub path: Jerk,
     /// Jerk of moves that only push or pull filament: they shake no frame.
     pub filament: Jerk,
@@ -211,7 +211,7 @@ pub(crate) struct Hump {
 const TOLERANCE: f32 = 1.0 + 1e-5;
 
 impl Hump {
-    /// Begin and end of its cruise, units of 10 nm, at the next whole ones inside.
+    /// Start and end of its cruise, units of 10 nm, at the next whole ones inside.
     pub(crate) fn cruise_10nm(&self) -> [u32; 2] {
         let [start, end] =
             [self.up.length(), self.length - self.down.length()].map(|length| (length * UNITS_PER_MM as f32) as u32);

@@ -13,7 +13,7 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// Between two speeds.
+    /// Ramp between two speeds.
     pub fn new(from: f64, to: f64, jerk: f64, acceleration: f64) -> Self {
         let change = (to - from).abs();
         let jerk_time_s = (change / jerk).sqrt().min(acceleration / jerk);

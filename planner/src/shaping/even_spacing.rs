@@ -1,9 +1,9 @@
 //! MZV with any number of impulses over any time (Klipper since 2026).
 //!
-//! With n impulses over t damped periods the response is zero at 1 + i / tau times the frequency, for i from 0 to n - 2, where
-//! tau = t (n - 2) / (n - 2 t - 1). On the unit circle these zeros stand at equal angles, from 2 pi t / (n - 1) to as much before a
-//! whole turn: in pairs, with one at half a turn where their number is odd. The weights are the coefficients of the polynomial that has
-//! these zeros.
+//! With n impulses over t damped periods the response is zero at 1 + i / tau times the frequency, for i from 0 to n -
+//! 2, where tau = t (n - 2) / (n - 2 t - 1). On the unit circle these zeros are at equal angles, from 2 pi t / (n - 1)
+//! to as much before a whole turn: in pairs, with one at half a turn if their number is odd. The weights are the
+//! coefficients of the polynomial that has these zeros.
 
 use super::kernel::MAX_IMPULSES;
 
@@ -39,7 +39,7 @@ impl EvenSpacing {
         f64::from(self.period_thousandths) / 1000.0 / f64::from(self.impulses.saturating_sub(1).max(1))
     }
 
-    /// Weights without damping; `None` if there are no such impulses, or one would be negative.
+    /// Weights without damping; `None` if the numbers are out of range or a weight would be negative.
     #[cold]
     #[inline(never)]
     pub(super) fn weights(self) -> Option<Weights> {

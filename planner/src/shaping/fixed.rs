@@ -10,10 +10,10 @@ pub(super) const STEP_BITS: u32 = 32;
 /// Half a step.
 pub(super) const HALF_STEP: i64 = 1 << (STEP_BITS - 1);
 
-/// The same of parts of a line.
+/// Scale of parts of a line, as a shift.
 const PART_BITS: i32 = 56;
 
-/// Weights' units in a whole, as a shift: the weights of an axis sum to exactly that many.
+/// Weights' units in a whole, as a shift: the weights of an axis sum to exactly this whole.
 pub(super) const WEIGHT_BITS: u32 = 30;
 
 /// Bits of the largest coefficient, but for its sign: the sum of three fits in 64.
@@ -42,7 +42,7 @@ pub(super) struct PartLaw {
     start: i64,
     /// Coefficient of the speed at the start: its part of the line in the span, 2^-56 over 2^[`PartScale::enlarged`].
     speed: i64,
-    /// The same of half the acceleration, and of a sixth of the jerk, without the lower 32 bits.
+    /// Coefficients of half the acceleration, and of a sixth of the jerk, without the lower 32 bits.
     acceleration: i32,
     jerk: i32,
 }
@@ -65,7 +65,7 @@ pub(super) struct PartRates {
 }
 
 impl PartRates {
-    /// It stands.
+    /// Rest.
     pub const NONE: Self = Self { speed: 0.0, acceleration: 0.0, jerk: 0.0 };
 
     /// Adds those, times `factor`.
@@ -78,7 +78,7 @@ impl PartRates {
 }
 
 impl PartScale {
-    /// Any, for what stands. All zeros: images hold no copy of an empty ring then.
+    /// Scale of a resting piece, which may be any. All zeros, so that images hold no copy of an empty ring.
     pub const NONE: Self = Self { enlarged: 0, span_bits: 0 };
 
     /// Ticks as a share of the span, 2^-64.
@@ -229,7 +229,7 @@ impl Mean {
     /// Mean over no time.
     pub const NONE: Self = Self { reciprocal: 0, bits: 0 };
 
-    /// Over `ticks`, at least 2 and at most 2^30.
+    /// Mean over `ticks`, at least 2 and at most 2^30.
     #[cold]
     pub fn over(ticks: u32) -> Self {
         let bits = (31_u32.wrapping_sub(ticks.leading_zeros())).min(30);
@@ -353,7 +353,8 @@ mod tests {
                 let found = law.at(scale, after) as f64 / f64::from(PART_BITS).exp2();
                 (found - path.position_after(after as f64)).abs() <= most
             };
-            // Between the ends within what 28 bits of acceleration and jerk leave; at the ends within those of f64.
+            // Between the ends the error is within what 28 bits of acceleration and jerk leave; at the ends within that
+            // of f64.
             prop_assert!(near((at * ticks as f64) as u64, done * 4e-9 + 1e-15));
             prop_assert!(near(0, 1e-15) && near(ticks, 1e-15));
             let rates = law.rates_at(scale, (at * ticks as f64) as u64);

@@ -6,7 +6,7 @@ pub const MAX_IMPULSES: usize = 5;
 /// An impulse of a shaper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impulse {
-    /// Its part of the command; those of a kernel sum to 1.
+    /// Share of the command; those of a kernel sum to 1.
     pub weight: f64,
     /// Delay against the command, ticks.
     pub delay_ticks: u32,
@@ -68,7 +68,7 @@ impl Kernel {
         self.impulses().iter().map(|one| one.weight * from_centroid(one) * from_centroid(one)).sum()
     }
 
-    /// The same, later by `ticks`.
+    /// The kernel later by `ticks`.
     pub fn delayed(mut self, ticks: u32) -> Self {
         for one in &mut self.impulses {
             one.delay_ticks = one.delay_ticks.saturating_add(ticks);

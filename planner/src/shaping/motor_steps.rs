@@ -25,10 +25,10 @@ pub(super) struct WindowMotion {
     pub ticks: f32,
 }
 
-/// A motor: where it stands, and its steps in the present window.
+/// A motor: its position, and its steps in the present window.
 ///
-/// It steps where the position passes the middle between two steps. The times count from the end of the window that is the
-/// slower one: there 20 ticks are the least part of a step.
+/// It steps when the position passes the middle between two steps. The times count from the end of the window that is
+/// the slower one: there 20 ticks are the least part of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MotorSteps {
     /// Position after all steps of the window.
@@ -53,7 +53,7 @@ pub(super) struct MotorSteps {
 }
 
 impl MotorSteps {
-    /// A motor that stands there.
+    /// A motor that rests at this position.
     pub const fn standing(steps: i64) -> Self {
         Self {
             steps,
@@ -79,7 +79,7 @@ impl MotorSteps {
         let here = fixed::of_steps(self.steps);
         let (start, end) = (start.wrapping_sub(here), end.wrapping_sub(here));
         let backwards = end < 0;
-        // The same motion, forwards.
+        // The motion mirrored so that it goes forwards.
         let (start, end, sign) =
             if backwards { (start.wrapping_neg(), end.wrapping_neg(), -1.0) } else { (start, end, 1.0) };
         // Middles up to the end. One on which the motion rests belongs to the upper step, else the motor went to and fro.
@@ -153,7 +153,7 @@ impl MotorSteps {
         if jerk == 0.0 { quadratic } else { self.with_jerk(distance, quadratic) }
     }
 
-    /// The same with jerk, from the time that it would take without.
+    /// Time with jerk, from the time that it would take without.
     #[inline(never)]
     fn with_jerk(&self, distance: f32, quadratic: f32) -> f32 {
         let Self { speed, acceleration, jerk, ticks, .. } = *self;

@@ -46,7 +46,7 @@ impl Polynomial {
         }
     }
 
-    /// The same in another time, a tick of which is `1 / factor` of this.
+    /// The motion in another time, a tick of which is `1 / factor` of this.
     #[inline(never)]
     fn hastened(&self, factor: f64) -> Self {
         let square = factor * factor;
@@ -72,7 +72,7 @@ impl Polynomial {
 /// A piece of a block's law: path in units of 10 nm from the block's start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PathPiece {
-    /// Begin and end, ticks from the block's start.
+    /// Start and end, ticks from the block's start.
     pub start: f64,
     pub end: f64,
     /// The path from its start.
@@ -96,7 +96,7 @@ impl PathPieces {
         duration_ticks: 0,
     };
 
-    /// Takes those of a planned block; there are none before.
+    /// Adds the pieces of a planned block to an empty list.
     #[inline(never)]
     pub fn add<P: Pieces>(&mut self, planned: &PlannedBlock, law: &TimeLaw<P>) {
         let length = f64::from(planned.block.length_10nm.max(1));
@@ -119,8 +119,9 @@ impl PathPieces {
         self.end_at_a_tick();
     }
 
-    /// Makes the block last a whole number of ticks (under an S-curve, the run's blocks go on at the same fraction of one): it passes each place in proportion earlier or later. Without that the
-    /// position would jump where the next block begins.
+    /// Makes the block last a whole number of ticks (under an S-curve, the run's blocks continue at the same fraction
+    /// of one): it passes each place in proportion earlier or later. Without that the position would jump where the
+    /// next block begins.
     #[inline(never)]
     fn end_at_a_tick(&mut self) {
         let end = self.iter().last().map_or(0.0, |last| last.end);

@@ -85,7 +85,7 @@ impl Plan {
                 is_planned = true;
             }
             if !is_planned {
-                // A stretch without a tick of its own is passed at once.
+                // A stretch shorter than a tick is passed at once.
                 self.add_rest(begins + before);
             }
             self.ring.end_move(stretch.line, stretch.ends_move);
@@ -104,7 +104,7 @@ impl Plan {
         self.end += u64::from(ticks);
     }
 
-    /// The motors stand at the end of the plan so far from a tick on.
+    /// Piece in which the motors rest at the end of the plan so far, from a tick on.
     fn resting(&self, start: u64) -> PlanPiece {
         PlanPiece::resting(start, self.steps, self.extruder_256ths, self.advance_sum)
     }
@@ -129,7 +129,7 @@ impl Plan {
     fn add_advance(&mut self, piece: &mut PlanPiece, part: &Polynomial, ticks: u64) {
         let [.., extruder] = piece.line;
         piece.advance = self.advance.slope_at(f64::from(extruder) * part.after(0.5 * ticks as f64).speed);
-        // The sum goes on from the piece before, and is counted from where nothing of the line is done.
+        // The sum continues from the piece before, and is counted from the start of the line.
         let begun = piece.advance_sum_after(piece.part_after(0), 0).wrapping_sub(piece.advance_sum);
         piece.advance_sum = piece.advance_sum.wrapping_sub(begun);
         self.advance_sum = piece.advance_sum_after(piece.part_after(ticks), ticks);

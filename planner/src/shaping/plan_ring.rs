@@ -19,7 +19,7 @@ pub(super) struct PlanPiece {
     pub start: u64,
     /// Part of the line that is done.
     pub part: PartLaw,
-    /// Positions of X, Y and Z (A, B, Z) at the line's begin.
+    /// Positions of X, Y and Z (A, B, Z) at the line's start.
     pub steps: [i32; 3],
     /// The extruder there, 1/256 steps, modulo 2^32: it is seen from places near it.
     pub extruder_256ths: i32,
@@ -29,7 +29,7 @@ pub(super) struct PlanPiece {
     pub is_extruder_below_zero: bool,
     /// True if the move of [`Self::source_line`] ends with the piece.
     pub ends_move: bool,
-    /// Lead of the extruder, and its sum over time at the line's begin, 2^-16 steps times ticks and modulo 2^64.
+    /// Lead of the extruder, and its sum over time at the line's start, 2^-16 steps times ticks and modulo 2^64.
     pub advance: AdvanceSlope,
     pub advance_sum: i64,
     /// The line, in steps, that of the extruder in 1/256 steps.
@@ -54,7 +54,7 @@ impl PlanPiece {
         source_line: 0,
     };
 
-    /// All motors stand there from a tick on.
+    /// Piece in which all motors rest from a tick on.
     pub const fn resting(start: u64, steps: [i32; 3], extruder_256ths: i64, advance_sum: i64) -> Self {
         Self {
             start,
@@ -66,7 +66,7 @@ impl PlanPiece {
         }
     }
 
-    /// The same with motion along a line.
+    /// The piece with motion along a line.
     pub const fn along(self, line: [i32; 4], (part, scale): (PartLaw, PartScale)) -> Self {
         Self { line, part, scale, ..self }
     }
@@ -129,14 +129,14 @@ impl PlanPiece {
         [steps(1, x, dx), steps(2, y, dy), steps(4, z, dz), extruder]
     }
 
-    /// The same of the positions at the piece's start over `ticks` before it.
+    /// Sums of the positions at the piece's start over `ticks` before it.
     #[inline(never)]
     pub fn summed_before(&self, ticks: i64, near_256ths: i64) -> [i64; 4] {
         let [x, y, z] = self.steps.map(|steps| i64::from(steps).wrapping_mul(ticks) << 16);
         [x, y, z, self.extruder_start_256ths(near_256ths).wrapping_mul(ticks) << 8].map(i64::wrapping_neg)
     }
 
-    /// Extruder position at the line's begin, 1/256 steps, not modulo 2^32; found from a position near it.
+    /// Extruder position at the line's start, 1/256 steps, not modulo 2^32; found from a position near it.
     #[inline]
     fn extruder_start_256ths(&self, near_256ths: i64) -> i64 {
         near_256ths.wrapping_add(i64::from(self.extruder_256ths.wrapping_sub(near_256ths as i32)))

@@ -21,7 +21,7 @@ pub enum ShaperKind {
     Zv,
     /// Klipper's modified zero vibration: three impulses over three quarters of a period.
     Mzv,
-    /// The same with another number of impulses over another time (Klipper since 2026).
+    /// MZV with another number of impulses over another time (Klipper since 2026).
     EvenMzv(EvenSpacing),
     /// Zero vibration and derivative: three impulses.
     Zvd,
@@ -57,7 +57,7 @@ pub enum ShaperError {
     Frequency,
     /// The damping ratio is negative or above [`ShaperKind::max_damping`].
     Damping,
-    /// There are no such impulses at equal distances, or one of them would be negative.
+    /// No such impulses at equal distances, or one of them would be negative.
     Spacing,
     /// The filter is longer than [`MAX_LENGTH_TICKS`]: the frequency is too low for this shaper.
     TooLong {
@@ -121,8 +121,8 @@ impl AxisShaper {
         Err(ShaperError::TooLong { lowest_hundredths_hz, is_smooth: smooth_ticks > 0 })
     }
 
-    /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the filter, beside a moving average over so
-    /// many ticks, is no longer than [`MAX_LENGTH_TICKS`]; Hz, to the next hundredth above.
+    /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the filter, beside a moving
+    /// average over `smooth_ticks`, is no longer than [`MAX_LENGTH_TICKS`]; Hz, to the next hundredth above.
     pub fn lowest_frequency_hz(&self, smooth_ticks: u32) -> f64 {
         let [lowest, _] = Self::FREQUENCY_HZ;
         let most_ticks = MAX_LENGTH_TICKS.saturating_sub(smooth_ticks);
@@ -178,7 +178,7 @@ impl AxisShaper {
 }
 
 impl ShaperKind {
-    /// Those that need no numbers, with their names in profiles and in `SET_INPUT_SHAPER`.
+    /// Kinds without numbers, with their names in profiles and in `SET_INPUT_SHAPER`.
     pub const NAMED: [(&'static str, Self); 9] = [
         ("none", Self::None),
         ("zv", Self::Zv),

@@ -1,7 +1,7 @@
-//! The moving average of a filter: positions summed over time, of which it is the difference at two delays.
+//! The moving average of a filter: the difference of positions summed over time, at two delays.
 //!
-//! A sum goes on from piece to piece of the plan in whole numbers, modulo 2^64, so that two cursors that have passed the same
-//! pieces have the same sum, and their difference is exact however long the plan is.
+//! A sum continues from piece to piece of the plan in whole numbers, modulo 2^64, so that two cursors that have passed
+//! the same pieces have the same sum, and their difference is exact however long the plan is.
 
 use super::fixed::{self, Mean};
 use super::plan_ring::PlanPiece;
@@ -67,7 +67,8 @@ impl PositionSums {
         self.add(anchor.summed(ticks.wrapping_sub(anchor.ticks()) as u32, near));
     }
 
-    /// The sums `ticks` after the start of the anchor's piece; before it, if it is the first one, where everything stands.
+    /// The sums `ticks` after the start of the anchor's piece; negative ticks lie before the first piece, where
+    /// everything rests.
     fn at(&self, anchor: &Anchor<'_>, ticks: i64, near: &Reference) -> [i64; 4] {
         let mut sums = *self;
         sums.add(if ticks < 0 {
@@ -94,7 +95,7 @@ impl MovingAverage {
     /// No average.
     pub const NONE: Self = Self { ticks: 0, mean: Mean::NONE };
 
-    /// Over `ticks`.
+    /// Average over `ticks`.
     #[cold]
     pub fn over(ticks: u32) -> Self {
         Self { ticks, mean: Mean::over(ticks) }

@@ -1,8 +1,8 @@
 //! Stepping of filtered positions: turns them into ordered step events, every motor in its own time.
 //!
-//! Time goes on in windows, within which every motor follows one polynomial and none turns. A window's ends are worked out
-//! afresh from the plan, so nothing drifts; within it each motor's steps are solved for, and the four streams merge. Steps
-//! that are nearer than the least interval to an event join it.
+//! Time advances in windows, within which every motor follows one polynomial and none turns. A window's ends are worked
+//! out afresh from the plan, so nothing drifts; within it each motor's steps are solved for, and the four streams
+//! merge. Steps that are nearer than the least interval to an event join it.
 
 use super::Shaping;
 use super::fixed;
@@ -57,7 +57,7 @@ pub(crate) struct ShapedStepper {
     positions: [i64; 4],
     /// The extruder's counts from [`Self::extruder_zero`].
     motors: [MotorSteps; 4],
-    /// Extruder position at the window's begin, steps.
+    /// Extruder position at the window's start, steps.
     extruder_zero: i64,
     /// Number of the first piece that has not ended.
     ending: u32,
@@ -171,7 +171,7 @@ impl ShapedStepper {
         self.plan.add(planned, law)
     }
 
-    /// The plan has ended: goes on until the motors rest. Returns how many ticks that takes.
+    /// Continues after the end of the plan until the motors rest. Returns how many ticks that takes.
     pub fn begin_rest(&mut self) -> u64 {
         let length = self.taps.length_ticks();
         self.plan.rest(length);
@@ -250,7 +250,7 @@ impl ShapedStepper {
         let mut directions = self.directions;
         let least = i64::from(self.minimum_interval);
         let is_near = after_last < least;
-        // Those that are as good as due join it; beside an event that is near, only the one that is.
+        // Steps that are practically due join it; a near event takes only the one that is due.
         let (streams, mut bit) = if is_near {
             let one = self.motors.get_mut(motor..).and_then(|streams| streams.get_mut(..1));
             (one.unwrap_or_default(), 1_u8.wrapping_shl(motor as u32))

@@ -11,8 +11,8 @@ use super::smoothing::{Anchor, MovingAverage, PositionSums, Reference, Seen};
 use crate::kinematics::Kinematics;
 use crate::pressure_advance::AdvanceSlope;
 
-/// The most delays. Without a moving average: those of X, of Y, that of Z, and the two of the extruder's advance. With one each of them
-/// is two, where the average begins and where it ends, and the advance has two of its own.
+/// The most delays. Without a moving average: those of X, of Y, that of Z, and the two of the extruder's advance. With
+/// one, each delay becomes two, for the start and the end of the average, and the advance has two more.
 const MAX_TAPS: usize = 2 * (2 * MAX_IMPULSES + 3) + 2;
 
 /// Index of the extruder.
@@ -318,7 +318,7 @@ impl Taps {
 }
 
 impl Tap {
-    /// Ticks since the piece began, as this tap sees it; `None` where it stands before the first.
+    /// Ticks since the piece began, as this tap sees it; `None` before the first piece.
     #[inline]
     fn ticks_into(&self, piece: &PlanPiece, tick: u64) -> Option<u64> {
         tick.checked_sub(piece.start.wrapping_add(u64::from(self.delay_ticks)))

@@ -34,7 +34,7 @@ impl AcceleratedSteps {
         whole_units(units + 0.5)
     }
 
-    /// The same steps for a loop that keeps them in registers, and how many of `left` steps it may take.
+    /// The steps in a form for a loop that keeps them in registers, and how many of `left` steps it may take.
     #[inline(always)]
     pub(super) fn hot(&self, left: u32) -> Option<(HotRamp, u32)> {
         let Self { slow, gain, speed, index, direction } = *self;
@@ -72,7 +72,7 @@ impl HotRamp {
         self.0.interval_and_half as u32
     }
 
-    /// The same, not cut.
+    /// The interval in time units, not cut to 32 bits.
     #[inline(always)]
     pub(crate) fn units(&self) -> u64 {
         whole_units(self.0.interval_and_half)

@@ -15,7 +15,7 @@ const CORRECTION: f32 = 1.0 / 16.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JerkSteps {
     curve: Cubic<f32>,
-    /// Its duration, time units, and the reciprocal.
+    /// Duration of the half, time units, and its reciprocal.
     half_time: f32,
     per_half_time: f32,
     /// Time units between the next step and where the acceleration is zero.

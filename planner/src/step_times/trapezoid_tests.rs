@@ -197,7 +197,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
     [worst, bump]
 }
 
-/// A thousand times a thousand, each thousand by a seed of its own.
+/// A thousand times a thousand, each thousand by its own seed.
 #[test]
 fn a_million_random_blocks_are_within_a_microsecond() {
     let (mut worst, mut bump) = (0.0f64, 0.0f64);

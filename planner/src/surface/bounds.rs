@@ -25,7 +25,7 @@ pub(super) struct Ends {
 }
 
 impl Ends {
-    /// The cell of this number, in a row of that many points.
+    /// Ends of cell number `cell` in a row of `points` points.
     pub fn of(cell: u8, points: u8, beyond: u8) -> Self {
         Self { is_first: cell == 0, is_last: cell + 2 >= points, beyond }
     }

@@ -21,7 +21,7 @@ const LEAST_FADE: f32 = 4.0;
 /// Units of 10 nm in a micrometre.
 pub(super) const UM_10NM: f32 = 100.0;
 
-/// Why Z cannot follow a mesh.
+/// Reason why Z cannot follow a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MeshError {
     /// The mesh is missing, or some of its points have no heights.
@@ -33,7 +33,7 @@ pub enum MeshError {
         /// The greatest that Z can follow.
         maximum: f32,
     },
-    /// Z has no motor of its own.
+    /// Z shares a motor with another axis.
     SharedMotor,
     /// The correction fades away too soon for its height.
     FadesTooSoon {
@@ -76,7 +76,7 @@ impl MeshGrid {
     /// The machine coordinates of a point, units of 10 nm.
     pub fn place_10nm(&self, [column, row]: [u8; 2]) -> [i32; 2] {
         let ([from_x, from_y], [x, y]) = (self.from_10nm, self.spacing_10nm);
-        // Within the area.
+        // The sums are within the area.
         let along = |from: i32, spacing: i32, index: u8| from.wrapping_add(spacing.wrapping_mul(i32::from(index)));
         [along(from_x, x, column), along(from_y, y, row)]
     }
@@ -96,7 +96,7 @@ impl MeshInterpolation {
     /// Into how many parts the distance of two of this many measured points is divided.
     const fn parts(self, points: u8) -> u8 {
         match (self, points) {
-            // Through two points a curve is straight.
+            // A curve through two points is straight.
             (Self::Bicubic, 3..) => max(1, (MAX_MESH_POINTS as u8 - 1) / (points - 1)),
             _ => 1,
         }
@@ -193,13 +193,13 @@ impl Mesh {
         usize::from(row) * usize::from(columns) + usize::from(column)
     }
 
-    /// The height at a measured point, um; `None`: it has none, or there is no such point.
+    /// Height at a measured point, um; `None` if it has none, or the point does not exist.
     pub fn height_um(&self, point: [u8; 2]) -> Option<i16> {
         let height = self.heights_um.get(self.index(point)?).copied()?;
         (height != UNKNOWN).then_some(height)
     }
 
-    /// Sets the height at a measured point, um; `false`: there is no such point.
+    /// Sets the height at a measured point, um; returns `false` if the point does not exist.
     pub fn set_height_um(&mut self, point: [u8; 2], height_um: i16) -> bool {
         let place = self.index(point).and_then(|index| self.heights_um.get_mut(index));
         place.map(|place| *place = height_um.max(UNKNOWN + 1)).is_some()
@@ -232,7 +232,7 @@ impl Mesh {
             let (start, end) = (at(self, from), at(self, to));
             let before = from.checked_sub(parts).map(|point| at(self, point));
             let after = to.checked_add(parts).filter(|point| *point <= last).map(|point| at(self, point));
-            // Beyond an end the curve goes on as the parabola through the last three points.
+            // Beyond an end the curve continues as the parabola through the last three points.
             let (before, after) = match (before, after) {
                 (Some(before), Some(after)) => (before, after),
                 (Some(before), None) => (before, before - 3.0 * start + 3.0 * end),
@@ -257,13 +257,13 @@ impl Mesh {
         columns > 0 && (0..rows).all(|row| (0..columns).all(|column| self.height_um([column, row]).is_some()))
     }
 
-    /// The greatest height of the surface, also where it goes on beyond the grid, units of 10 nm; at least 0.
+    /// The greatest height of the surface, including its continuation beyond the grid, units of 10 nm; at least 0.
     pub fn highest_10nm(&self) -> i32 {
         let ([columns, rows], [beyond_x, beyond_y]) = (self.points(), self.beyond().map(i32::from));
         let mut most = 0;
         for row in 0..rows {
             for column in 0..columns {
-                // The point towards the middle, and how many cells the surface goes on away from it.
+                // Neighbour towards the middle, and how many cells the surface continues away from it.
                 let (right, by_x) = outwards(column, columns, beyond_x);
                 let (back, by_y) = outwards(row, rows, beyond_y);
                 let [here, beside, behind, across] =
@@ -326,7 +326,7 @@ impl Mesh {
             if fade_10nm < least_10nm {
                 return Err(MeshError::FadesTooSoon { least_10nm: least_10nm as i32 });
             }
-            // Beyond the grid the surface goes on by at most a cell.
+            // Beyond the grid the surface continues by at most a cell.
             bounds.fade = self.farthest_beyond_um(&bounds) * UM_10NM / fade_10nm;
             bounds.fade_per_mm = UNITS_PER_MM as f32 / fade_10nm;
         }

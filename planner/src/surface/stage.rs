@@ -20,7 +20,7 @@ const ROUNDING: f32 = 0.999;
 /// The most steps of Z that one event may ask for: each event can have one.
 const MAX_PER_EVENT: f32 = 1.0;
 
-/// Between the planner and the step queue, with the mesh.
+/// Bed stage between the planner and the step queue, with the mesh.
 #[derive(Debug)]
 pub struct BedStage {
     mesh: Mesh,
@@ -244,7 +244,7 @@ impl BedStage {
         self.surface([x, y]) * self.left_at(z)
     }
 
-    /// The correction for motors that stand at these steps, it included: `z = plan + h (1 - plan / fade)`, solved for the plan.
+    /// Correction at these motor steps, which include it: `z = plan + h (1 - plan / fade)`, solved for the plan.
     fn correction_at(&self, [a, b, z]: [i64; 3]) -> i32 {
         let [step_a, step_b, step_z] = self.steps_10nm;
         let [x, y, _] = self.geometry.kinematics.position([a as f32 * step_a, b as f32 * step_b, 0.0]);
@@ -305,7 +305,7 @@ impl BedStage {
                 out.push(StepEntry::event(half, Z));
                 interval = interval.wrapping_sub(half);
             } else {
-                // It is left to the next event.
+                // Z's step is left to the next event.
                 self.turn_z(directions, out);
                 is_made = false;
             }
@@ -317,7 +317,7 @@ impl BedStage {
             self.turn_z(self.planned, out);
         }
         out.push(if axes == 0 { StepEntry::wait(interval) } else { StepEntry::event(interval, axes) });
-        // This number of events cannot take the surface out of reach. The cast saturates, also where nothing changes.
+        // This number of events cannot take the surface out of reach. The cast saturates, also if nothing changes.
         self.sure = ((MAX_AWAY - away.abs()) * ROUNDING / self.per_event) as u32;
         self.waiting.pass_events(1);
     }
@@ -347,8 +347,8 @@ impl BedStage {
     }
 }
 
-/// The cell of a place, in cells from the first point, and how far the place is in it: up to so many cells beyond the grid the
-/// outermost one goes on, and from there the surface is level.
+/// Cell of a place, in cells from the first point, and the position within it: up to `beyond` cells outside the grid
+/// the outermost cell continues, and from there the surface is level.
 fn cell(place: f32, points: u8, beyond: u8) -> (u8, f32) {
     let last = points.saturating_sub(2);
     let beyond = f32::from(beyond);

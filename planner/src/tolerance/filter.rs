@@ -59,7 +59,7 @@ pub(super) fn apart(x: &Kernel, y: &Kernel, half_average: f32, reach: f32) -> f3
     sum * step
 }
 
-/// A ramp from 0 at time 0 on, filtered, so many ticks later.
+/// Filtered ramp from 0 at time 0 on, this many ticks later.
 fn ramp(kernel: &Kernel, half_average: f32, ticks: f32) -> f32 {
     let centroid = kernel.centroid_ticks();
     let after = |one: &Impulse| ticks - (f64::from(one.delay_ticks) - centroid) as f32;

@@ -147,7 +147,7 @@ impl Held {
         Some((part, Next::Recovery { stage: number.saturating_sub(1), done_100pm }))
     }
 
-    /// Part of a leg without filament, from `begin_mm` on; `None` at the begin of the recovery and after the last leg.
+    /// Part of a leg without filament, from `begin_mm` on; `None` at the start of the recovery and after the last leg.
     fn travel(&self, leg: usize, begin_mm: f32, is_after: bool) -> Option<(Part, Next)> {
         let (until_leg, until_mm) = self.spread.recovery.map_or((self.travels, 0.0), |ride| {
             let leg = self.forwards(ride.leg.into());
@@ -159,7 +159,7 @@ impl Held {
             return None;
         }
         let slowness = self.spread.slowness;
-        // Beside a stage within the leg, filament may begin and end as between stages.
+        // Filament beside a stage within the leg may begin and end as between stages.
         let beside = if is_after || slowness > 1.0 { self.retraction } else { None };
         let beside = beside.or(self.recovery.filter(|_| !is_whole || slowness > 1.0));
         let part = Part::Move(Travel {
@@ -219,7 +219,7 @@ impl Held {
         let share = done_mm / self.length_mm(leg);
         for (place, target) in place.iter_mut().zip(end) {
             let done = share_of(i64::from(target) - i64::from(*place), share);
-            // Between two coordinates.
+            // The place is between two coordinates.
             *place = place.wrapping_add(done as i32);
         }
         place

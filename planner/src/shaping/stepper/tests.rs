@@ -11,7 +11,7 @@ use crate::{AXES, Acceleration, AxisShaper, Move, Planner, PressureAdvance, Shap
 use proptest::prelude::*;
 
 /// Most ticks by which a step may move when the plan is cut. Both solutions keep within 20 ticks of the filtered law
-/// (`tests/shaped.rs`); a cut adds no error of its own, since a piece begins and ends where the law is.
+/// (`tests/shaped.rs`); a cut adds no error, since a piece begins and ends where the law is.
 const MOST_TICKS: u64 = 20;
 
 /// ... or by which the motor moves in between, steps. A motor of CoreXY that hardly moves while X and Y run has the sum of
