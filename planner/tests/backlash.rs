@@ -1,4 +1,4 @@
-//! Play is taken up where a motor turns, and nothing else changes.
+//! Play is taken up at the reversals of a motor, and the plan's steps do not change.
 #![allow(clippy::unwrap_used)]
 
 mod axis;

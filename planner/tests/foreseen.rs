@@ -145,7 +145,7 @@ fn a_line_leaves_when_the_short_move_after_it_is_open() {
     assert_eq!(line.block.line, 1);
     assert!(line.exit.mm_per_s() > 10.0, "{}", line.exit.mm_per_s());
     assert_eq!(planner.next_planned(), None, "the short move may still grow");
-    // It does.
+    // The last move joins the block.
     planner.add(&at(5_000, 60, 3)).unwrap();
     assert_eq!(planner.merged_moves(), 1);
     planner.flush();

@@ -1,4 +1,4 @@
-//! Moves that end inside a block: when they are reported, and where the motors stand then.
+//! Moves that end inside a block: the time at which they are reported, and the motor positions then.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -56,7 +56,7 @@ impl StepSink for Record {
     }
 }
 
-/// Everything that two blocks one after the other become.
+/// Plays two blocks one after the other and returns everything that they become.
 fn play(blocks: &[PlannedBlock]) -> Vec<Happened> {
     let mut interpolator = Interpolator::<Standard>::new(MINIMUM_INTERVAL);
     let mut record = Record::default();
@@ -205,7 +205,7 @@ fn a_motor_turns_round_inside_a_block() {
         .unwrap();
 }
 
-/// Up to eight moves of a block.
+/// Generates up to eight moves of a block.
 fn parts() -> impl Strategy<Value = Vec<Part>> {
     let steps = || prop_oneof![2 => Just(0), 1 => -1i32..=1, 3 => -12i32..=12, 1 => -127i32..=127];
     let part = (1u32..8_000, [steps(), steps(), steps()], prop_oneof![Just(0), -200i32..200, -4_000i32..4_000]);

@@ -286,7 +286,7 @@ proptest! {
         let moves = moves(&lines);
         let (stops, with_stops) = planned(&machine, false, false, &moves);
         let (on_the_way, without) = planned(&machine, true, false, &moves);
-        // The same blocks, whenever they leave.
+        // The blocks are the same, whenever they leave.
         let in_other_ring = Machine { look_ahead: 40, ..machine.clone() };
         for (machine, drains) in [(&machine, true), (&in_other_ring, false)] {
             let (same, _) = planned(machine, true, drains, &moves);
@@ -322,7 +322,7 @@ proptest! {
                 // A wipe has its ratio from the job.
                 let is_wipe = wipes.contains(&stretch.line);
                 if let Some(other) = before.filter(|_| !is_wipe) {
-                    // Inside a block no place is faster than its nominal speed.
+                    // No place inside a block is faster than its nominal speed.
                     let speed = if stretch.before_10nm == 0 { planned.entry } else { block.nominal };
                     let jump = (ratio.mm_per_mm - other.mm_per_mm).abs() - ratio.rounding - other.rounding;
                     prop_assert!(jump * speed.mm_per_s() <= MOST_JUMP, "{} before {planned:?}", jump * speed.mm_per_s());

@@ -35,7 +35,8 @@ const MOST_TICKS: f64 = 20.0;
 /// sum in single precision, and 6e-8 of a hundred steps are passed in 20 ticks above 30 steps/s only.
 const MOST_STEPS: f64 = 1e-5;
 
-/// The same of an extruder with an advance: tens of steps that are K times the plan's speed, rounded as that is.
+/// Largest error of an extruder with an advance, steps: tens of steps that are K times the plan's speed, rounded as
+/// that is.
 const MOST_ADVANCED_STEPS: f64 = 2e-5;
 
 /// Distance of a step from its place by the law, ticks; found by halving around it.
@@ -65,7 +66,7 @@ fn worst(case: &Case) -> (f64, usize) {
     let impulses = impulses(case);
     let events = case.events();
     let average = f64::from(smooth_ticks(case.smooth_time_s).unwrap());
-    // The advance has an average of its own.
+    // The advance has its own average.
     let shaped: Vec<Averaged<'_>> = (laws.iter().zip(&impulses).zip([average, average, average, average, 0.0]))
         .map(|((law, impulses), average)| Averaged::new(law, impulses, average))
         .collect();
@@ -155,7 +156,7 @@ fn extruder_extremes(case: &Case) -> [f64; 3] {
     let at = |tick: f64| e.at(tick).plus(1.0, advance.at(tick));
     let (second, mut extremes) = (f64::from(TICKS_PER_SECOND), [0.0f64; 3]);
     for pair in times.windows(2) {
-        // Between two breakpoints the acceleration is constant, or goes from one value to another.
+        // Between two breakpoints the acceleration is constant, or changes evenly from one value to another.
         let [start, end] = [pair[0], pair[1]];
         if end - start < 0.01 {
             continue;

@@ -39,7 +39,7 @@ impl Ramp {
         let interval: u32;
         // The compiler takes a call of C's function for one that may be made, round which it keeps little in registers.
         // SAFETY: the block loads the eight floats that the pointer points to and stores the first three, as the layout
-        // of C has them; the reference says that nobody else uses them meanwhile. It uses no other memory and no stack,
+        // of C has them; the exclusive reference rules out other uses meanwhile. It uses no other memory and no stack,
         // and the flags of the core stay. The target's ABI (hard float) says that the floating-point unit is there and
         // on. All registers that are overwritten are declared. VMLA rounds the product before it adds, as the code for
         // other targets does; VCVT cuts and saturates, as a cast does.

@@ -10,7 +10,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// The motor stands at 0 and has come from above.
+    /// New axis with the motor at 0, reached from above.
     pub fn new(play: i64) -> Self {
         Self { play, place: 0 }
     }

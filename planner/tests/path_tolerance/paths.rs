@@ -46,7 +46,7 @@ impl Case {
         self.blocks_with(keeps, 64)
     }
 
-    /// The same, with a look-ahead ring of this many places.
+    /// Blocks of the moves in a look-ahead ring of this many places.
     pub fn blocks_with(&self, keeps: bool, ring: usize) -> Vec<PlannedBlock> {
         let steps = |value: f64| StepsPerMm::from_f64(value).unwrap();
         let [x, y, z] = self.steps_per_mm;

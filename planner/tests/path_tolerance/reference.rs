@@ -53,7 +53,7 @@ impl Plan {
                 .collect();
             let exact: f64 = lengths.iter().sum();
             let scale = exact / planned.block.length_mm();
-            // Along the block, cut where a part or a move ends.
+            // Walks along the block, cut at the ends of parts and moves.
             let (mut index, mut left_mm) = (first, lengths[0]);
             let mut start_s = plan.end_s;
             for (number, [lasts, entry, acceleration]) in parts.iter().enumerate() {

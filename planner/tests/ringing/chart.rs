@@ -7,7 +7,7 @@ use ferrostep_svg::{escaped, page};
 
 /// Vibration that one kind of shaper leaves.
 pub struct Panel {
-    /// Its name.
+    /// Name of the kind.
     pub name: &'static str,
     /// The frame's frequency as a part of the shaper's, what the steps leave, what the formula leaves; both as parts of the
     /// unshaped vibration.

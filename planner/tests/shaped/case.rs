@@ -74,7 +74,7 @@ pub struct Case {
     pub pressure_advance: PressureAdvance,
     /// Time of the moving average, s.
     pub smooth_time_s: Option<f64>,
-    /// Under an S-curve of this jerk, mm/s^3; there is one move then, as long as its speed needs.
+    /// Jerk of an S-curve, mm/s^3; there is then one move, as long as its speed needs.
     pub jerk_mm_per_s3: Option<f64>,
     pub moves: Vec<Move>,
 }

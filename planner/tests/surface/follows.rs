@@ -1,4 +1,4 @@
-//! Z is at the surface, and nothing else changes.
+//! Z is at the surface, and the other motors do not change.
 
 use ferrostep_planner::Kinematics;
 use ferrostep_planner::surface::{Bed, BedStage, Mesh};

@@ -12,8 +12,8 @@ fn z_steps(sink: &Sink) -> Vec<(f64, f64)> {
     of_z.map(|(tick, _, back)| (*tick as f64 / second, if back & Z == 0 { 1.0 } else { -1.0 })).collect()
 }
 
-/// Greatest speed and acceleration of Z, mm/s and mm/s^2, by its steps, over windows of so many of one sign: the times of steps are
-/// those of other events, and so much of it must not be seen.
+/// Greatest speed and acceleration of Z, mm/s and mm/s^2, by its steps, over windows of `window` steps on each side,
+/// all of one sign: the times of steps are rounded to those of other events, which a shorter window would show.
 fn fastest(steps: &[(f64, f64)], window: usize, steps_per_mm: f64) -> (f64, f64) {
     let mut most = (0.0f64, 0.0f64);
     for part in steps.windows(2 * window + 1) {
@@ -48,13 +48,13 @@ fn z_keeps_its_limits_on_a_slope() {
     // Speed and acceleration would be 3 mm/s and 100 mm/s^2 without the bounds; these windows see a part of that.
     let (speed, acceleration) = fastest(&z_steps(&machine.run(START, &path, Some(&mesh), false)), 30, 400.0);
     assert!(speed > 2.9 && acceleration > 20.0, "{speed} mm/s, {acceleration} mm/s^2");
-    // A Z that can is no reason to be slower.
+    // A Z that is fast enough slows nothing down.
     let machine = Machine::new(Kinematics::Cartesian);
     let plain = machine.run(START, &path, None, true);
     assert_eq!(without_z(&machine.run(START, &path, Some(&mesh), true).seen.0), without_z(&plain.seen.0));
 }
 
-/// Over a ridge Z's speed changes at once, by no more than it may at a corner.
+/// At a ridge Z's speed changes at once, by no more than it may at a corner.
 #[test]
 fn z_keeps_its_corner_velocity_over_a_ridge() {
     for (limit, most) in [(1.0, 1.03), (60.0, 9.1)] {
@@ -97,7 +97,7 @@ fn z_keeps_its_acceleration_over_a_twist() {
 #[test]
 fn a_contour_line_turns_z_once() {
     let machine = Machine::new(Kinematics::Cartesian);
-    // It rises along X + Y by 0.4 % each.
+    // The surface rises along X + Y by 0.4 % each.
     let mesh = mesh_of([2, 2], &[-400, 0, 0, 400], 0);
     let path: Vec<Move> = (1..=40)
         .map(|line| {

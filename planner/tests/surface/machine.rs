@@ -157,7 +157,7 @@ impl Machine {
         sink
     }
 
-    /// About [`START`], where the motors can stand on the mesh.
+    /// Motor position near [`START`] that the motors can have on the mesh.
     pub fn start(&self, mesh: &Mesh) -> [i64; 3] {
         let geometry = self.geometry();
         let mut stage = BedStage::new(&geometry);

@@ -27,7 +27,7 @@ pub fn any_mesh() -> impl Strategy<Value = Mesh> {
     let fade = prop_oneof![Just(0i32), 200_000i32..1_500_000];
     let between = prop_oneof![Just(MeshInterpolation::Bilinear), Just(MeshInterpolation::Bicubic)];
     (between, points, proptest::collection::vec(-150i16..150, 36), fade).prop_map(|(between, points, heights, fade)| {
-        // Curves through such heights, and where they go on beyond them, are steeper than straight lines.
+        // Curves through such heights, and their continuations beyond them, are steeper than straight lines.
         let share = if between == MeshInterpolation::Bicubic { 4 } else { 1 };
         let heights: Vec<_> = heights.into_iter().map(|height| height / share).collect();
         mesh_between(between, points, &heights, fade)

@@ -60,7 +60,7 @@ impl<'a> Surface<'a> {
         Self { mesh, parts, heights_um, steps_per_mm: machine.steps_per_mm[2] }
     }
 
-    /// Its height at a place, mm; a cell beyond the grid the outermost cells go on.
+    /// Height at a place, mm; the outermost cells continue for one cell beyond the grid.
     pub fn height_mm(&self, place_mm: [f64; 2]) -> f64 {
         let grid = self.mesh.grid();
         let cells = [0, 1].map(|axis| {
