@@ -18,9 +18,9 @@ pub struct Ramp {
 pub struct State {
     /// Path from the start.
     pub length: f64,
-    /// Its first derivative.
+    /// First derivative of the path.
     pub speed: f64,
-    /// Its second.
+    /// Second derivative of the path.
     pub acceleration: f64,
 }
 
@@ -28,7 +28,7 @@ fn bounds(jerk: f64, acceleration: f64) -> Result<RampBounds, CurveError> {
     if !is_in_range(jerk) {
         return Err(CurveError::Jerk);
     }
-    // Infinite is no limit.
+    // An infinite acceleration sets no limit.
     if !(is_in_range(acceleration) || acceleration > MOST) {
         return Err(CurveError::Acceleration);
     }
@@ -109,7 +109,7 @@ impl Profile {
     /// their acceleration is not zero, planned anew.
     ///
     /// # Errors
-    /// [`CurveError`] where a number is out of range, or the length does not even hold a ramp from `entry` to `exit`.
+    /// [`CurveError`] if a number is out of range, or the length does not even hold a ramp from `entry` to `exit`.
     pub fn new([entry, most, exit]: [f64; 3], length: f64, jerk: f64, acceleration: f64) -> Result<Self, CurveError> {
         let bounds = bounds(jerk, acceleration)?;
         speeds(&[entry, most, exit])?;

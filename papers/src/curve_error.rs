@@ -1,4 +1,4 @@
-//! Why there is no S-curve of certain numbers.
+//! Reasons why certain numbers give no S-curve.
 
 use core::fmt;
 
@@ -17,7 +17,7 @@ pub(crate) fn is_zero_or_in_range(x: f64) -> bool {
     x == 0.0 || is_in_range(x)
 }
 
-/// Why there is no S-curve of what was asked for.
+/// Reason why there is no such S-curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurveError {
     /// The jerk is not a number from 1e-12 to 1e12.

@@ -13,7 +13,7 @@ pub enum PlanCase {
     SlowsDown,
     /// (d): started below the run's frequency, stopped at it or above.
     SpeedsUp,
-    /// Neither is slower than the run: at the run's frequency throughout.
+    /// Start and stop are no slower than the run: at the run's frequency throughout.
     AtRun,
     /// Too short to go from start to stop: at the slower of them throughout.
     TooShort,

@@ -20,7 +20,7 @@ pub(crate) type Law = TimeLaw<PaperPieces>;
 /// Motors that step in an event.
 #[derive(Clone, Copy, Debug)]
 enum Rule {
-    /// The same always.
+    /// The same motors in every event.
     Always(MotorPulse),
     /// The first, and with some of its steps the others (Wu 2024, eq. 3).
     Bresenham {
@@ -174,7 +174,7 @@ impl Pulses {
         };
         match (pulse, self.rest) {
             (Some(pulse), _) => self.feeds.of(pulse),
-            // There are as many parts as pulses, and one for the rest.
+            // The number of parts is that of the pulses, and one for the rest.
             (None, rest) => rest.unwrap_or(MotorPulse::NONE),
         }
     }

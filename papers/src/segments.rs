@@ -6,7 +6,7 @@ use crate::table::FrequencyTable;
 /// A line as it is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// Its pulses.
+    /// Number of pulses.
     pub pulses: f64,
     /// The frequency that it asks for, Hz.
     pub run_hz: f64,

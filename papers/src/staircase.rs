@@ -24,7 +24,7 @@ pub(crate) struct BlockPulses {
 }
 
 impl BlockPulses {
-    /// Those of a block.
+    /// Pulses of a block.
     pub(crate) fn of(block: &Block) -> Self {
         let most_256ths = (block.master_steps().saturating_mul(256)).max(block.extruder_256ths.unsigned_abs());
         let count = f64::from(most_256ths) * (1.0 / 256.0);

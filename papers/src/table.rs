@@ -7,12 +7,12 @@ use ferrostep_planner::square_root::square_root;
 /// Li's table (Li 2017, sect. 1.2): the S-curve from a start frequency f0 to a highest one, in slices of T = 2/f0, each at
 /// a constant frequency, and the pulses made up to each of them, F.
 ///
-/// A slice has the frequency of its middle. The paper takes its start, and then the sum misses the 3300 pulses of its own
-/// experiment's ramp by 9; from the middles it is within one pulse, the rule of midpoints being exact where the frequency
-/// changes linearly. The last slice ends with the ramp.
+/// A slice has the frequency of its middle. The paper takes its start, and then the sum misses the 3300 pulses of the
+/// ramp in its experiment by 9; from the middles it is within one pulse, the rule of midpoints being exact where the
+/// frequency changes linearly. The last slice ends with the ramp.
 ///
 /// The paper keeps the table in memory that it asks for at run time. Frequencies are a square and their sums a cubic of
-/// the slice's number, so that this one is worked out where it is read: it takes no memory, whatever T is.
+/// the slice's number, so this table is computed as it is read: it takes no memory, whatever T is.
 ///
 /// Deceleration is acceleration reversed and reads the same table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,11 +32,11 @@ pub struct FrequencyTable {
 /// A slice of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slice {
-    /// Begin, s.
+    /// Start, s.
     pub start_s: f64,
-    /// Its duration, s; T, or what is left for the last.
+    /// Duration, s; T, or what is left for the last slice.
     pub duration_s: f64,
-    /// Its frequency, Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Pulses before it, F.
     pub pulses_before: f64,

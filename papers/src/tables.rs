@@ -34,7 +34,7 @@ impl Paper {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Wu, Self::Yu, Self::CoreXy, Self::Li];
 
-    /// Its tables and figures.
+    /// Tables and figures of the paper.
     pub fn chapter(self) -> Chapter {
         match self {
             Self::Wu => wu::chapter(),
@@ -53,7 +53,7 @@ impl Table {
 }
 
 impl Chapter {
-    /// Its tables as text.
+    /// Tables of the chapter as text.
     pub fn text(&self) -> String {
         text::of(self)
     }

@@ -55,7 +55,7 @@ fn check_blocks<R: SpeedRule>(random: &mut Random, rule: R, pace: Pace, mut chec
     assert_eq!(speed, Speed::ZERO);
 }
 
-/// Under a table speeds join, and what a block changes of them is in its pulses.
+/// Speeds join under a table, and a block changes them only in its pulses.
 #[test]
 fn blocks_under_a_table_never_jump() {
     let mut random = Random(300);

@@ -1,4 +1,5 @@
-//! The paper's packets: what is written is what is read, byte by byte where the paper says, and nothing else is taken.
+//! Round trip of the paper's packets: they are read as they were written, byte by byte where the paper defines it, and
+//! all else is refused.
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_gpre::Fault;

@@ -10,7 +10,7 @@ pub struct Classic<D = Uncounted> {
     rise: i32,
     /// 2 (dy - dx), not above zero, by which it changes where both step.
     fall: i32,
-    /// It decides the next step.
+    /// Decision value of the next step.
     decision: i32,
     decisions: D,
 }
@@ -24,9 +24,10 @@ impl<D: Decisions> Classic<D> {
         Self { rise, fall, decision: rise.wrapping_sub(dx), decisions: D::default() }
     }
 
-    /// Passes `count` steps of the major axis, a decision each; whether the minor axis steps with the last of them.
+    /// Passes `count` steps of the major axis, a decision each; returns true if the minor axis steps with the last of
+    /// them.
     ///
-    /// The decision value stays within 2 dx of zero for as long as one likes to go on.
+    /// The decision value stays within 2 dx of zero, however many steps are passed.
     #[inline(always)]
     pub fn pass(&mut self, count: u32) -> bool {
         let mut steps = false;

@@ -12,7 +12,7 @@ fn classic(dx: i64, dy: i64) -> impl Iterator<Item = bool> {
     })
 }
 
-/// The same, stair by stair.
+/// Steps of the minor axis, stair by stair.
 fn by_stairs<W: Widths>(slope: Slope) -> impl Iterator<Item = bool> {
     let usual = slope.is_steep();
     Stairs::<W>::new(slope).flat_map(move |stair| {
@@ -27,7 +27,7 @@ fn assert_classic_points<W: Widths>(dx: u32, dy: u32) {
     assert!(stairs.eq(classic(dx.into(), dy.into())), "{dx} {dy} {}", core::any::type_name::<W>());
 }
 
-/// Every rule, and classic Bresenham as it stands here, against the formula.
+/// Checks every rule, and classic Bresenham as it is here, against the formula.
 fn assert_all_agree(dx: u32, dy: u32) {
     assert_classic_points::<FromFirstStair>(dx, dy);
     assert_classic_points::<FromQuotient>(dx, dy);

@@ -13,8 +13,8 @@ pub trait Widths: Copy {
     /// New at the start of a line.
     fn new(slope: Slope) -> Self;
 
-    /// Width of the next stair. There are as many stairs as steps of the rarer kind; what it says beyond them, or where
-    /// there are none, means nothing.
+    /// Width of the next stair. There are as many stairs as steps of the rarer kind; beyond them, or without any, the
+    /// width is meaningless.
     fn width(&mut self) -> u32;
 
     /// Decision values compared so far.
@@ -129,7 +129,7 @@ impl<D: Decisions> Widths for FromQuotient<D> {
             self.decision = self.decision.wrapping_add(self.rise);
             width = width.wrapping_add(1);
         }
-        // Behind the stair, and at width F of the next.
+        // Decision value after the stair, and at width F of the next.
         self.decision = self.decision.wrapping_sub(self.lower);
         self.least = self.quotient;
         width
@@ -160,7 +160,7 @@ impl Widths for FromDivision {
         if self.rise == 0 {
             return u32::MAX;
         }
-        // Neither is negative.
+        // Neither operand is negative.
         let width = (self.decision.wrapping_neg() as u32 / self.rise as u32).wrapping_add(1);
         let end = self.decision.wrapping_add(self.rise.wrapping_mul(width as i32));
         self.decision = end.wrapping_sub(self.fall);

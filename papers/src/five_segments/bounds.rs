@@ -1,9 +1,9 @@
 //! Speeds and lengths that a jerk and an acceleration allow a ramp of two halves.
 //!
 //! Li 2017, eqs. 1 to 4, changes the speed by dv in 2 t1, t1 = sqrt(dv/j), with a greatest acceleration of j t1. The
-//! machine has a limit a of that, too, which Li does not know: where j t1 would pass it, t1 = dv/a, and the jerk is the
-//! smaller dv/t1^2 = a^2/dv. A ramp is +j and then -j in either case, and half of it the mean of both speeds, so that
-//! its length is (v0 + v1) t1, t1 = max(sqrt(dv/j), dv/a).
+//! machine also limits the acceleration to a, which Li does not: if j t1 would exceed it, t1 = dv/a, and the jerk is
+//! the smaller dv/t1^2 = a^2/dv. A ramp is +j and then -j in either case, and half of it the mean of both speeds, so
+//! that its length is (v0 + v1) t1, t1 = max(sqrt(dv/j), dv/a).
 
 use ferrostep_planner::square_root::square_root;
 

@@ -6,7 +6,8 @@ use ferrostep_planner::DualRatePeriods;
 /// Periods in microseconds, to the nearest nanosecond: T_min and T_max.
 ///
 /// # Errors
-/// [`PlaneError::NoPeriod`] for what is no number of nanoseconds from 1 to 2^32 - 1, [`PlaneError::PeriodsReversed`].
+/// [`PlaneError::NoPeriod`] for a number of nanoseconds that is not from 1 to 2^32 - 1,
+/// [`PlaneError::PeriodsReversed`].
 pub fn periods_from_us(shortest_us: f64, longest_us: f64) -> Result<DualRatePeriods, PlaneError> {
     let [shortest_ns, longest_ns] = [shortest_us, longest_us].map(|us| {
         let ns = us * 1e3 + 0.5;
@@ -34,7 +35,7 @@ pub(crate) fn is_dead_zone(periods: &DualRatePeriods, one: u32, other: u32) -> b
     u64::from(more) * u64::from(periods.shortest_ns) > u64::from(fewer) * u64::from(periods.longest_ns)
 }
 
-/// A line of two motors, each at a rate of its own.
+/// Line of two motors, each at its own rate.
 #[derive(Clone, Copy, Debug)]
 pub enum DualRate {
     /// Each motor has its own period.
@@ -80,7 +81,7 @@ impl TwoRates {
 
     /// Period of each motor, ns.
     pub fn periods_ns(&self) -> [f64; 2] {
-        // Neither has none: that would be the dead zone.
+        // Both motors have pulses: otherwise the line would be in the dead zone.
         self.target.magnitudes.map(|pulses| self.duration_ns() as f64 / f64::from(pulses))
     }
 }

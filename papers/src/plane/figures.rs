@@ -28,7 +28,7 @@ pub struct LineFigures {
 }
 
 impl LineFigures {
-    /// Those of the line from 0 to (x, y) pulses.
+    /// Figures of the line from 0 to (x, y) pulses.
     ///
     /// # Errors
     /// [`PlaneError`]; |x| + |y| is at most 2^28.
@@ -46,7 +46,7 @@ impl LineFigures {
         Ok(Self { has_two_rates, ..Self::measured(&target, feeds, line) })
     }
 
-    /// Those of any events that make the line from 0 to (x, y) pulses.
+    /// Figures of any events that make the line from 0 to (x, y) pulses.
     ///
     /// # Errors
     /// As [`Self::new`].

@@ -76,7 +76,7 @@ mod tests {
         MinimumDeviation::new(x, y).unwrap().map(step).collect()
     }
 
-    /// The same by Bresenham, from the target back to 0.
+    /// Points by Bresenham, from the target back to 0.
     fn bresenham_backwards(x: i64, y: i64) -> Vec<(i64, i64)> {
         let (longer, shorter) = (x.abs().max(y.abs()), x.abs().min(y.abs()));
         let mut line = StepBresenham::new(longer as u32, shorter as u32).unwrap();

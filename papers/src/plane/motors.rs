@@ -12,7 +12,7 @@ const SECOND: u8 = 2;
 pub(crate) struct MotorPulse {
     /// The motors that step.
     pub axes: u8,
-    /// Those of them that run backwards.
+    /// Motors of these that run backwards.
     pub backwards: u8,
     /// True if the pulse is two of these steps: along a diagonal, a CoreXY machine moves by one motor alone.
     pub twice: bool,
@@ -49,7 +49,7 @@ impl FeedSteps {
     /// No steps at all.
     pub const NONE: Self = Self { along_x: MotorPulse::NONE, along_y: MotorPulse::NONE, diagonally: MotorPulse::NONE };
 
-    /// Those of a line in this direction; only the signs count, 0 as 1.
+    /// Steps of a line in this direction; only the signs count, 0 as 1.
     pub fn new(kinematics: Kinematics, x: i64, y: i64) -> Self {
         let [x_sign, y_sign] = [x, y].map(|pulses| if pulses < 0 { -1i8 } else { 1 });
         let both = |first: i8, second: i8| {
@@ -74,7 +74,7 @@ impl FeedSteps {
         }
     }
 
-    /// Those of a pulse.
+    /// Steps of a pulse.
     #[inline]
     pub fn of(&self, pulse: Pulse) -> MotorPulse {
         match (pulse.x, pulse.y) {
@@ -128,7 +128,7 @@ mod tests {
                 let [rest_a, rest_b] = target.rest.map_or([0; 2], MotorPulse::signed).map(i64::from);
                 assert_eq!([x + y + rest_a, x - y + rest_b], [a, b]);
                 assert_eq!(target.rest.is_some(), (a + b) & 1 == 1);
-                // No motor goes on beyond its end.
+                // No motor continues beyond its end.
                 assert!((x + y).abs() <= a.abs() && (x - y).abs() <= b.abs());
                 assert_eq!(x.abs() + y.abs() + i64::from(target.rest.is_some()), a.abs().max(b.abs()));
             }

@@ -2,14 +2,14 @@
 
 use ferrostep_planner::bresenham::MAX_STEPS;
 
-/// Why there is no such line.
+/// Reason why there is no such line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlaneError {
     /// The line ends where it starts.
     NoLength,
     /// An axis has more than 2^28 pulses.
     TooLong,
-    /// A pulse period is no number of nanoseconds above zero, or more than 32 bits hold.
+    /// A pulse period is not above zero, not a number, or too long for 32 bits of nanoseconds.
     NoPeriod,
     /// The longest pulse period is shorter than the shortest.
     PeriodsReversed,
@@ -18,9 +18,9 @@ pub enum PlaneError {
 /// A pulse: by how much X and Y advance, -1, 0 or 1 each, not both 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pulse {
-    /// Along X.
+    /// Step along X.
     pub x: i8,
-    /// Along Y.
+    /// Step along Y.
     pub y: i8,
 }
 

@@ -9,9 +9,9 @@ pub struct Chapter {
     pub name: &'static str,
     /// The paper's title and place.
     pub source: &'static str,
-    /// Its tables.
+    /// Tables of the chapter.
     pub tables: Vec<Table>,
-    /// Its figures.
+    /// Figures of the chapter.
     pub figures: Vec<Figure>,
 }
 
@@ -24,7 +24,7 @@ pub struct Table {
     pub title: String,
     /// Heads of its columns, units included.
     pub columns: Vec<&'static str>,
-    /// Its rows, each as long as the head.
+    /// Rows, each as long as the head.
     pub rows: Vec<Vec<Cell>>,
     /// Note for the reader; may be empty.
     pub note: String,
@@ -83,7 +83,7 @@ pub struct Figure {
 /// Points that belong together.
 #[derive(Clone, Debug, Serialize)]
 pub struct Curve {
-    /// Its name in the legend.
+    /// Name in the legend.
     pub name: String,
     /// Style of drawing.
     pub style: Style,

@@ -78,7 +78,7 @@ fn svg(figure: &Figure) -> Result<String, String> {
     let points = || figure.curves.iter().flat_map(|curve| curve.points.iter());
     let (x, y) = (range(points().map(|point| point.0)), range(points().map(|point| point.1)));
     let height = if figure.equal_scales { equal_height(x, y) } else { HEIGHT };
-    // The legend stands above everything that is drawn.
+    // The legend is above everything that is drawn.
     let legend = LEGEND_LINE * figure.curves.len() as u32 + LEGEND_LINE;
     let [_, below] = MARGINS;
     let y = (y.0, y.1 + (y.1 - y.0) * f64::from(legend) / f64::from(height - below));

@@ -32,7 +32,7 @@ const FAN_DIRECTIONS: u16 = 360;
 /// Pulse of figures 3 and 5, mm.
 const FIGURE_PULSE_MM: f64 = 0.1;
 
-/// Its tables and figures.
+/// Chapter of the CoreXY paper, with tables and figures.
 pub fn chapter() -> Chapter {
     Chapter {
         name: "corexy",
@@ -77,7 +77,7 @@ fn worked_example() -> Table {
     }
 }
 
-/// The events of a line on a CoreXY machine; none of what is no line.
+/// Events of a line on a CoreXY machine; empty if there is no such line.
 fn events(method: PlaneMethod, x: i64, y: i64, periods: &DualRatePeriods) -> impl Iterator<Item = LineEvent> {
     CoreXyLine::new(method, x + y, x - y, periods).into_iter().flatten()
 }

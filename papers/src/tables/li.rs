@@ -23,7 +23,7 @@ const JERK_HZ_PER_S2: f64 = 100_000.0;
 /// Points of a curve.
 const POINTS: u32 = 240;
 
-/// Its tables and figures.
+/// Chapter of Li's paper, with tables and figures.
 pub fn chapter() -> Chapter {
     // The constants above are in range.
     let (tables, figures) = content().unwrap_or_default();
@@ -267,7 +267,7 @@ fn speed(ramp: &Ramp, table: &FrequencyTable) -> Figure {
     }
 }
 
-/// The same for acceleration.
+/// Acceleration of the ramp.
 fn acceleration(ramp: &Ramp) -> Figure {
     let whole = 2.0 * ramp.half_time_s();
     let peak = ramp.peak_acceleration();
@@ -313,7 +313,7 @@ fn short_segment(table: &FrequencyTable) -> Result<Figure, CurveError> {
     })
 }
 
-/// Gain of a law for several moves at the begin of a circle.
+/// Gain of a law for several moves at the start of a circle.
 fn runs() -> Figure {
     let way = circle();
     let speeds = |law, alone| {

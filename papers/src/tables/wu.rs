@@ -17,7 +17,7 @@ struct WuLine {
     /// The table's number.
     table: i64,
     name: &'static str,
-    /// Its key in the baseline.
+    /// Key in the baseline.
     key: &'static str,
     end: [u32; 2],
     /// Mean time of five runs in MATLAB, classic and step, ms.
@@ -32,7 +32,7 @@ const LINES: [WuLine; 5] = [
     WuLine { table: 5, name: "y = x", key: "x1", end: [30, 30], means_ms: [368.590, 368.255] },
 ];
 
-/// Its tables and figures.
+/// Chapter of Wu's paper, with tables and figures.
 pub fn chapter() -> Chapter {
     let baseline = serde_json::from_str(BASELINE).unwrap_or_default();
     let mut figures = vec![

@@ -15,7 +15,7 @@ const ACCELERATION_MM_PER_S2: f64 = 1000.0;
 /// Feed of the examples, mm/s.
 const FEED_MM_PER_S: f32 = 100.0;
 
-/// Its tables and figures.
+/// Chapter of Yu's paper, with tables and figures.
 pub fn chapter() -> Chapter {
     Chapter {
         name: "yu",

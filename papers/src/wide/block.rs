@@ -75,8 +75,8 @@ impl Request for BlockRequest<'_> {
     }
 }
 
-/// The request to make a position exact that blocks tell to a motor step only, units of 10 nm. The planner's position
-/// stays where the motors stand elsewhere.
+/// Request to make a position exact, units of 10 nm, since blocks give it to a motor step only. The planner's position
+/// is unchanged if the motors are elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExactPosition(pub [i64; 3]);
 

@@ -20,10 +20,10 @@
 //! | 76 | 19 AccelerationSt | step events/s^2 |
 //! | 80 | end code, [`TRAJECTORY_END`] | |
 //!
-//! Values 5 to 7 and 14 to 19 follow from the others; a board that steps by them needs no arithmetic. Ferrostep makes its
-//! own, from the integers of the block, which are the others.
+//! Values 5 to 7 and 14 to 19 follow from the others; a board that steps by them needs no arithmetic. Ferrostep
+//! computes its steps from the integers of the block, which are the others.
 //!
-//! A *status or auxiliary command* has 12 bytes: start code [`STATUS_START`], a kind (byte 4) and three bytes of its own,
+//! A *status or auxiliary command* has 12 bytes: start code [`STATUS_START`], a kind (byte 4) and three further bytes,
 //! end code [`STATUS_END`]:
 //!
 //! | kind | bytes 5 to 7 |
@@ -122,7 +122,7 @@ pub enum Status {
     Place {
         /// Number of the part, 0 to 11.
         part: u8,
-        /// Its bits.
+        /// Bits of the part.
         bits: u16,
     },
 }

@@ -25,7 +25,7 @@ pub enum PacketRequest<'a> {
     Command {
         /// Source line.
         line: u32,
-        /// Its text.
+        /// Text of the command.
         text: &'a [u8],
     },
     /// The machine is here.

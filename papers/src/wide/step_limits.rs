@@ -1,8 +1,8 @@
 //! The limits of blocks that come without the positions they were made from, as far as their steps tell them.
 //!
-//! A motor stands within half a step of where it should, so a block's travel along an axis is known to the steps of the motors
-//! that move it (half a step of each of two on CoreXY and CoreXZ, whose motors may have steps of different lengths). By that
-//! much the checks give way, and by rounding in single precision.
+//! A motor is within half a step of its exact position, so a block's travel along an axis is known to the steps of the
+//! motors that move it (half a step of each of two on CoreXY and CoreXZ, whose motors may have steps of different
+//! lengths). By that much the checks give way, and by rounding in single precision.
 
 use ferrostep_planner::inner_ends::InnerEnds;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
@@ -18,7 +18,7 @@ const TOLERANCE: f32 = 1.001;
 /// Ticks for 10 nm at 1 mm/s.
 const TICKS_PER_10NM_AT_1_MM_PER_S: f32 = (TICKS_PER_SECOND as i64 / UNITS_PER_MM) as f32;
 
-/// A stretch of a block as a block of its own.
+/// Copies a stretch of a block into a separate block.
 pub(super) fn part(block: &Block, stretch: &Stretch) -> Block {
     Block {
         steps: stretch.steps,

@@ -81,7 +81,7 @@ pub fn advance(planner: &mut Planner<Vec<Slot>, Papers>, player: &mut Player) ->
     progress
 }
 
-/// Everything a job of moves becomes.
+/// Plays a job of moves and returns everything that it becomes.
 pub fn play(
     geometry: Geometry,
     choice: &MotionChoice,
@@ -105,7 +105,7 @@ pub fn play(
     player
 }
 
-/// The same plan as blocks.
+/// Blocks of the same plan.
 pub fn blocks(geometry: Geometry, choice: &MotionChoice, ring: usize, moves: &[Move]) -> Vec<PlannedBlock> {
     let mut planner = planner(geometry, choice, ring);
     let mut blocks = Vec::new();

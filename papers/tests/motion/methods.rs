@@ -37,7 +37,7 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
     moves_up_to(2_000_000, 30)
 }
 
-/// The same, each of which says where it ends; those that displace nothing left out. Each is a block then.
+/// Moves that each end at their line, and are blocks each; moves that displace nothing are left out.
 fn ended(moves: impl Strategy<Value = Vec<Move>>) -> impl Strategy<Value = Vec<Move>> {
     moves.prop_map(|mut moves| {
         let mut position = [0; 3];
@@ -217,7 +217,7 @@ proptest! {
 
     #[test]
     fn classic_bresenham_makes_the_default_s_steps(machine in machines(), moves in moves()) {
-        // Each move is a block of its own with both; only the times of stairs differ, by up to 32 ticks.
+        // Each move is a separate block with both; only the times of stairs differ, by up to 32 ticks.
         let apart: Vec<_> = moves.iter().map(|each| Move { filament_100pm: 0, ..*each }).collect();
         let classic = play(machine, &choice(Interpolation::Bresenham, true), 24, &apart, || 0);
         let mut planner = planner(machine, &MotionChoice::DEFAULT, 1_000);

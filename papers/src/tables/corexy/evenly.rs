@@ -1,7 +1,7 @@
 //! The same lines with motors that turn evenly between their steps.
 //!
-//! A rotor is heavy and does not stand still between two steps of a fast motor. Seen so, each motor's place rises
-//! straight from the middle of one of its steps to the middle of the next: the other end of what may be said of a line,
+//! A rotor is heavy and does not stand still between two steps of a fast motor. In this view, each motor's place rises
+//! straight from the middle of one of its steps to the middle of the next. It is the other extreme of judging a line,
 //! and the one at which the paper's dual-rate lines are straight.
 
 use crate::plane::LineEvent;

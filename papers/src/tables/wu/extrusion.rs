@@ -1,7 +1,7 @@
-//! Two ways to follow the nozzle: an extruder with times of its own, and one that steps with the master.
+//! Two ways to follow the nozzle: an extruder with its own step times, and one that steps with the master.
 //!
-//! Both are worked out here along a straight chain of moves, by the path alone: what they are of, the machine's time law,
-//! is the same for both.
+//! Both are worked out here along a straight chain of moves, by the path alone: the machine's time law is the same for
+//! both.
 
 use crate::bresenham::{Classic, Slope, Uncounted};
 
