@@ -16,14 +16,14 @@ pub enum CardCommand<'a> {
     Release,
     /// M23: the file to be printed.
     Select(&'a str),
-    /// M24: print, or go on; S begins at this byte.
+    /// M24: prints, or continues; S begins at this byte.
     Start {
         /// S.
         position: Option<u32>,
     },
     /// M25: pause.
     Pause,
-    /// M26 S: go on at this byte.
+    /// M26 S: continues at this byte.
     SetPosition(u32),
     /// M27: how far the print is.
     ReportProgress,
@@ -44,7 +44,7 @@ pub enum CardCommand<'a> {
     ReportTime,
     /// M32: select and print.
     SelectAndStart {
-        /// Between `!` and `#`.
+        /// Path between `!` and `#`.
         path: &'a str,
         /// S.
         position: Option<u32>,
@@ -66,9 +66,9 @@ pub enum CardCommand<'a> {
 /// Treatment of a print that a power cut has interrupted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InterruptedPrint {
-    /// It goes on.
+    /// It continues.
     Resume,
-    /// S: the printer reports it, and how to go on.
+    /// S: the printer reports it, and how to continue.
     Report,
     /// C: it is forgotten.
     Discard,

@@ -170,10 +170,10 @@ pub enum Command<'a> {
         park: AxisWords,
         /// U: how much filament is drawn out; its sign says nothing.
         unload: Option<Decimal>,
-        /// L: how much is pushed in before the print goes on; its sign says nothing.
+        /// L: how much is pushed in before the print continues; its sign is ignored.
         load: Option<Decimal>,
     },
-    /// M602: a paused print goes on.
+    /// M602: a paused print continues.
     ResumePrint,
     /// M412; without words a query.
     FilamentSensor(FilamentSensorWords),
@@ -277,7 +277,7 @@ pub enum Command<'a> {
     HeaterModel {
         /// The whole line.
         text: &'a str,
-        /// Its words: [`crate::HeaterModelWords::read`].
+        /// Words of the command: [`crate::HeaterModelWords::read`].
         words: &'a str,
     },
     // ANCHOR: m302
@@ -408,7 +408,7 @@ pub enum Command<'a> {
     Restart,
     /// T: the tool, alone a query.
     SelectTool {
-        /// Its number.
+        /// Number of the tool.
         tool: Option<u32>,
         /// S1: the nozzle stays where it is.
         stays: bool,

@@ -16,7 +16,7 @@ pub struct AxisWords {
 }
 
 impl AxisWords {
-    /// Tells whether there is an E and nothing else.
+    /// True if E is given and X, Y and Z are not.
     pub const fn is_e_alone(&self) -> bool {
         self.e.is_some() && self.x.is_none() && self.y.is_none() && self.z.is_none()
     }
@@ -99,7 +99,7 @@ pub enum DriverSetting {
 }
 
 impl DriverSetting {
-    /// The number behind the M that sets it.
+    /// Number after the M that sets it.
     pub const fn code(self) -> u32 {
         match self {
             Self::Current => 906,
@@ -225,7 +225,7 @@ impl FilamentSensorWords {
 /// Actions of M75 to M78 on the clock and the counters of the print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PrintClockCommand {
-    /// M75: it starts, or goes on.
+    /// M75: it starts, or continues.
     Start,
     /// M76: it pauses.
     Pause,
@@ -258,7 +258,7 @@ pub enum WaitTarget {
     Heating(Decimal),
     /// R: wait for cooling as well.
     HeatingOrCooling(Decimal),
-    /// Neither: wait for the target that is already set.
+    /// Without S and R: wait for the target that is already set.
     Current,
     /// MINIMUM of TEMPERATURE_WAIT: wait until it is this warm, whatever the target.
     AtLeast(Decimal),

@@ -36,12 +36,12 @@ impl Default for Decimal {
     }
 }
 
-/// Why a text is not a [`Decimal`].
+/// Reason why a text is not a [`Decimal`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberError {
     /// The text is not of the form `5`, `-.8`, `1.` or `+3.25`; exponents are not numbers in G-code.
     NotANumber,
-    /// Beyond +-9 223 372 036.
+    /// The number is beyond +-9 223 372 036.
     TooLarge,
 }
 
@@ -97,7 +97,7 @@ impl Decimal {
         while head_digits == FRACTION_DIGITS
             && let Some(digit) = digit_at(text, at)
         {
-            // Beyond the limit the value does not matter any more.
+            // The value no longer matters beyond the limit.
             if whole <= MAX_WHOLE {
                 whole = whole * 10 + u64::from(digit);
             }

@@ -110,7 +110,7 @@ impl EmergencyScanner {
         if !matches!(self.state, State::Other) {
             self.state = next(self.state, byte);
             self.is_numbered |= matches!(self.state, State::Number(_));
-            // A checksum stands before the comment or, if it is not there, at its end.
+            // A checksum comes before the comment or, if it is not there, at its end.
             self.checksum_is_over |= byte == b';' && self.checksum.has_star();
             if !self.checksum_is_over {
                 self.checksum.extend(&[byte]);

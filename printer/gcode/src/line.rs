@@ -15,7 +15,7 @@ pub struct Line<'a> {
     pub line_number: u32,
     /// The command: without comment, line number, checksum and surrounding blanks.
     ///
-    /// Empty only when a line number stands alone.
+    /// Empty only if the line is a line number alone.
     pub text: &'a str,
     /// The `N` word at the start; beyond the range of `i64` it is the nearest end of that range.
     pub number: Option<i64>,
@@ -28,20 +28,20 @@ pub struct Line<'a> {
 pub enum Checksum {
     /// Missing.
     Absent,
-    /// It agrees with the bytes.
+    /// The checksum agrees with the bytes.
     Right,
-    /// It does not agree with the bytes.
+    /// The checksum does not agree with the bytes.
     Wrong {
         /// Checksum in the line.
         expected: u8,
         /// Checksum of its bytes.
         computed: u8,
     },
-    /// Something other than a number from 0 to 255 stands after the `*`.
+    /// The text after the `*` is not a number from 0 to 255.
     Malformed,
 }
 
-/// Why a line cannot be used. It is reported once, at the line's end.
+/// Reason why a line cannot be used. It is reported once, at the line's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
     /// More characters before the comment than [`LINE_CAPACITY`].
@@ -287,7 +287,7 @@ pub(crate) fn take_apart<'a>(
     Ok(Line { line_number, text, number, checksum })
 }
 
-/// The same for a line that is too long, of which `kept` is the beginning.
+/// Takes a line apart that is too long, of which `kept` is the beginning.
 pub(crate) fn take_apart_cut(kept: &[u8], line_number: u32, checksum: Checksum) -> Result<Line<'_>, LineError> {
     let (number, start) = number_word(kept).map_or((None, 0), |(number, start)| (Some(number), start));
     let command = trim(kept.get(start..).unwrap_or_default());

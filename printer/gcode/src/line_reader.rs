@@ -155,7 +155,7 @@ impl LineReader {
         (bytes.len(), None)
     }
 
-    /// The last line, if the stream ended without a line end; the reader then stands at the start of the next line.
+    /// The last line, if the stream ended without a line end; the reader is then at the start of the next line.
     ///
     /// # Errors
     ///
@@ -287,7 +287,7 @@ fn scanned(text: &[u8]) -> ChecksumScan {
 
 fn hand_out(text: &[u8], ended: Ended, line_number: u32) -> Result<Line<'_>, LineError> {
     if let Some(scan) = ended.too_long {
-        // The same bytes whether the line came whole or in portions.
+        // Keeps the same bytes whether the line came whole or in portions.
         let kept = text.get(..LINE_CAPACITY).unwrap_or(text);
         let checksum = if scan.has_star() { scan.verdict() } else { ended.in_comment };
         return take_apart_cut(kept, line_number, checksum);

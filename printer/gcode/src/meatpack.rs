@@ -1,25 +1,25 @@
 //! MeatPack: two characters of G-code in a byte, on a line or in a file.
 //!
-//! While packing is on, each half of a byte is one of fifteen common characters, the lower half first; the half 15 stands for
-//! a character that follows whole. Two bytes FF and a third are a command to the unpacker. Source of codes and commands:
-//! <https://github.com/scottmudge/OctoPrint-MeatPack>; of the reports, Marlin's `feature/meatpack`.
+//! While packing is on, each half of a byte is one of fifteen common characters, the lower half first; the half 15
+//! announces a character that follows whole. Two bytes FF and a third are a command to the unpacker. Source of codes
+//! and commands: <https://github.com/scottmudge/OctoPrint-MeatPack>; of the reports, Marlin's `feature/meatpack`.
 
 use core::fmt;
 
 /// Two of them announce a command.
 const SIGNAL: u8 = 0xff;
 
-/// The half of a byte that stands for a character that follows whole.
+/// Half of a byte that announces a character that follows whole.
 const WHOLE: u8 = 15;
 
 /// Place of the space among [`CHARACTERS`]; without spaces an E.
 const SPACE: u8 = 11;
 
-/// The characters that half a byte stands for.
+/// Characters that half a byte encodes.
 const CHARACTERS: [u8; 15] = *b"0123456789. \nGX";
 
-/// Bytes that a host sends before it packs, wherever the printer stands: everything off, spaces as they are, packing on. The
-/// printer reports each; the last report is `[MP] PV01 ON ESP`.
+/// Bytes that a host sends before it packs, whatever the printer's state: everything off, spaces as they are, packing
+/// on. The printer reports each; the last report is `[MP] PV01 ON ESP`.
 pub const BEGIN: [u8; 9] = [
     SIGNAL,
     SIGNAL,
@@ -58,7 +58,7 @@ impl Command {
 pub struct Settings {
     /// Bytes are packed.
     pub packing: bool,
-    /// The packed space stands for an E.
+    /// The packed space means an E.
     pub no_spaces: bool,
 }
 

@@ -33,7 +33,7 @@ pub struct NotExecuted {
     pub name: &'static str,
     /// Its action on machines that execute it.
     pub meaning: &'static str,
-    /// Why it is not executed here, or what to use instead; of a refused one what would be wrong after it.
+    /// Reason why it is not executed here, or what to use instead; for a refused one, what would be wrong after it.
     pub why: &'static str,
     /// Treatment.
     pub outcome: Outcome,

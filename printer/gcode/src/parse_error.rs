@@ -52,7 +52,7 @@ impl fmt::Debug for ShortText {
     }
 }
 
-/// Why a line cannot be read as a command. `Display` names the word and what was expected there.
+/// Reason why a line cannot be read as a command. `Display` names the word and what was expected there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParseError {
     /// A character with which no word can begin.
@@ -123,7 +123,7 @@ pub enum ParseError {
         command: &'static str,
         /// The word.
         word: ShortText,
-        /// Those that it knows, each with its default, such as `BED=60`.
+        /// Words that it knows, each with its default, such as `BED=60`.
         known: &'static str,
     },
     /// A command that cannot be skipped: the rest of the job would print elsewhere, or with more or less filament.

@@ -22,14 +22,13 @@ use words::Words;
 
 /// Reads one line, without its number, checksum and `;` comment, as [`Line::text`](crate::Line::text) has it.
 ///
-/// Words stand in any order, with or without spaces, in upper or lower case; the last of two words with the same
+/// Words may come in any order, with or without spaces, in upper or lower case; the last of two words with the same
 /// letter counts. `( )` comments are skipped, and the line ends at a `*`, except in the text of M117 and M118. A line
-/// without content is [`Command::Accepted`]; an unknown command is
-/// [`Command::Unknown`].
+/// without content is [`Command::Accepted`]; an unknown command is [`Command::Unknown`].
 ///
 /// # Errors
 ///
-/// [`ParseError`] where a word of a known command is missing, malformed or out of range, for text that is no command at
+/// [`ParseError`] if a word of a known command is missing, malformed or out of range, for text that is not a command at
 /// all, and for commands that cannot be skipped because the rest of the job would print elsewhere.
 pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
     parse_with_remarks(text, &mut Remarks::default())
@@ -91,7 +90,7 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
     }
 }
 
-/// Numbers above it are no tools, but orders to what some printers have: T255 and T1000 of Bambu's, T65535.
+/// Highest number of a tool; higher ones are orders to some printers: T255 and T1000 of Bambu's, T65535.
 const LAST_TOOL: u32 = 99;
 
 /// Name in errors for a line of coordinates alone, with which other machines repeat the last G0 to G3.

@@ -8,7 +8,7 @@ use crate::{Checksum, Command, Line, LineError, ResendReason, parse};
 pub enum Verdict {
     /// Execute it and answer `ok`.
     Execute,
-    /// It was executed already: answer `ok` only.
+    /// The line was executed already: answer `ok` only.
     Repeat,
     /// Request the line after the last good one, whose number is the second field.
     Resend(ResendReason, i64),
@@ -76,8 +76,9 @@ impl LineNumbers {
 
     /// Decides about a line that could not be read. `None`: it is answered by a notice and `ok`.
     ///
-    /// One that began with a number, or has lost it as its checksum shows, is requested again as if its checksum had failed, unless its checksum says that it came as the
-    /// host sent it: it would come the same again, for ever. Its number counts then as that of a good line.
+    /// One that began with a number, or has lost it as its checksum shows, is requested again as if its checksum had
+    /// failed, unless its checksum says that it came as the host sent it: it would come the same again, endlessly. Its
+    /// number counts then as that of a good line.
     pub fn check_unreadable(&mut self, error: &LineError) -> Option<Verdict> {
         if let Some(number) = error.number_of_whole_line() {
             let verdict = self.judge(Some(number), Checksum::Right, None);

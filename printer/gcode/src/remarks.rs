@@ -56,7 +56,7 @@ pub enum Remark {
     OneZMotor,
     /// M30 without a file's name.
     ProgramEnd,
-    /// A K of M900 that is no time: it keeps the one in force.
+    /// A K of M900 that is not a time: the one in force is kept.
     OtherAdvance,
     /// A word, `KEY=VALUE`, that the command does not have; `true`: not the only one in the line.
     UnknownWord(ShortText, bool),

@@ -56,7 +56,7 @@ pub struct Position {
     pub motor_names: [char; 3],
 }
 
-/// Everything that the motors were commanded since the start (M797).
+/// Figures of everything that the motors were commanded since the start (M797).
 ///
 /// The desk and the board print the same two digests for the same job, so that a print can be compared with its
 /// rehearsal.
@@ -134,7 +134,7 @@ pub struct AdvanceState {
     pub seconds: f64,
     /// Another K, s, beyond a speed of the filament, mm/s.
     pub above: Option<(f64, f64)>,
-    /// Over how long it is averaged, s, where that is set.
+    /// Time over which it is averaged, s, if that is set.
     pub smooth_time_s: Option<f64>,
 }
 
@@ -188,7 +188,7 @@ pub enum Reply<'a> {
     OkTemperatures(Temperatures),
     /// ` T:21.30 /0.00 B:22.00 /60.00 @:0 B@:0` (begins with a space)
     Temperatures(Temperatures),
-    /// The same, ` W:?` or ` W:<seconds left>` at its end.
+    /// Temperatures with ` W:?` or ` W:<seconds left>` at the end.
     Waiting(Temperatures, Option<u32>),
     /// `X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0` (CoreXY: `Count A:0 B:0 Z:0`)
     Position(Position),
@@ -283,7 +283,7 @@ pub enum Reply<'a> {
     Killed,
 }
 
-/// Why a line is requested again.
+/// Reason why a line is requested again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResendReason {
     /// `Error:Line Number is not Last Line Number+1, Last Line: <n>`

@@ -8,8 +8,8 @@ use crate::{
     TimingFigures,
 };
 
-/// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER stands between the two
-/// lists, because it depends on the port.
+/// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER is between the two lists, because it depends on
+/// the port.
 const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("PAREN_COMMENTS", true),
     ("SERIAL_XON_XOFF", false),

@@ -29,7 +29,7 @@ pub enum TowerCourse {
 /// Quantity that TUNING_TOWER changes with the height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TowerWords<'a> {
-    /// COMMAND: what is executed, with further words of its own; for the machine to know.
+    /// COMMAND: what is executed, with further words; for the machine to know.
     pub command: &'a str,
     /// PARAMETER: the command's word that gets the value.
     pub parameter: &'a str,

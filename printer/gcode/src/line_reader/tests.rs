@@ -72,7 +72,7 @@ fn comments_do_not_count_against_the_length() {
     assert_eq!(lines.len(), 3);
     assert_eq!(lines[0], plain(1, "G28"));
     assert_eq!(lines[2], plain(4, "G90"));
-    // They are not looked at either.
+    // Bytes of a comment are not checked either.
     assert_eq!(read(b"G28 ; \xff\x00\nG90"), [plain(1, "G28"), plain(2, "G90")]);
 }
 
@@ -80,7 +80,8 @@ fn too_long(line_number: u32, number: Option<i64>, checksum: Checksum) -> Read {
     Read::Refused(LineError::TooLong { line_number, number, checksum })
 }
 
-/// Its checksum is that of the whole, so that a host is not asked for ever for a line that has come as it sent it.
+/// A long line has the checksum of the whole, so that a host is not asked endlessly for a line that has come as it sent
+/// it.
 #[test]
 fn a_long_line_has_its_checksum() {
     let long = "x".repeat(1000);
@@ -217,7 +218,7 @@ fn bytes_like_g_code() -> impl Strategy<Value = Vec<u8>> {
     proptest::collection::vec(piece, 0..40).prop_map(|pieces| pieces.concat())
 }
 
-/// The same lines, found the slow way: all of the input at hand, split and taken apart.
+/// Lines found the slow way: all of the input at hand, split and taken apart.
 fn reference(bytes: &[u8]) -> Vec<Read> {
     let mut text = Vec::new();
     for (at, &byte) in bytes.iter().enumerate() {

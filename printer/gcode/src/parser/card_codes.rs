@@ -81,7 +81,7 @@ fn is_words(text: &str) -> bool {
     text.split_ascii_whitespace().all(is_word)
 }
 
-/// A path without the `#` that ends it, and what follows that. A name may contain `#`, too.
+/// Splits a path from the `#` that ends it, and from the text after it. A name may contain `#` as well.
 fn before_end_mark(text: &str) -> &str {
     let ends =
         |place: &usize| text.get(place + 1..).is_some_and(|rest| rest.is_empty() || rest.starts_with([' ', '\t']));
@@ -89,7 +89,7 @@ fn before_end_mark(text: &str) -> &str {
     text.get(..end.unwrap_or(text.len())).unwrap_or_default()
 }
 
-/// M32: the path stands between `!` and `#`, or is the rest of the line.
+/// M32: the path is between `!` and `#`, or is the rest of the line.
 fn select_and_start<'a>(code: &Code<'a>, words: &mut Words<'_>) -> Result<CardCommand<'a>, ParseError> {
     let text = code.free_text();
     let (before, path) = match text.split_once('!') {

@@ -41,7 +41,7 @@ impl<'a> Code<'a> {
         words.read(self.rest, Strays::Refused).map(|()| words)
     }
 
-    /// Reads what follows into a list of its own, for a command whose meaning depends on it.
+    /// Reads the text after the code into a separate list, for a command whose meaning depends on it.
     pub(super) fn peek<'r>(&self, remarks: &'r mut Remarks) -> Result<Words<'r>, ParseError> {
         Words::parse(self.rest, remarks, Strays::Remarked)
     }

@@ -92,7 +92,7 @@ fn dwell<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, Parse
 /// Letters of axes that other machines have: `G28 U` homes that axis, and must not home X, Y and Z.
 const OTHER_AXES: &[u8] = b"ABCDEIJKUV";
 
-/// G28. W asks for no levelling afterwards, which there is none of.
+/// G28. W (no levelling afterwards) has no effect, as there is no levelling.
 fn home<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.words(words)?;
     words.needless(b'W');

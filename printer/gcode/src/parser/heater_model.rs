@@ -28,10 +28,11 @@ pub struct HeaterModelWords {
 }
 
 impl HeaterModelWords {
-    /// Reads what follows M306.
+    /// Reads the text after M306.
     ///
     /// # Errors
-    /// A word that it does not have, or that is no number, and T beside constants.
+    ///
+    /// A word that it does not have, or that is not a number, and T beside constants.
     pub fn read(text: &str) -> Result<Self, ParseError> {
         let mut remarks = Remarks::default();
         let mut words = Words::parse(text, &mut remarks, Strays::Refused)?;

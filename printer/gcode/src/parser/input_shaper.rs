@@ -38,7 +38,7 @@ pub(super) fn parse<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command
     Ok(Command::InputShaper { axes, usual: "zv" })
 }
 
-/// The first P that a quote follows, of the words that count; of a quote that is not closed there is none.
+/// First P followed by a quote, among the words that count; an unclosed quote does not count.
 fn quoted(text: &str) -> Option<Quoted<'_>> {
     let bytes = text.as_bytes();
     let mut at = 0;

@@ -396,7 +396,7 @@ fn temperature<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>,
     })
 }
 
-/// M400. Bambu's firmware takes the words of G4, too, and U1 for a pause.
+/// M400. Bambu's firmware also takes the words of G4, and U1 for a pause.
 #[inline(never)]
 fn finish<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.words(words)?;
@@ -411,7 +411,7 @@ fn finish<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, Pars
 /// M73: numbers that are too large become the largest, for no print is worse for that.
 fn progress<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.words(words)?;
-    // The same of a quieter mode (Prusa), which this machine does not have.
+    // Q and S set the same for a quieter mode (Prusa), which this machine does not have.
     let _ = (words.value(b'Q'), words.value(b'S'));
     let mut up_to = |letter: u8, most: u16| -> Result<Option<u16>, ParseError> {
         let Some(value) = words.nearest(letter, 1)? else { return Ok(None) };
@@ -432,7 +432,7 @@ fn stop<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseE
         times += length;
         text = text.get(length..).unwrap_or_default();
     }
-    // A comment in brackets is none of it.
+    // A comment in brackets does not belong to it.
     text = text.get(skip_blanks(text.as_bytes(), 0)..).unwrap_or_default();
     let times = code.free_text().get(..times).unwrap_or_default();
     words.read(times, Strays::Remarked)?;
@@ -443,7 +443,7 @@ fn stop<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseE
     Ok(Command::Stop { longest_ms, text })
 }
 
-/// Length of the word P or S at the begin of a text, with the blanks after it; `None` if it begins with another.
+/// Length of the word P or S at the start of a text, with the blanks after it; `None` if it begins with another.
 fn time_length(text: &str) -> Option<usize> {
     let bytes = text.as_bytes();
     let at = match bytes {
@@ -524,7 +524,7 @@ fn volumetric<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, 
 
 /// M149: the unit of temperatures.
 fn temperature_units(code: Code<'_>) -> Result<Command<'_>, ParseError> {
-    // Its words are letters without numbers.
+    // The words of M149 are letters without numbers.
     let mut remarks = Remarks::default();
     let mut words = code.peek(&mut remarks)?;
     if words.has(b'F') || words.has(b'K') {
@@ -551,7 +551,7 @@ fn echo(mut text: &str) -> Command<'_> {
             b"A1" => action_prefix = true,
             // Off, as by default.
             b"E0" | b"A0" => {}
-            // There is one port, the one the command came by.
+            // The only port is the one that the command came by.
             [b'P', digits @ ..] if Decimal::parse(digits).is_ok_and(|port| !port.is_negative()) => {}
             _ => return Command::Echo { echo_prefix, action_prefix, text },
         }

@@ -1,6 +1,6 @@
 //! Commands with names, `SET_VELOCITY_LIMIT ACCEL=3000`, which slicers write for Klipper: those that mean something here.
 //!
-//! Names and words count in upper and lower case. What has no effect here stands in [`crate::NOT_EXECUTED`].
+//! Names and words count in upper and lower case. Commands without effect here are in [`crate::NOT_EXECUTED`].
 
 use super::code::Code;
 use super::pin;

@@ -84,7 +84,7 @@ fn what_is_missing_or_malformed_is_refused() {
     }
 }
 
-/// Klipper goes on at a word that a command does not have; where another is missing, it is the likeliest cause.
+/// Klipper ignores a word that a command does not have; if another is missing, it is the likeliest cause.
 #[test]
 fn unknown_words_are_named() {
     use crate::AdvanceWords;

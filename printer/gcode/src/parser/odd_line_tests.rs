@@ -34,7 +34,7 @@ fn commands_without_effect_say_why() {
     }
 }
 
-/// Lines that are no commands end no job either; those that could have moved something do.
+/// Lines that are not commands end no job; those that could have moved something do.
 #[test]
 fn stray_lines() {
     reads_with("@BEDLEVELVISUALIZER", Command::Accepted, "a line with @ is for the host; no effect");

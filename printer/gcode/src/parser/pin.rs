@@ -10,7 +10,7 @@ use crate::{Command, ParseError, PinCommand};
 /// The words of BLTOUCH_DEBUG.
 pub(super) const DEBUG_WORDS: &str = "COMMAND=pin_down, pin_up, touch_mode, self_test or reset";
 
-/// Its commands.
+/// Named commands of the probe, with their pulse widths.
 static WIDTHS_US: [(&str, u16); 5] = [
     ("pin_down", PinCommand::OUT_US),
     ("pin_up", PinCommand::IN_US),

@@ -6,16 +6,16 @@ use crate::{AxisFlags, AxisWords, Decimal, NumberError, ParseError, ShortText};
 /// Treatment of a number without its letter.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Strays {
-    /// It is ignored, with a remark.
+    /// The number is ignored, with a remark.
     Remarked,
-    /// It is an error: it could have been a coordinate.
+    /// The number is an error: it could have been a coordinate.
     Refused,
     /// Ignored with a remark, like [`Self::Remarked`]; in addition `=` may come before a number, as in Klipper.
     Assigned,
 }
 
-/// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`; so do, in the end, the words that
-/// nobody asked for.
+/// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`; so do, in the end, the
+/// words that were never asked for.
 pub(super) struct Words<'a> {
     remarks: &'a mut Remarks,
     /// Bit 0 = A: the letter is there.
@@ -24,7 +24,7 @@ pub(super) struct Words<'a> {
     asked: u32,
     /// The letter has a number.
     valued: u32,
-    /// Units of a [`Decimal`]: zeros are cheaper to write than the numbers that they stand for.
+    /// Units of a [`Decimal`]: zeros are cheaper to write than the numbers that they represent.
     values: [i64; 26],
 }
 
@@ -160,7 +160,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// No remark about words that nobody asks for.
+    /// Suppresses remarks about words that are never asked for.
     pub(super) const fn forgive(&mut self) {
         self.asked = u32::MAX;
     }

@@ -167,7 +167,7 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::Junction { deviation, corner_velocity } => {
             (205, [given([('J', deviation)]), axes(corner_velocity)].concat())
         }
-        // Their commands have names: `named_tests.rs` reads them.
+        // These commands have names: `named_tests.rs` reads them.
         Command::VelocityLimit { .. } | Command::HeatersOff | Command::Layer { .. } => unreachable!("{command:?}"),
         Command::RetractSettings(words) => (207, retraction(words)),
         Command::RecoverSettings(words) => (208, retraction(words)),
