@@ -12,14 +12,14 @@ pub const FIRST_CLUSTER: u32 = 2;
 /// Higher numbers are marks, not clusters.
 const MAX_CLUSTERS: u32 = 0x0FFF_FFF5;
 
-/// Why a block is not the first of a FAT volume.
+/// Reason why a block is not the first of a FAT volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoVolume {
-    /// It does not look like one.
+    /// The block does not look like one.
     Foreign,
-    /// It is the first block of an exFAT volume.
+    /// The block is the first of an exFAT volume.
     ExFat,
-    /// Its numbers contradict each other or the card.
+    /// The block's numbers contradict each other or the card.
     Damaged,
 }
 

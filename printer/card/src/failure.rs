@@ -1,23 +1,23 @@
-//! Why a task with the card could not be done.
+//! Reasons why a task with the card could not be done.
 
 use core::fmt;
 
 use ferrostep_hal_shim::card::CardError;
 
-/// Why a task with the card could not be done.
+/// Reason why a task with the card could not be done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CardFailure {
     /// The card, or its slot.
     Slot(CardError),
     /// The card was not mounted (M21), or was released (M22).
     NotMounted,
-    /// There is no FAT16 or FAT32 volume on it.
+    /// The card has no FAT16 or FAT32 volume.
     NoVolume,
-    /// It is formatted with exFAT.
+    /// The card is formatted with exFAT.
     ExFat,
-    /// There is no such file or folder.
+    /// The file or folder does not exist.
     NotFound,
-    /// It is a folder.
+    /// The path is a folder.
     IsFolder,
     /// A file of this name cannot be created.
     BadName,
@@ -29,7 +29,7 @@ pub enum CardFailure {
     OtherFile,
     /// No file is open.
     NoFile,
-    /// It is binary G-code.
+    /// The file is binary G-code.
     BinaryGcode,
     /// No interrupted print is kept on the card.
     NothingKept,

@@ -1,8 +1,8 @@
 //! Guards embedded-sdmmc from a damaged card, on which it would panic or read without end.
 //!
-//! embedded-sdmmc 0.10 trusts a card: a folder whose chain of clusters is a ring is read for ever, half of a surrogate pair in
-//! a long name or a cluster number of more than 28 bits panics. The guard passes every block on. It has a budget of blocks
-//! for each task, refuses blocks that the card does not have, and repairs the entries of folders.
+//! embedded-sdmmc 0.10 trusts a card: a folder whose chain of clusters is a ring is read endlessly, half of a surrogate
+//! pair in a long name or a cluster number of more than 28 bits panics. The guard passes every block on. It has a
+//! budget of blocks for each task, refuses blocks that the card does not have, and repairs the entries of folders.
 
 use core::cell::Cell;
 
@@ -33,9 +33,9 @@ pub enum Purpose {
 /// The area of a card that holds the volume's tables of clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tables {
-    /// Its first block.
+    /// First block.
     pub start: u32,
-    /// Its length, blocks.
+    /// Length, blocks.
     pub blocks: u32,
 }
 
@@ -51,7 +51,7 @@ pub struct Guard<S> {
     /// A block after the end was asked for.
     passed_end: Cell<bool>,
     is_whole: Cell<bool>,
-    /// Why a block could not be read or written.
+    /// Reason why a block could not be read or written.
     failed: Cell<Option<CardError>>,
     /// The block of a file's contents that was read last, or was to be.
     last_data: Cell<u32>,
@@ -101,8 +101,8 @@ impl<S: CardSlot> Guard<S> {
         self.passed_end.take()
     }
 
-    /// Why a block could not be read or written since this was last asked: embedded-sdmmc 0.10 takes a chain of clusters whose next
-    /// number cannot be read for one that ends there.
+    /// Returns why a block could not be read or written since the last call: embedded-sdmmc 0.10 takes a chain of
+    /// clusters whose next number cannot be read for one that ends there.
     pub fn take_failed(&self) -> Option<CardError> {
         self.failed.take()
     }

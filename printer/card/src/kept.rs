@@ -49,7 +49,7 @@ impl KeptFile {
         (if self.turn { second } else { first }, self.sequence)
     }
 
-    /// It has been written.
+    /// Takes note that the block has been written.
     pub fn has_written(&mut self) {
         self.turn = !self.turn;
         self.sequence = self.sequence.wrapping_add(1);
@@ -61,7 +61,7 @@ impl KeptFile {
 pub struct Stored {
     /// Path of the print's file.
     pub path: ShortPath,
-    /// Its length, bytes.
+    /// Length, bytes.
     pub size: u32,
     /// CRC of its first block.
     pub first_crc: u32,
@@ -120,7 +120,8 @@ fn parse(bytes: &[u8; Block::LEN]) -> Option<(u32, Option<Stored>)> {
 /// Finds the file, and what it keeps.
 ///
 /// # Errors
-/// [`CardFailure::NotFound`] without one, [`CardFailure::OtherFile`] where it is none of ours; the card cannot be read.
+/// [`CardFailure::NotFound`] without one, [`CardFailure::OtherFile`] if another program has written it; the card cannot
+/// be read.
 pub fn locate<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted) -> Result<(KeptFile, Option<Stored>), CardFailure> {
     let (file, size) = open(manager, mounted, KEPT_NAME)?;
     let mut kept = KeptFile { blocks: [BlockIdx(0); 2], turn: false, sequence: 0 };

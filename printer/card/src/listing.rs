@@ -51,7 +51,7 @@ pub struct Cursor {
 }
 
 /// Result of searching a folder.
-// There is one at a time, and no heap.
+// Only one exists at a time, and there is no heap.
 #[allow(clippy::large_enum_variant)]
 enum Step {
     /// The page is full.
@@ -66,7 +66,7 @@ impl Cursor {
     /// The beginning.
     pub fn new() -> Self {
         let mut cursor = Self::default();
-        // There is room for nine.
+        // The list has room for nine.
         let _ = cursor.passed.push(0);
         cursor
     }
@@ -223,7 +223,7 @@ fn look<S: CardSlot>(
 /// A path's short and long form, each from the root with a slash before every name.
 ///
 /// # Errors
-/// There is no such file, or the card cannot be read.
+/// The file does not exist, or the card cannot be read.
 pub fn resolve<S: CardSlot>(
     manager: &Manager<S>,
     mounted: &Mounted,

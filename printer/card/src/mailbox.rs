@@ -66,11 +66,11 @@ pub struct OpenedFile {
 /// An answer of the card's task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// It is done.
+    /// The task is done.
     Done,
     /// The mailbox has a page of the list, or the path of long names; whether more pages follow.
     Page {
-        /// There are more.
+        /// More pages follow.
         more: bool,
     },
 }
@@ -78,7 +78,7 @@ pub enum Answer {
 /// The result of taking bytes of the file that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
-    /// This many bytes.
+    /// This many bytes were read.
     Bytes(usize),
     /// The card's task is at work.
     Wait,
@@ -147,7 +147,7 @@ pub struct Mailbox {
     aside: Kept,
     /// [`Self::kept`] is to be written.
     keeps: bool,
-    /// It could not be written.
+    /// The place could not be written.
     keep_failure: Option<CardFailure>,
 }
 
@@ -180,7 +180,7 @@ impl Mailbox {
         &self.kept
     }
 
-    /// The same, to be changed. It is written with [`Self::keep`] only.
+    /// Mutable access to it. It is written with [`Self::keep`] only.
     pub fn kept_mut(&mut self) -> &mut Kept {
         &mut self.kept
     }
@@ -367,7 +367,7 @@ impl Mailbox {
 
 /// The printer's access to the mailbox.
 pub trait CardPort {
-    /// Calls `act` with the mailbox. The card's task goes on in between.
+    /// Calls `act` with the mailbox. The card's task continues in between.
     fn with(&self, act: &mut dyn FnMut(&mut Mailbox));
 }
 

@@ -292,7 +292,7 @@ impl<S: CardSlot> CardServer<S> {
 
     fn reopen(&mut self, mailbox: &mut impl SharedMailbox) -> Result<Answer, CardFailure> {
         let Open::Lost(source) = &self.open else {
-            // It was never lost.
+            // The file was never lost.
             return if matches!(self.open, Open::Reading(..)) { Ok(Answer::Done) } else { Err(CardFailure::NoFile) };
         };
         let source = source.clone();

@@ -7,7 +7,7 @@ pub fn short_name(entry: &DirEntry) -> heapless::String<16> {
     let mut name = heapless::String::new();
     let part = |name: &mut heapless::String<16>, bytes: &[u8]| {
         for &byte in bytes {
-            // It has at most 12 characters.
+            // The name has at most 12 characters.
             let _ = name.push(if byte.is_ascii_graphic() && byte != b'/' { char::from(byte) } else { '_' });
         }
     };

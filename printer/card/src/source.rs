@@ -36,7 +36,8 @@ impl Source {
         self.first_crc.map(|crc| (&self.path, self.size, crc))
     }
 
-    /// Its length, and the CRC of its first block, which is read if it was not yet: by these it is known again after a reset.
+    /// Length of the file, and the CRC of its first block, which is read if it was not yet: they identify the file
+    /// after a reset.
     ///
     /// # Errors
     /// The card cannot be read.

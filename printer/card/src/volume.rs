@@ -41,7 +41,7 @@ pub type Manager<S> = VolumeManager<Guard<S>, NoClock, OPEN_FOLDERS, OPEN_FILES,
 pub struct Mounted {
     /// embedded-sdmmc's handle.
     pub volume: RawVolume,
-    /// Its layout.
+    /// Layout of the volume.
     pub layout: Layout,
     /// The block at which it begins.
     pub start: u32,
@@ -58,7 +58,7 @@ impl Mounted {
 /// Mounts the first volume of the card in the slot.
 ///
 /// # Errors
-/// There is no card, or no volume that can be read.
+/// The slot is empty, or the card has no readable volume.
 pub fn mount<S: CardSlot>(manager: &Manager<S>) -> Result<Mounted, CardFailure> {
     const MOUNT_BLOCKS: u32 = 16;
     if !manager.device(|guard| guard.slot().is_inserted()) {
@@ -134,7 +134,7 @@ fn enter<S: CardSlot>(manager: &Manager<S>, folder: RawDirectory, name: &str) ->
 
 /// Closes a folder.
 pub fn close<S: CardSlot>(manager: &Manager<S>, folder: RawDirectory) {
-    // It is open.
+    // The folder is open, so this cannot fail.
     let _ = manager.close_dir(folder);
 }
 

@@ -37,7 +37,7 @@ pub fn mounted(name: &str) -> Card {
     card
 }
 
-/// All lines of the list, at most so many pages of it.
+/// Returns all lines of the list.
 pub fn list(card: &Card, options: ListOptions) -> Result<Vec<String>, CardFailure> {
     let mut lines = Vec::new();
     let mut from = ListFrom::Start;

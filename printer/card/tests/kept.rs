@@ -92,7 +92,7 @@ fn another_file_is_not_gone_on_with() {
         }
         assert_eq!(ask(&card, Request::OpenKept), Err(failure));
     }
-    // The same length, another beginning.
+    // A file of the same length with another beginning.
     let card = begun("fat16");
     keep(&card, b"somewhere");
     let whole = read(&mounted("fat16"), FILE).unwrap();

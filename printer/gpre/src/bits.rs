@@ -45,7 +45,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// Its first bits as a number, at least 1 and at most 32.
+    /// First bits of the window as a number, at least 1 and at most 32.
     #[inline(always)]
     pub fn first(self, count: u32) -> u32 {
         self.bits >> (32_u32.wrapping_sub(count) & 31)
@@ -69,7 +69,7 @@ impl<'a> BitReader<'a> {
         self.position
     }
 
-    /// The same bits from another place on.
+    /// Reader of the same bits from another place on.
     pub fn at(&self, position: usize) -> Self {
         Self { bytes: self.bytes, position }
     }
@@ -154,7 +154,7 @@ impl<'a> BitReader<'a> {
         Ok(number)
     }
 
-    /// The same, where the window has all its bits; that they are there is left to [`Self::checked`]. Less than 2^25.
+    /// Reads a number if the window has all its bits; [`Self::checked`] checks that they exist. Less than 2^25.
     #[inline(always)]
     fn golomb_in(&mut self, window: Window, order: Order) -> Option<u32> {
         let length = order.shortest.wrapping_add(2 * window.bits.leading_zeros());
@@ -193,7 +193,8 @@ impl<'a> BitReader<'a> {
         self.golomb(order.k()).map(with_sign)
     }
 
-    /// The same, where the window has all its bits; that they are there is left to [`Self::checked`]. At most 2^24 either way.
+    /// Reads a number with a sign if the window has all its bits; [`Self::checked`] checks that they exist. At most
+    /// 2^24 either way.
     #[inline(always)]
     pub fn signed_in(&mut self, window: Window, order: Order) -> Option<i32> {
         self.golomb_in(window, order).map(with_sign)

@@ -1,7 +1,7 @@
 //! The compact encoding: frames of bits.
 //!
-//! A frame stands for itself: where the machine is at its start and the settings in force are in it, so a job can
-//! be entered at any frame that says so.
+//! A frame is self-contained: it holds the machine's place at its start and the settings in force, so a job can be
+//! entered at any frame that says so.
 //!
 //! | byte | type | meaning |
 //! |---|---|---|

@@ -9,28 +9,28 @@ use core::fmt;
 pub enum Fault {
     /// The file does not begin as a GPRE file does.
     Magic,
-    /// It was written by a newer version of the tools.
+    /// The file was written by a newer version of the tools.
     NewerVersion {
         /// The file's version.
         version: u16,
         /// The newest that is read here.
         newest: u16,
     },
-    /// It is in an encoding that does not exist.
+    /// The file is in an encoding that does not exist.
     Encoding {
-        /// Its number.
+        /// Number of the encoding.
         number: u8,
     },
-    /// It is in the wide encoding, which only the desktop tool and the bench image read.
+    /// The file is in the wide encoding, which only the desktop tool and the bench image read.
     Wide,
-    /// It was prepared for another machine, or for other settings of this one.
+    /// The file was prepared for another machine, or for other settings of this one.
     OtherProfile {
         /// Hash in the file.
         file: u64,
         /// Hash of the machine.
         machine: u64,
     },
-    /// It was planned by another version of the planner, whose rules may differ.
+    /// The file was planned by another version of the planner, whose rules may differ.
     OtherPlanner {
         /// Version in the file.
         file: u32,

@@ -1,4 +1,4 @@
-//! Begin of a file, in either encoding.
+//! The header of a file, in either encoding.
 //!
 //! | byte | type | meaning |
 //! |---|---|---|
@@ -65,13 +65,13 @@ pub enum ThumbnailFormat {
 /// The slicer's picture of the job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Thumbnail {
-    /// Its format.
+    /// Format of the thumbnail.
     pub format: ThumbnailFormat,
-    /// Its width.
+    /// Width, pixels.
     pub width: u16,
-    /// Its height.
+    /// Height, pixels.
     pub height: u16,
-    /// Its length, bytes.
+    /// Length, bytes.
     pub length: u32,
 }
 

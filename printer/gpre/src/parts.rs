@@ -15,18 +15,18 @@ pub enum Part {
     Header(usize, Header),
     /// A whole frame, to be read by [`crate::compact::Frame::read`].
     Frame {
-        /// Its length, bytes.
+        /// Length of the part, bytes.
         length: usize,
-        /// Its expected number.
+        /// Expected number of the frame.
         number: u32,
-        /// Offset of its begin in the file.
+        /// Offset of its start in the file.
         offset: u64,
     },
     /// The end of the file, where it should be.
     End,
 }
 
-/// Finds the begin of each part of a file.
+/// Finds the start of each part of a file.
 pub struct Parts {
     offset: u64,
     header: Option<Header>,

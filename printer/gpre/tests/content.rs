@@ -13,7 +13,7 @@ use ferrostep_gpre::{Fault, Item, PreparedMove};
 
 use crate::framed::framed;
 
-/// Begin of a frame; fields that a test does not change are valid.
+/// Start of a frame; fields that a test does not change are valid.
 #[derive(Clone, Debug)]
 struct Start {
     can_be_entered: bool,

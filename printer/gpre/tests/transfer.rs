@@ -132,7 +132,7 @@ proptest! {
         }
         let mut scanner = EmergencyScanner::new();
         prop_assert!(!frame.iter().any(|&byte| scanner.feed(byte).is_some()));
-        // Between two frames such a command is noticed.
+        // Such a command between two frames is noticed.
         let heard = |text: &[u8]| {
             let mut scanner = EmergencyScanner::new();
             let mut bytes = to_wire(Kind::Data, place, &data);

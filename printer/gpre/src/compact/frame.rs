@@ -38,9 +38,9 @@ pub fn frame_length(head: &[u8; HEAD_BYTES]) -> Result<usize, Fault> {
 /// A whole frame whose checksum is right.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    /// Its number.
+    /// Number of the frame.
     pub number: u32,
-    /// Its content.
+    /// Content of the frame.
     payload: &'a [u8],
 }
 

@@ -30,7 +30,7 @@ enum Uncommon {
     Command,
 }
 
-/// State at the begin of a frame.
+/// State at the start of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameState {
     /// A job can be entered here: the first move begins a block.
@@ -177,7 +177,7 @@ impl<'a> Decoder<'a> {
         })
     }
 
-    /// State at the begin of the frame.
+    /// State at the start of the frame.
     pub fn start(&self) -> &FrameState {
         &self.start
     }

@@ -23,7 +23,7 @@ pub const FILAMENT_PREDICTED: u8 = 1;
 pub const FILAMENT_ALL: u8 = 2;
 
 impl Shape {
-    /// Along X and Y with predicted filament, a source line each.
+    /// First shape: along X and Y with predicted filament, a source line each.
     pub const FIRST: Self = Self(PATH_XY << 5 | FILAMENT_PREDICTED << 3 | 0b011);
     /// Bits of a shape.
     pub const BITS: u32 = 7;

@@ -17,17 +17,17 @@ use waiting::{Place, Waiting};
 use crate::checksum::CRC;
 use crate::item::{EntrySpeed, Item, ModalState, PreparedMove};
 
-/// A frame is closed at about this length; not earlier, as each frame begins with some 40 bytes of its own.
+/// A frame is closed at about this length; not earlier, as each frame begins with some 40 bytes.
 const LONG_ENOUGH_BITS: usize = 8 * 1600;
 
-/// This many more are taken if the job cannot be entered before the next move.
+/// Additional bits if the job cannot be entered before the next move.
 const LONGER_BITS: usize = 8 * 200;
 
 /// Puts items into frames.
 #[derive(Clone, Debug)]
 pub struct FrameWriter {
     waiting: Vec<Waiting>,
-    /// About how many bits they will take.
+    /// Approximate number of bits that they will take.
     bits: usize,
     start: Place,
     /// Place after the last item taken.
@@ -47,7 +47,7 @@ impl FrameWriter {
         self.number
     }
 
-    /// Settings in force have changed; the position may have, too (homing).
+    /// Takes note of changed settings; the position may also have changed (homing).
     pub fn set_modal(&mut self, modal: ModalState, position_10nm: [i64; 3], frames: &mut Vec<u8>) {
         let before = self.end.modal;
         if self.end.position_10nm != position_10nm

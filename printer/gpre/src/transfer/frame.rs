@@ -29,7 +29,7 @@ pub enum Kind {
 impl Kind {
     pub(super) const ALL: [Self; 3] = [Self::Data, Self::Question, Self::Abort];
 
-    /// Its number in a frame.
+    /// Number of the word in a frame.
     pub(super) const fn number(self) -> u8 {
         self as u8 + 1
     }

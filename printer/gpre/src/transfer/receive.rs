@@ -11,9 +11,9 @@ const WINDOW_BYTES: u32 = 1024;
 /// The effect of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// It is not part of a frame.
+    /// The byte is not part of a frame.
     Other,
-    /// It belongs to a frame that is not complete yet.
+    /// The byte belongs to a frame that is not complete yet.
     Nothing,
     /// This many bytes are new at the start of the room.
     Bytes(usize),
@@ -100,7 +100,7 @@ impl Receiver {
         }
     }
 
-    /// Something is missing. This is reported once: what the host has sent meanwhile must not make it begin again and again.
+    /// Reports once that something is missing: what the host has sent meanwhile must not make it begin again and again.
     fn ask(&mut self) -> Event {
         if core::mem::replace(&mut self.asked, true) { Event::Nothing } else { Event::Answer }
     }

@@ -46,9 +46,9 @@ impl Word {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// Its subject.
+    /// Subject of the report.
     pub word: Word,
-    /// Its numbers.
+    /// Numbers of the report.
     pub numbers: [u32; 2],
 }
 
@@ -56,7 +56,7 @@ impl Report {
     /// Report if no job has been received.
     pub const NONE: Self = Self { word: Word::None, numbers: [0; 2] };
 
-    /// Reads a line; `None` if it is no report, or was changed in transit.
+    /// Reads a line; `None` if it is not a report, or was changed in transit.
     pub fn parse(line: &str) -> Option<Self> {
         let (text, sum) = line.trim_end().rsplit_once(" *")?;
         if sum.len() != 8 || u32::from_str_radix(sum, 16).ok()? != CRC.checksum(text.as_bytes()) {

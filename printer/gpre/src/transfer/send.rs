@@ -121,7 +121,7 @@ impl Sender {
                     }
                 }
             }
-            // A report before the begin is about another job.
+            // A report before the start is about another job.
             _ if !self.begun => {}
             Word::Done | Word::Refused | Word::Stopped | Word::None => self.end = Some(report),
         }

@@ -21,7 +21,7 @@ pub(super) enum Taken {
     Whole(Arrived),
     /// The end of a frame that is malformed, or was changed in transit.
     Broken,
-    /// It is not part of a frame.
+    /// The byte is not part of a frame.
     Other,
 }
 

@@ -35,7 +35,8 @@ const ALL: u64 = 2 << FILAMENT;
 #[test]
 fn moves_of_all_shapes_are_read() {
     let frame = Start::default().with(6, |bits| {
-        // The first shape: X and Y, the filament differs from the prediction, which is 0 for there is no lambda yet.
+        // The first shape: X and Y, and the difference of the filament from the prediction, which is 0 without a
+        // lambda.
         plain(bits);
         bits.signed(3, 4);
         bits.signed(-4, 4);

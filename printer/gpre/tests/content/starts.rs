@@ -60,7 +60,7 @@ fn a_place_beyond_five_metres_is_refused() {
                 outcome => assert_eq!(outcome, content("coordinates within 5 m"), "{place}"),
             }
         }
-        // One of more than 32 bits, too: its lower half alone would be a place.
+        // Includes one of more than 32 bits: its lower half alone would be a place.
         let mut given = Start::default();
         given.position[axis] = (1 << 32) + 5;
         assert_eq!(start(&given), content("coordinates within 5 m"));

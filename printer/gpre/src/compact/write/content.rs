@@ -64,7 +64,7 @@ impl<'a> Content<'a> {
                     [_, _, 0] => PATH_XY,
                     _ => PATH_XYZ,
                 };
-                // Within 10 m.
+                // Lengths are within 10 m.
                 let path = path.map(|component| (component / unit_10nm) as i32);
                 Steps { path, filament: next.filament_100pm / filament_unit_100pm, kind }
             })

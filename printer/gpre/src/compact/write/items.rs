@@ -48,7 +48,7 @@ impl ItemWriter {
         }
     }
 
-    /// Begins an item that is no move.
+    /// Begins an item that is not a move.
     pub fn begin_other(&mut self, kind: u64) {
         self.count += 1;
         self.bits.bits(0b11, 2);

@@ -51,7 +51,7 @@ pub fn lambdas(steps: &[Steps]) -> Vec<f32> {
 
 /// Number of moves from here on that one lambda predicts well, and that lambda.
 fn longest_run(steps: &[Steps], is_predicted: impl Fn(&Steps) -> bool) -> (usize, f32) {
-    /// Longer runs say no more.
+    /// Longer runs give no more information.
     const ENOUGH: usize = 40;
     let mut run = 0;
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -64,6 +64,6 @@ fn longest_run(steps: &[Steps], is_predicted: impl Fn(&Steps) -> bool) -> (usize
         (low, high) = (low.max(least), high.min(most));
         run += 1;
     }
-    // Cut to what is written of it; the prediction is cut, too, so the middle is above by half a unit at the longest.
+    // Cut to the written bits; the prediction is cut as well, so the middle is above by half a unit at the longest.
     (run, f32::from_bits(((low / 2.0 + high / 2.0) as f32).to_bits() & !0xff))
 }
