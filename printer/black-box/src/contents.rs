@@ -8,12 +8,12 @@ use crate::dump::{BOTH_EDGES, CRC, DAMAGED, Facts, KEPT, MAGIC, NO_MEMORY};
 use crate::record::RecordReader;
 use crate::varint;
 
-/// Why bytes are no black box.
+/// Reason why bytes are not a black box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReadError {
-    /// They do not begin as one.
+    /// The bytes do not begin as one.
     Magic,
-    /// They end too early.
+    /// The bytes end too early.
     Short,
     /// The checksum in them is not theirs.
     Checksum {
@@ -26,7 +26,7 @@ pub enum ReadError {
     Slot(u16),
     /// More slots begun than there are, or more events left than the slot has.
     Counts,
-    /// A name that is no text.
+    /// A name is not text.
     Name,
     /// Bytes after the last slot.
     Long(usize),
@@ -165,7 +165,7 @@ fn slot(bytes: &mut &[u8], reload: u32) -> Option<PastSlot> {
 }
 
 impl<'a> Contents<'a> {
-    /// Reads the bytes of a black box, and checks all of them but the records, each of which has a check of its own.
+    /// Reads the bytes of a black box, and checks all of them but the records, each of which has its own check.
     ///
     /// # Errors
     /// [`ReadError`]

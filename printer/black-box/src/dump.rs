@@ -26,7 +26,7 @@ use heapless::{String, Vec};
 use crate::memory::RecordMemory;
 use crate::varint;
 
-/// Begin of every line.
+/// Prefix of every line.
 pub const PREFIX: &str = "blackbox:";
 
 /// Mark of the last line, in place of a number.
@@ -169,7 +169,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
     // None of these functions is inlined: flash is short, and a line takes longer to send.
     #[inline(never)]
     fn put(&mut self, byte: u8) {
-        // There is room for the longest part.
+        // The buffer has room for the longest part.
         let _ = self.pending.push(byte);
         self.digest.update(&[byte]);
     }
@@ -180,7 +180,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
         word.to_le_bytes().iter().take(bytes).for_each(|byte| self.put(*byte));
     }
 
-    /// The next part; `false` if there is none.
+    /// Makes the next part; `false` if all parts are done.
     #[inline(never)]
     fn go_on(&mut self) -> bool {
         self.part = match self.part {
@@ -211,7 +211,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
             }
             Part::Slots(number) if number == self.past.filled => Part::Checksum,
             Part::Slots(number) => {
-                // It was read before.
+                // This slot was read before.
                 self.slot(&self.steps.slot(number).unwrap_or_default());
                 Part::Slots(number.wrapping_add(1))
             }

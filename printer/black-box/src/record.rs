@@ -68,7 +68,7 @@ impl HeaterSample {
 pub enum Record<'a> {
     /// A command began.
     Command {
-        /// Its line in the file or of its host, counted from 1.
+        /// Line in the file or from the host, counted from 1.
         line: u32,
         /// Text without comment and line number.
         text: &'a [u8],
@@ -115,7 +115,7 @@ impl Parts<'_> {
 }
 
 impl Record<'_> {
-    /// Its bytes.
+    /// Bytes of the record.
     pub(crate) fn parts(&self, now_ms: u32) -> Parts<'_> {
         let mut head = [0; 16];
         let (kind, fixed, most, text) = match *self {
@@ -158,7 +158,8 @@ pub struct Stamped<'a> {
     pub record: Record<'a>,
 }
 
-/// Reads records one after the other. `None` in the place of a record: it is damaged, or of a kind that this program does not know.
+/// Reads records one after the other. `None` in place of a record means that it is damaged, or of a kind that this
+/// program does not know.
 #[derive(Clone, Debug)]
 pub struct RecordReader<'a>(pub &'a [u8]);
 

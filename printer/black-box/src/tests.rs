@@ -162,7 +162,7 @@ proptest! {
         prop_assert!(Contents::read(&sent).is_err());
     }
 
-    /// Bytes of nobody, with a checksum that is right.
+    /// Arbitrary bytes with a right checksum are read without a panic.
     #[test]
     fn anything_can_be_read(begins_well: bool, mut bytes in prop::collection::vec(prop_oneof![Just(0), Just(1), any::<u8>()], 0..400)) {
         if begins_well {

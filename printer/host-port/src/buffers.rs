@@ -13,6 +13,6 @@ pub trait Buffers {
     fn emergency(&mut self, emergency: Emergency);
     /// A line of text has ended, so its host is present. The line may have to wait its turn.
     fn note_line(&mut self) {}
-    /// The host has switched MeatPack on or off, or asks how it stands, and waits for this report.
+    /// Reports the settings of MeatPack to a host that has switched it on or off, or asks for them, and waits for this.
     fn report_packing(&mut self, _: meatpack::Settings) {}
 }

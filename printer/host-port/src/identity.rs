@@ -3,8 +3,8 @@
 /// The open-source vendor of <https://pid.codes>.
 pub const VENDOR_ID: u16 = 0x1209;
 
-/// The first of pid.codes' numbers for tests, <https://pid.codes/1209/0001>: for development, not for a product. Whoever
-/// hands out boards asks there for a number of its own, which an open-source project gets, and puts it here.
+/// The first of pid.codes' numbers for tests, <https://pid.codes/1209/0001>: for development, not for a product. A
+/// maker of boards asks there for another number, which an open-source project gets, and puts it here.
 pub const PRODUCT_ID: u16 = 0x0001;
 
 /// The manufacturer's string.

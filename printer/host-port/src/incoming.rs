@@ -187,7 +187,7 @@ mod tests {
             (b"\x7e\x00abc\n", 0),
             (b"\xffM105\n\x00\n", 0),
             (b"\xff\nM105\n", 1),
-            // Packed, after a command that is no part of a line.
+            // Packed text, after a command that is not part of a line.
             (b"\xff\xff\xfbM105\n", 0),
             (b"M1\xff\xff\xf905\n\xff\xff\xfb\x1f\x4d\x50\xcc", 2),
         ] {

@@ -50,7 +50,7 @@ impl<'a> LineWriter<'a> {
     /// Writes a text if it fits.
     fn fits(&mut self, text: fmt::Arguments<'_>, room: usize) -> bool {
         let mut length = Length(0);
-        // Neither can fail: the room was checked before.
+        // Both succeed: the room was checked before.
         let fits = length.write_fmt(text).is_ok() && length.0 <= room;
         fits && Ring(&mut self.bytes).write_fmt(text).is_ok()
     }

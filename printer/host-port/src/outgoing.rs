@@ -47,7 +47,7 @@ impl Outgoing {
                     self.last_sent = packet.last().copied().unwrap_or(self.last_sent);
                     self.length = 0;
                 }
-                // The last packet is still on its way, or (another error) there is no endpoint to write to yet. Both end
+                // The last packet is still on its way, or (another error) the endpoint does not exist yet. Both end
                 // with an event that leads here again.
                 Err(_) => return,
             }

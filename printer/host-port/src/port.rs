@@ -9,7 +9,7 @@ use crate::identity::{MANUFACTURER, PRODUCT_ID, SerialNumber, VENDOR_ID};
 use crate::incoming::Incoming;
 use crate::outgoing::{Outgoing, PACKET_BYTES};
 
-/// The same, as the controller wants to know it.
+/// Packet size as the controller takes it.
 const PACKET_SIZE: u16 = PACKET_BYTES as u16;
 
 /// Bytes in a packet of control transfers.
@@ -105,7 +105,7 @@ impl<'a, B: UsbBus> UsbSerial<'a, B> {
                 self.close(buffers, false);
             }
             UsbDeviceState::Configured => self.is_configured = true,
-            // A suspended host goes on where it was, or resets the bus.
+            // A suspended host continues as before, or resets the bus.
             UsbDeviceState::Default | UsbDeviceState::Addressed | UsbDeviceState::Suspend => {}
         }
         let dtr = self.class.dtr();

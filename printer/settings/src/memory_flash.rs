@@ -72,12 +72,12 @@ impl<B: AsRef<[u8]> + AsMut<[u8]>, const SECTOR: usize> MemoryFlash<B, SECTOR> {
         self.erasures
     }
 
-    /// Its content.
+    /// Content of the flash.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.as_ref()
     }
 
-    /// Its content, without the flash.
+    /// Content of the flash, without the flash.
     pub fn into_bytes(self) -> B {
         self.bytes
     }

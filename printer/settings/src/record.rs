@@ -51,14 +51,14 @@ pub struct Entry {
     pub value: f64,
 }
 
-/// Why a record cannot be read.
+/// Reason why a record cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordError {
-    /// It is shorter than its head, or ends within a value.
+    /// The record is shorter than its head, or ends within a value.
     Length,
     /// Another version of the firmware has written it, in this format.
     Format(u8),
-    /// It is of another profile.
+    /// The record is of another profile.
     OtherProfile,
 }
 
@@ -96,7 +96,7 @@ impl<'a> Record<'a> {
         Ok(Self(values))
     }
 
-    /// Its values.
+    /// Values of the record.
     pub fn entries(self) -> impl Iterator<Item = Entry> + 'a {
         self.0.as_chunks::<VALUE_BYTES>().0.iter().filter_map(|bytes| {
             let (id, rest) = bytes.split_first_chunk()?;
@@ -141,7 +141,7 @@ impl RecordWriter {
         }
     }
 
-    /// Its bytes.
+    /// Bytes of the record.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
     }

@@ -31,10 +31,10 @@ const CHUNK_BYTES: usize = 64;
 
 const CHECKSUM: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// The words of a memory that says no more.
+/// Message of a memory that tells no cause.
 pub const NOT_WORKING: &str = "the memory for settings does not work";
 
-/// Why settings are not stored, or not read.
+/// Reason why settings are not stored, or not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
     /// The memory has refused to read, write or erase, or does not contain what was written: what does not work, in its own words.
@@ -124,7 +124,7 @@ impl<F: NorFlash<Error: Into<&'static str>>> Store<F> {
         &self.flash
     }
 
-    /// The flash, which is no longer a store.
+    /// Returns the flash, which is no longer a store.
     pub fn into_flash(self) -> F {
         self.flash
     }
