@@ -4,7 +4,7 @@ use crate::methods::Pieces;
 use crate::step_times::StepTimes;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
-/// Events before the master's next step.
+/// Extruder step found before the master's next step.
 pub(crate) enum Look {
     /// No extruder step.
     Free,

@@ -27,7 +27,7 @@ pub struct InnerEnd {
 
 /// The ends inside a block, in the order of the path.
 ///
-/// Small, for every place of the look-ahead ring has one. Only short moves are worth sharing a block, so a path
+/// The type is small because every place of the look-ahead ring has one. Only short moves are worth sharing a block, so a path
 /// position has 16 bits (0.65 mm), a move has at most 127 steps of a motor and 127 of the extruder, and a line is given
 /// by its distance from the block's.
 #[derive(Clone, Copy, Debug, Default)]

@@ -65,7 +65,7 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     /// Another time law than trapezoid and S-curve.
     rule: Option<M::Rule>,
     interpolator: Interpolator<M>,
-    /// Steps in place of the interpolator while axes are shaped.
+    /// Stepper used in place of the interpolator while axes are shaped.
     shaped: ShapedStepper,
     shaping: Shaping,
     /// The moves to come are not shaped: a sensor ends them.

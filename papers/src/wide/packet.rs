@@ -31,7 +31,7 @@
 //! | 1 | u24: the source line of the next trajectory, fan or text, where it is not the next line |
 //! | 2 | u16, u8: a move ends inside the next trajectory: units of 10 nm from its start, lines before its own |
 //! | 3 | u8: the fan, 0 to 255 |
-//! | 4 | up to three bytes of a command's text, zeros after it; the first zero ends it, at the latest in a packet of its own |
+//! | 4 | up to three bytes of a command's text, zeros after it; the first zero ends it, at the latest in a separate packet |
 //! | 5 | u8, u16: a part of where the machine is: 0 to 5 = X, Y, Z, 6 to 9 = E of the G-code, 10 and 11 = how far Z is lifted by a firmware retraction; the least first, units of 10 nm |
 //! | 6 | 3 i8: signed steps of X, Y and Z that lead to the inner end before |
 //! | 7 | i16, u8: travel of the extruder that leads there, 1/256 steps; 1 where the line's move ends there, 0 inside an arc |

@@ -31,7 +31,7 @@ struct Drive {
     way_10nm: i32,
     /// The time between two of them, at least, ticks.
     least_ticks: u32,
-    /// Direction of its last step: 1 or -1; 0 before the first step.
+    /// Direction of its last step: 1 or -1; 0 if none was seen.
     side: i32,
     /// Steps by which the motor should be ahead of the plan (`wanted`) and by which it is (`made`).
     wanted: i32,

@@ -7,7 +7,7 @@
 //! before, and the signals change right after that: the profile's check ensures that pulse and set-up time fit into the
 //! interval.
 //!
-//! At a block's end all motors stand at its end, as each has made all its steps. Moves do not share blocks under
+//! At a block's end all motors have arrived there, as each has made all its steps. Moves do not share blocks under
 //! another pattern, so that is the end of every move; a block that has several is made by step Bresenham.
 
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};

@@ -99,7 +99,7 @@ impl Taps {
         let (late_x, late_y) = (x.centroid_ticks(), y.centroid_ticks());
         let half_advance = advance_ticks / 2;
         let late = if late_x > late_y { late_x } else { late_y };
-        // The middle of an average is early by half of it, which leaves room.
+        // The average has half of its length before its middle, which leaves the advance room.
         let half_average = smooth_ticks / 2;
         let spreads = half_advance > 0 && *extruder_variance > 0.0;
         let least = f64::from(if spreads { half_advance } else { half_advance.saturating_sub(half_average) });

@@ -54,7 +54,7 @@ fn z_keeps_its_limits_on_a_slope() {
     assert_eq!(without_z(&machine.run(START, &path, Some(&mesh), true).seen.0), without_z(&plain.seen.0));
 }
 
-/// At a ridge Z's speed changes at once, by no more than it may at a corner.
+/// Z's speed changes at once over a ridge, by no more than it may at a corner.
 #[test]
 fn z_keeps_its_corner_velocity_over_a_ridge() {
     for (limit, most) in [(1.0, 1.03), (60.0, 9.1)] {

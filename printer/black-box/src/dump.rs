@@ -166,7 +166,7 @@ impl<'a, S: StepPast> Dump<'a, S> {
         true
     }
 
-    // None of these functions is inlined: flash is short, and a line takes longer to send.
+    // Kept out of line, like the others: flash is short, and a line takes longer to send.
     #[inline(never)]
     fn put(&mut self, byte: u8) {
         // The buffer has room for the longest part.

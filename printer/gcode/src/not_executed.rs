@@ -1,7 +1,7 @@
-//! Commands that slicers and hosts write and this firmware does not execute: what becomes of each, and why.
+//! Commands that slicers and hosts write and this firmware does not execute: the treatment of each, and the reason.
 //!
 //! The parser looks here for every command that it has no code for, and the book's table of these commands is made from the same
-//! lines. Who gives a command an effect takes its line out.
+//! lines. A command that gets an effect loses its line here.
 
 use core::fmt;
 

@@ -15,7 +15,7 @@ const _: () = assert!(DATA_BYTES <= MAX_DATA_BYTES);
 
 /// Sends a job. It says what to send and hears what the board answers; the caller moves the bytes and keeps the time.
 ///
-/// Whoever has sent all that it says, and hears nothing for a while, sends [`Sender::question`].
+/// A caller that has sent everything, and gets no answer for a while, sends [`Sender::question`].
 #[derive(Clone, Debug)]
 pub struct Sender {
     job: Vec<u8>,

@@ -15,7 +15,7 @@ pub struct StrayFrames {
 pub enum Stretch {
     /// Text, up to the end of its line at most.
     Text,
-    /// A part of a frame. Who sees its end answers with the last [`super::Report`].
+    /// A part of a frame. The receiver of its end answers with the last [`super::Report`].
     Frame {
         /// The frame ends with it.
         ends: bool,
