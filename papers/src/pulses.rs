@@ -62,7 +62,7 @@ impl Pulses {
     pub const NONE: Self =
         Self { rule: Rule::Nothing, feeds: FeedSteps::NONE, has_halves: false, second: None, rest: None, next: None };
 
-    /// One motor by itself.
+    /// Starts the steps of one motor by itself.
     pub fn start_alone(&mut self, times: &mut Times, law: &Law, stretch: &Stretch, bit: u8, steps: i32) {
         let count = steps.unsigned_abs().min(MAX_STEPS);
         let backwards = if steps < 0 { bit } else { 0 };
@@ -70,7 +70,7 @@ impl Pulses {
         self.begin(times, law, stretch, count, false, None);
     }
 
-    /// Classic Bresenham: the motor with most steps, the others with some of its steps.
+    /// Starts classic Bresenham: the motor with most steps, the others with some of its steps.
     pub fn start_bresenham(&mut self, times: &mut Times, law: &Law, stretch: &Stretch) {
         let steps = stretch.steps;
         let [x, y, z] = steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
@@ -88,7 +88,7 @@ impl Pulses {
         self.begin(times, law, stretch, count, false, None);
     }
 
-    /// X and Y together by point-by-point comparison or minimum deviation.
+    /// Starts X and Y together by point-by-point comparison or minimum deviation.
     pub fn start_plane(&mut self, times: &mut Times, law: &Law, stretch: &Stretch, method: &Method) {
         let [first, second, _] = stretch.steps;
         let motors = [first, second].map(i64::from);

@@ -69,7 +69,7 @@ impl Segments {
         true
     }
 
-    /// No line will follow those that were read.
+    /// Marks the lines that were read as the last ones.
     pub fn finish(&mut self) {
         self.is_over = true;
     }

@@ -70,7 +70,7 @@ pub trait BacklashCorrection: Debug {
     /// handed on did not happen. Returns how many steps of each motor are for its play.
     fn stand(&mut self, issued: [u64; 4], directions: u8) -> [i64; 3];
 
-    /// The motors' positions are counted anew, without those steps.
+    /// Takes note that the motors' positions are counted anew, without those steps.
     fn redefined(&mut self) {}
 
     /// Takes entries; `false`: they may pass as they are.

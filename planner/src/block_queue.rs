@@ -41,13 +41,13 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         Self { ring: Ring::new(slots), speeds, fault: None, is_switching: false }
     }
 
-    /// Look-ahead plans the speeds of the blocks to come, under this law; for a ring that is empty.
+    /// Lets look-ahead plan the speeds of the blocks to come, under this law; the ring must be empty.
     pub fn look_ahead(&mut self, law: &SpeedLaw<R>) {
         self.speeds = Speeds::LookAhead(LookAhead::new(law));
         self.ring.clear();
     }
 
-    /// The blocks to come bring their speeds; for a ring that is empty.
+    /// Takes blocks with given speeds from now on; the ring must be empty.
     pub fn take_given_speeds(&mut self) {
         self.speeds = Speeds::Given(GivenSpeeds::default());
     }
@@ -149,7 +149,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         }
     }
 
-    /// Motion stops after the newest block; all blocks and markers may leave.
+    /// Lets motion stop after the newest block; all blocks and markers may leave.
     pub fn flush(&mut self) {
         self.ring.flush();
     }

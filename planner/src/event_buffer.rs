@@ -42,7 +42,7 @@ impl<const MOST: usize> EventBuffer<MOST> {
         self.count += count;
     }
 
-    /// The one that is `from_end` from the end, 1 being the last, steps `axes` too.
+    /// Adds steps of `axes` to the entry that is `from_end` from the end, 1 being the last.
     pub(crate) fn join(&mut self, from_end: usize, axes: u8) {
         if let Some(entry) = self.count.checked_sub(from_end).and_then(|index| self.entries.get_mut(index)) {
             *entry = entry.with(axes);

@@ -112,7 +112,7 @@ impl Extruder {
         UNITS_PER_256TH as u32 / self.steps_per_mm.of_filament().denominator
     }
 
-    /// The extruder is there.
+    /// Sets the position.
     #[inline(always)]
     pub(crate) fn set(&mut self, at: ExtruderPosition) {
         self.at = at;

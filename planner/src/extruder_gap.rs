@@ -48,7 +48,7 @@ impl ExtruderGap {
         self.start.wrapping_add(u64::from(self.free.wrapping_sub(free)) << FRACTION_BITS)
     }
 
-    /// The master has stepped, and no step of the extruder is due for `free` ticks.
+    /// Takes note that the master has stepped, and that no step of the extruder is due for `free` ticks.
     #[inline(always)]
     fn settle(&mut self, free: u32) {
         self.start = self.last(free);

@@ -104,7 +104,7 @@ pub struct GivenSpeeds {
 }
 
 impl GivenSpeeds {
-    /// The oldest block leaves, and `next` after it.
+    /// Settles the exit speed of the oldest block, which leaves before `next`.
     #[inline(always)]
     fn settle(&mut self, reach: u64, nominal: Speed, next: &Waiting) {
         self.reach = self.reach.saturating_sub(reach);

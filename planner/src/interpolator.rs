@@ -118,7 +118,7 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// The step pattern for the blocks to come; `None` for step Bresenham, with which the interpolator begins. The
+    /// Sets the step pattern for the blocks to come; `None` for step Bresenham, with which the interpolator begins. The
     /// block in execution keeps its pattern.
     pub fn set_pattern(&mut self, pattern: Option<M::Pattern>) {
         self.pattern = pattern;
@@ -199,7 +199,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.duration_ticks
     }
 
-    /// The part without a sink: compiled once, whatever the sink.
+    /// Begins a block without a sink: compiled once, whatever the sink.
     #[inline(never)]
     fn begin_block(&mut self, block: &Block, law: &TimeLaw<M::Pieces>) {
         self.is_busy = true;
@@ -221,7 +221,7 @@ impl<M: MotionMethods> Interpolator<M> {
         first
     }
 
-    /// The motors' steps along a stretch, none of them due before `earliest`.
+    /// Begins the motors' steps along a stretch, none of them due before `earliest`.
     #[inline]
     fn begin_stretch(&mut self, stretch: &Stretch, law: &TimeLaw<M::Pieces>, earliest: u64) {
         let start_256ths = self.extruder_256ths;

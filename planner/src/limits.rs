@@ -135,8 +135,8 @@ impl PathLimits {
     /// Limits a feed along a path of this length and these travels of X, Y, Z and the filament, all in units of
     /// 10 nm, with or without extrusion.
     ///
-    /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. Whether it limits at all is asked by
-    /// multiplication; only one that does costs a division.
+    /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. A multiplication tells whether it
+    /// limits at all; only an axis that does costs a division.
     #[inline(always)]
     pub fn along(&self, feed_mm_per_s: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
         let feed = feed_mm_per_s;

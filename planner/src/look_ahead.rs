@@ -57,8 +57,9 @@ impl<R: SpeedRule> LookAhead<R> {
         Self { law, last_exit: SquaredSpeed::ZERO }
     }
 
-    /// The block that comes next will begin at the bound of its corner, and is `block` so far: it may still grow. Where it is long
-    /// enough to brake from there, the speeds of all blocks before it are final. Coming, it changes none of them.
+    /// Takes note of the next block: it will begin at the bound of its corner, and is `block` so far, which may still
+    /// grow. If it is long enough to brake from there, the speeds of all blocks before it are final. Its arrival
+    /// changes none of them.
     #[inline(never)]
     pub(crate) fn foresee<S: RingMemory>(&self, ring: &mut Ring<S>, block: &Block, corner: Speed) {
         // The oldest block leaves a full ring before the next one comes, with a speed that does not know of it.

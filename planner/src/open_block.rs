@@ -101,7 +101,7 @@ impl OpenBlock {
         self.block.nominal
     }
 
-    /// The corner at its end, which may become another one, asks for this acceleration.
+    /// Limits the acceleration to what the corner at its end, which may become another one, allows.
     pub fn hold_end_to(&mut self, acceleration: Acceleration) {
         if self.is_some() {
             self.block.acceleration = self.acceleration_before_end.min(acceleration);

@@ -123,7 +123,7 @@ impl Waiting {
         }
     }
 
-    /// All of it is done.
+    /// Marks the next entry as done.
     pub(crate) fn pass_entry(&mut self) {
         (self.done, self.events_done) = (self.done + 1, 0);
         if self.done >= self.entries.all().len() {

@@ -248,7 +248,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.close_open_block() && self.queue.push_marker(Marker::FanPower { fan, power })
     }
 
-    /// Motion ends with the last move taken; everything in the look-ahead ring may leave.
+    /// Lets motion end with the last move taken; everything in the look-ahead ring may leave.
     pub fn flush(&mut self) {
         self.flushing = true;
         // Now, not when there is room for it: the move before is not known any more then. What is held is planned before any other move is.
@@ -261,7 +261,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// Motion ends with the last move planned.
+    /// Lets motion end with the last move planned.
     #[inline(always)]
     fn stop(&mut self) {
         // A stop stays one.
@@ -269,7 +269,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.previous.acceleration = CornerAcceleration::ZERO;
     }
 
-    /// The step queue runs low and no input is at hand: the oldest block leaves with the speeds it has.
+    /// Lets the oldest block leave with its present speeds, because the step queue runs low and no input is at hand.
     pub fn release(&mut self) {
         if !self.is_look_ahead_empty() && !self.queue.can_leave() {
             self.close_open_block();

@@ -248,7 +248,7 @@ impl<S: RingMemory> Ring<S> {
         self.timed_places = self.timed_places.saturating_sub(1);
     }
 
-    /// The block in this place begins as fast as it ever may: the speeds of all before it are final.
+    /// Marks the speeds of all blocks before this place as final, as its block begins as fast as it ever may.
     #[inline(always)]
     pub(crate) fn set_final_before(&mut self, place: usize) {
         self.final_places = self.final_places.max(place);
@@ -291,7 +291,7 @@ impl<S: RingMemory> Ring<S> {
         self.released = self.released.max(self.final_places);
     }
 
-    /// Motion stops after the newest block; all blocks and markers may leave.
+    /// Lets motion stop after the newest block; all blocks and markers may leave.
     pub(crate) fn flush(&mut self) {
         self.stopped = true;
         self.released = self.length;

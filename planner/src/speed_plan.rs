@@ -110,6 +110,6 @@ pub trait SpeedPlan {
     /// its own length.
     fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released>;
 
-    /// The ring was emptied: the next block starts from standstill.
+    /// Takes note that the ring was emptied: the next block starts from standstill.
     fn clear(&mut self);
 }

@@ -205,7 +205,7 @@ impl<P: Pieces> StepTimes<P> {
         }
     }
 
-    /// The time of the next step in the same phase.
+    /// Computes the time of the next step in the same phase.
     #[inline]
     fn pass(&mut self, count: u32) {
         match &mut self.motion {

@@ -187,7 +187,7 @@ impl Checker {
         self.speed = run.exit;
     }
 
-    /// The block makes its steps in the time and between the speeds that the closed form says, to the run's end.
+    /// Checks that the block makes its steps in the time and between the speeds of the closed form, to the run's end.
     fn check_steps(&mut self, part: &Part, passed: u32) {
         let run = &part.run;
         let (law, exit) = part.law::<Never>();
@@ -213,14 +213,15 @@ impl Checker {
         [ramp(run.entry, run.peak), ramp(run.exit, run.peak)]
     }
 
-    /// A corner inside a run is passed no faster than it may.
+    /// Checks that a corner inside a run is passed no faster than it may.
     fn check_corner(&self, run: &Run, at: u32, corner: Speed) {
         let speed = speed_at(&self.law(run), run, at);
         let allowed = corner.mm_per_s() * (1.0 + 1e-4) + 1e-3;
         assert!(speed <= allowed, "{speed} > {allowed} at {at}: {run:?}");
     }
 
-    /// Two ramps of the closed form, in f64, with this jerk and acceleration, fit the run's length as they are.
+    /// Checks that two ramps of the closed form, in f64, with this jerk and acceleration, fit the run's length as they
+    /// are.
     fn check_law(&self, part: &Part) {
         let run = &part.run;
         assert!(run.peak >= run.entry && run.peak >= run.exit);

@@ -120,7 +120,7 @@ impl<W: Widths> Follower<W> {
         self.left = if self.whole > 0 { self.widths.width() } else { u32::MAX };
     }
 
-    /// Passes `count` events, at most what is left of the present stair; whether that ends with them.
+    /// Passes `count` events, at most those left in the present stair; returns true if the stair ends with them.
     fn pass(&mut self, count: u32) -> bool {
         if self.whole == 0 {
             return false;

@@ -92,7 +92,8 @@ impl PacketPlayer {
         Ok(())
     }
 
-    /// The job was refused or stopped, and [`Printer::abandon_prepared`] follows: E becomes what the blocks have pushed.
+    /// Sets E to the filament that the blocks have pushed, after the job was refused or stopped and before
+    /// [`Printer::abandon_prepared`].
     pub fn settle_extruder<P: Ports>(mut self, printer: &mut Printer<'_, P>) {
         self.follow_commands(printer);
         printer.set_prepared_extruder(self.pushed.extruder_10nm);

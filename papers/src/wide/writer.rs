@@ -41,7 +41,7 @@ impl PacketWriter {
         self.put(Packet::Status(status), bytes);
     }
 
-    /// The source line of the next packet that has one.
+    /// Writes the source line of the next packet, unless it is the next line.
     fn begin_line(&mut self, line: u32, bytes: &mut Vec<u8>) {
         if line != self.line.wrapping_add(1) {
             self.status(Status::Line(line), bytes);
@@ -118,7 +118,7 @@ impl PacketWriter {
         }
     }
 
-    /// The settings in force have changed, and with them perhaps the position. A reader's machine knows by itself what a
+    /// Takes note of changed settings, and perhaps of a changed position. A reader's machine knows by itself what a
     /// command has done to it.
     pub fn set_modal(&mut self, modal: &ModalState, position_10nm: [i64; 3]) {
         self.flow_percent = i64::from(modal.flow_percent.max(1));
@@ -129,7 +129,7 @@ impl PacketWriter {
         }
     }
 
-    /// The job has ended; how many packets it has.
+    /// Ends the job; returns how many packets it has.
     pub fn end(&mut self, bytes: &mut Vec<u8>) -> u32 {
         self.write_place(bytes);
         self.packets

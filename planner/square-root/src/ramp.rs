@@ -32,7 +32,7 @@ impl Ramp {
         Self { index, speed, interval_and_half: 0.0, direction, slow, gain, dividend, half: 0.5 }
     }
 
-    /// Goes on to the next step; how long that takes, the nearest whole number, cut to 32 bits.
+    /// Advances to the next step; returns how long that takes, the nearest whole number, cut to 32 bits.
     #[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
     #[inline(always)]
     pub fn advance(&mut self) -> u32 {
@@ -66,7 +66,7 @@ impl Ramp {
         interval
     }
 
-    /// Goes on to the next step; how long that takes, the nearest whole number, cut to 32 bits.
+    /// Advances to the next step; returns how long that takes, the nearest whole number, cut to 32 bits.
     #[cfg(not(all(target_arch = "arm", target_os = "none", target_abi = "eabihf")))]
     #[inline(always)]
     pub fn advance(&mut self) -> u32 {

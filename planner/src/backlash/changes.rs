@@ -35,7 +35,7 @@ impl Changes {
     /// Empty.
     pub(super) const NONE: Self = Self { ring: [None; MANY], count: 0 };
 
-    /// The step number `step` of a motor is this.
+    /// Remembers the change at step number `step` of a motor.
     pub(super) fn note(&mut self, motor: usize, step: u32, change: Change) {
         if let Some(place) = self.ring.get_mut(self.count as usize % MANY) {
             *place = Some(Remembered { step, motor: motor as u8, change });

@@ -40,7 +40,8 @@ impl StepBresenham {
         (self.decision.wrapping_neg() as u32 / self.rise as u32).wrapping_add(1)
     }
 
-    /// Passes `count` major-axis steps, at most [`Self::width`]; whether the minor axis steps with the last of them.
+    /// Passes `count` major-axis steps, at most [`Self::width`]; returns true if the minor axis steps with the last of
+    /// them.
     #[inline(always)]
     pub const fn pass(&mut self, count: u32) -> bool {
         // The sum is at most `rise`, which fits, as `count` is at most the width.

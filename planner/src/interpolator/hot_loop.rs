@@ -102,9 +102,9 @@ impl Gap for u64 {
 }
 
 impl<M: MotionMethods> Interpolator<M> {
-    /// The master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at most
-    /// `most` events, the master's first step `gap` time units after the last event, half a tick included. How many
-    /// events there are, and whether anything has happened.
+    /// Makes the master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at
+    /// most `most` events, the master's first step `gap` time units after the last event, half a tick included. Returns
+    /// how many events there are, and whether anything has happened.
     #[inline(never)]
     pub(super) fn make_ramp<G: Gap>(&mut self, mut gap: G, most: usize) -> (usize, bool) {
         let Some((mut run, steps)) = self.master.hot_ramp() else { return (0, false) };

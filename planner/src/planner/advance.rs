@@ -69,7 +69,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// The plan has come to standstill, and the motors have not: what the filters hold is to be executed.
+    /// True if the plan has come to standstill, and the motors have not: the content of the filters is to be executed.
     fn must_rest(&self) -> bool {
         self.shaped.is_in_motion() && self.exit == Speed::ZERO && self.is_look_ahead_empty()
     }

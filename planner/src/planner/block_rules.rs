@@ -167,13 +167,13 @@ impl<M: MotionMethods> BlockRules<M> {
         self.extruder_step_mm = 1.0 / steps_per_mm.to_f64() as f32;
     }
 
-    /// The axes are shaped by filters of at most this length, ticks; 0: they are not.
+    /// Sets the length of the filters that shape the axes, in ticks; 0: not shaped.
     pub fn set_shaped_for(&mut self, length_ticks: u32, is_s_curve: bool, has_knee: bool) {
         self.is_shaped = length_ticks > 0;
         self.budget.hold_pieces(length_ticks, is_s_curve, has_knee);
     }
 
-    /// The path goes through these filters, and keeps a tolerance then.
+    /// Sets the tolerance of the path for these filters.
     #[cold]
     pub fn set_tolerance(&mut self, tolerance_mm: Option<f64>, shaping: &Shaping) {
         self.tolerance = tolerance_mm.and_then(|tolerance_mm| PathTolerance::new(tolerance_mm, shaping));
@@ -184,7 +184,7 @@ impl<M: MotionMethods> BlockRules<M> {
         self.path_limits = PathLimits::new(&self.limits, &self.advance);
     }
 
-    /// The moves to come follow a surface, or none.
+    /// Sets the surface that the moves to come follow; `None`: no surface.
     pub fn set_surface(&mut self, surface: Option<SurfaceBounds>) {
         self.surface = surface;
     }

@@ -42,7 +42,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.set_methods()
     }
 
-    /// The filters, as chosen.
+    /// Sets the filters, as chosen.
     // Kept out of the function that sets the methods: each takes much of the stack.
     #[inline(never)]
     fn set_shaping(&mut self, shaping: &Shaping) {
@@ -115,7 +115,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(true)
     }
 
-    /// The moves to come leave to the extruder what its advance needs.
+    /// Leaves the extruder what its advance needs in the moves to come.
     fn advance_moves_to_come(&mut self) {
         let advance = self.shaping.extruder_advance(&self.choice.pressure_advance);
         self.rules.set_advance(advance.unwrap_or(ExtruderAdvance::NONE));
@@ -136,7 +136,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// Sets the steps of the extruder in a millimetre of filament, at standstill: what it has pushed stays pushed.
     ///
     /// # Errors
-    /// [`ChoiceError::InMotion`]; nothing has changed then.
+    /// [`ChoiceError::InMotion`]; nothing has changed.
     pub fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
         if !self.is_idle() {
             return Err(ChoiceError::InMotion);
@@ -147,7 +147,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(())
     }
 
-    /// The moves to come keep to what Z needs to follow a surface; `None`: it follows none.
+    /// Limits the moves to come to what Z needs to follow a surface; `None`: it follows none.
     pub fn set_surface(&mut self, surface: Option<SurfaceBounds>) {
         self.rules.set_surface(surface);
     }

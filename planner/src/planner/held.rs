@@ -151,7 +151,7 @@ impl Held {
         Path::along(vector_10nm)
     }
 
-    /// No more moves join it.
+    /// Closes what is held: no more moves join it.
     #[inline(never)]
     fn close(&mut self) {
         if let Some(legs) = self.legs.get_mut(..self.travels) {
@@ -191,7 +191,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         Ok(true)
     }
 
-    /// Such a move joins what is held.
+    /// Adds a move of this kind to what is held.
     #[inline(never)]
     fn hold(&mut self, kind: Kind, travel: &Travel, target: &Target) {
         let Self { held, rules, choice, position, previous, .. } = self;

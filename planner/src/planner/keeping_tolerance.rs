@@ -67,7 +67,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
-    /// The open block closes before it is known what comes after it: whatever may come.
+    /// Keeps the tolerance as the open block closes before the next move is known, whatever it may be.
     #[inline(always)]
     pub(super) fn keep_tolerance_before_any(&mut self) {
         if let Some(tolerance) = self.rules.tolerance

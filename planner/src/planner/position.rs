@@ -35,7 +35,7 @@ impl Position {
         Self { coordinates_10nm: [0; 3], motor_steps: [0; 3], extruder: Extruder::new(extruder) }
     }
 
-    /// A move has been taken.
+    /// Advances the position by a move.
     #[inline(always)]
     pub fn advance(&mut self, target: &Target) {
         self.coordinates_10nm = target.coordinates_10nm;
@@ -43,7 +43,7 @@ impl Position {
         self.extruder.set(target.extruder);
     }
 
-    /// The machine is at these coordinates, units of 10 nm, of which each is held within reach.
+    /// Sets the machine to these coordinates, units of 10 nm, each of which is held within reach.
     pub fn set(&mut self, position_10nm: [i64; 3], geometry: &Geometry) {
         self.coordinates_10nm = position_10nm.map(within_reach);
         self.motor_steps = geometry.motor_steps(self.coordinates_10nm.map(i64::from));
@@ -78,7 +78,7 @@ pub(crate) struct MotorPosition {
 }
 
 impl MotorPosition {
-    /// A block has left.
+    /// Advances the position by a block.
     #[inline(always)]
     pub fn advance(&mut self, block: &Block) {
         let ([x, y, z], [dx, dy, dz]) = (self.steps, block.steps);

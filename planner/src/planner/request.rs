@@ -22,7 +22,7 @@ pub trait Request {
         make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError>;
 
-    /// The move, if its speeds are planned here: what a recorder writes down.
+    /// Returns the move if its speeds are planned here, for a recorder to write down.
     fn as_move(&self) -> Option<&Move> {
         None
     }

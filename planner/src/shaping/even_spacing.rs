@@ -77,7 +77,7 @@ impl Weights {
         self.values.get(..self.count).unwrap_or_default()
     }
 
-    /// Times another polynomial; what has no place has the coefficient 0.
+    /// Multiplies by another polynomial; coefficients without a place are 0.
     fn multiply(&mut self, [constant, linear, square]: [f64; 3]) {
         let (mut before, mut before_that) = (0.0, 0.0);
         for value in &mut self.values {

@@ -299,7 +299,8 @@ fn whole(x: f64, bits: i32) -> i64 {
     scaled(x, bits) as i64
 }
 
-/// A number times a power of two, exactly; what gets too small is zero. In hardware it would be a product.
+/// Multiplies a number by a power of two, exactly; a result that is too small becomes zero. With hardware it would be a
+/// product.
 #[inline(never)]
 fn scaled(x: f64, exponent: i32) -> f64 {
     let bits = x.to_bits();

@@ -130,7 +130,7 @@ impl MotorSteps {
         self.solve();
     }
 
-    /// The time of the step of this index; never before that of the one before.
+    /// Computes the time of the step of this index; never before that of the previous one.
     #[inline]
     fn solve(&mut self) {
         let distance = above_zero(self.nearest + self.index as f32);

@@ -40,7 +40,7 @@ impl Plan {
         }
     }
 
-    /// A new plan from standstill.
+    /// Starts a new plan from standstill.
     pub fn start(&mut self, tick: u64, steps: [i32; 3], extruder_256ths: i64) {
         self.ring.clear();
         self.end = tick;
@@ -124,7 +124,7 @@ impl Plan {
         self.ring.push(piece);
     }
 
-    /// The extruder runs ahead in a piece that lasts `ticks`, in which this part of its line is done.
+    /// Lets the extruder run ahead in a piece that lasts `ticks`, in which this part of its line is done.
     #[inline(never)]
     fn add_advance(&mut self, piece: &mut PlanPiece, part: &Polynomial, ticks: u64) {
         let [.., extruder] = piece.line;

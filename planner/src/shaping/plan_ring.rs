@@ -170,7 +170,7 @@ impl PlanRing {
         self.end = self.end.wrapping_add(1);
     }
 
-    /// The newest piece ends a stretch of this source line, and its move or not.
+    /// Marks the newest piece as the end of a stretch of this source line, and of its move or not.
     pub fn end_move(&mut self, source_line: u32, ends_move: bool) {
         let newest = self.end.wrapping_sub(1);
         if let Some(piece) = self.pieces.get_mut((newest % PIECES) as usize) {

@@ -305,7 +305,7 @@ impl ShapedStepper {
         }
     }
 
-    /// The next window: up to where a filter sees another piece of the plan, or a motor turns.
+    /// Begins the next window: up to where a filter sees another piece of the plan, or a motor turns.
     #[inline(never)]
     fn begin_window(&mut self) {
         let [_, start] = self.window;

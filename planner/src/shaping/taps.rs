@@ -171,7 +171,7 @@ impl Taps {
         self.count = self.count.max(index + added);
     }
 
-    /// The advance begins at a delay, or ends.
+    /// Adds the start or the end of the advance at a delay.
     #[cold]
     #[inline(never)]
     fn add_advance(&mut self, delay_ticks: u32, advance: i8) {
@@ -192,7 +192,7 @@ impl Taps {
         self.taps.iter().take(self.count)
     }
 
-    /// Every tap sees the first piece.
+    /// Sets every tap to the first piece.
     pub fn rewind(&mut self) {
         for tap in &mut self.taps {
             tap.piece = 0;

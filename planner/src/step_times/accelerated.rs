@@ -24,7 +24,8 @@ const UNITS_IN_TWO_TICKS: f32 = (2u32 << FRACTION_BITS) as f32;
 const MAX_HOT_STEPS: u32 = 1 << 24;
 
 impl AcceleratedSteps {
-    /// Goes on to the next step; how long it takes, in time units: the nearest whole number, for cut ones would add up.
+    /// Advances to the next step; returns how long it takes, in time units: the nearest whole number, for cut ones
+    /// would add up.
     #[inline(always)]
     pub(super) fn units(&mut self) -> u64 {
         self.index = self.index.wrapping_add(self.direction);

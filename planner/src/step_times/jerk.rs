@@ -42,7 +42,7 @@ impl JerkSteps {
         }
     }
 
-    /// Goes on to the next step; how long it takes, in time units.
+    /// Advances to the next step; returns how long it takes, in time units.
     ///
     /// The time from where the acceleration is zero is a whole number, so that intervals add up without rounding. From
     /// it follow speed v and acceleration, and from those, by two of Newton's steps from 1/v, the interval in which one

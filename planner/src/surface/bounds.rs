@@ -78,7 +78,7 @@ impl SurfaceBounds {
         larger(&mut self.twist_per_mm, ((along_x.upper - along_x.lower) / y).abs());
     }
 
-    /// The twist was summed up for each um.
+    /// Converts the twist, which was summed up for each um, to mm.
     pub(super) fn per_mm(&mut self) {
         self.twist_per_mm *= 1000.0;
     }

@@ -15,7 +15,7 @@ impl Axis {
         Self { play, place: 0 }
     }
 
-    /// The motor goes to a place.
+    /// Moves the motor to a place.
     pub fn follow(&mut self, motor: i64) {
         self.place = self.place.clamp(motor - self.play, motor);
     }

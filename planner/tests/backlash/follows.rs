@@ -72,13 +72,13 @@ impl Axes {
         [0, 1, 2].map(|axis| self.motors[axis] - self.plan[axis])
     }
 
-    /// Standstill: nothing is said of the axes until their motors have gone far enough anew. The motors' next event is at this tick
-    /// or later.
+    /// Takes note of a standstill: the axes are not checked until their motors have moved far enough anew. The motors'
+    /// next event is at this tick or later.
     pub fn rest(&mut self, tick: u64) {
         (self.since, self.tick) = ([Since::default(); 3], tick);
     }
 
-    /// The motors make an event.
+    /// Takes an event of the motors.
     pub fn step(&mut self, (_, axes, directions): Event) {
         for axis in (0..3).filter(|axis| axes >> axis & 1 == 1) {
             let way = if directions >> axis & 1 == 0 { 1 } else { -1 };
@@ -92,7 +92,7 @@ impl Axes {
         }
     }
 
-    /// The plan makes an event, after the motors' steps up to its tick: looks where the axes are.
+    /// Takes an event of the plan, after the motors' steps up to its tick, and checks the places of the axes.
     pub fn plan(&mut self, (tick, axes, directions): Event, backlash: &Backlash) {
         let way_10nm: i64 =
             (0..3).filter(|axis| axes >> axis & 1 == 1).map(|axis| (MM as f64 / STEPS_PER_MM[axis]) as i64).sum();

@@ -129,7 +129,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// Filament back, a lift, travels, down, filament again.
+    /// Adds filament back, a lift, travels, a lowering, and filament again.
     fn way(&mut self) {
         let (flow, feed) = (self.flow, self.feed);
         let filament = self.random.magnitude(0.02, 4.0);
