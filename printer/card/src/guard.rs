@@ -78,7 +78,7 @@ impl<S: CardSlot> Guard<S> {
         &self.slot
     }
 
-    /// The volume begins at the card's first block.
+    /// Takes note that the volume begins at the card's first block.
     pub fn set_whole(&self) {
         self.is_whole.set(true);
     }
@@ -154,7 +154,7 @@ impl<S: CardSlot> Guard<S> {
     }
 }
 
-/// A table of partitions with one, of all blocks from the second on.
+/// Makes a table of partitions with one, of all blocks from the second on.
 fn made_up_partitions(block: &mut Block, card_blocks: u32) {
     const FAT32: u8 = 0x0C;
     block.contents.fill(0);

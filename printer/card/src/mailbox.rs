@@ -175,7 +175,7 @@ impl Mailbox {
         }
     }
 
-    /// The place of a print, as the printer writes it: what was read last, or is to be written. Empty: none.
+    /// Place of a print, as the printer writes it: the one read last, or to be written. Empty without one.
     pub fn kept(&self) -> &Kept {
         &self.kept
     }
@@ -212,12 +212,12 @@ impl Mailbox {
         self.keep_failure.take()
     }
 
-    /// The card's task writes the place now.
+    /// Takes note that the card's task writes the place now.
     pub(crate) fn has_taken_kept(&mut self) {
         self.keeps = false;
     }
 
-    /// The place could not be written.
+    /// Takes note that the place could not be written.
     pub(crate) fn fail_keeping(&mut self, failure: CardFailure) {
         self.keep_failure = Some(failure);
     }
@@ -341,7 +341,7 @@ impl Mailbox {
         }
     }
 
-    /// The card has failed; what was read stays.
+    /// Takes note that the card has failed; what was read stays.
     pub(crate) fn fail(&mut self, failure: CardFailure) {
         self.stream = Stream::Failed(failure);
     }

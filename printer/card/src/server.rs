@@ -205,7 +205,7 @@ impl<S: CardSlot> CardServer<S> {
         true
     }
 
-    /// Writes a block; with `all` also one that is not full. Whether there was one.
+    /// Writes a block; with `all` also one that is not full. Returns `false` if there was none.
     fn write_behind(&mut self, mailbox: &mut impl SharedMailbox, all: bool) -> Result<bool, CardFailure> {
         let Open::Writing(file) = self.open else { return Ok(false) };
         let mut block = [0; Block::LEN];
@@ -263,7 +263,7 @@ impl<S: CardSlot> CardServer<S> {
         });
     }
 
-    /// A file that could not be written is left as it is.
+    /// Gives up a file that could not be written, and leaves it as it is.
     fn give_up(&mut self) {
         if let Open::Writing(file) = self.open {
             self.open = Open::Nothing;
@@ -306,7 +306,7 @@ impl<S: CardSlot> CardServer<S> {
         Ok(Answer::Done)
     }
 
-    /// Writes the place of a print that waits to be kept; whether there was one.
+    /// Writes the place of a print that waits to be kept; returns `false` if there was none.
     fn keep(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
         if !mailbox.with(|mailbox| mailbox.is_keeping()) {
             return false;

@@ -11,7 +11,7 @@ use crate::common::{self, Card, IMAGES, Random, ask, image, lines_file, list, mo
 /// Blocks that a task may need: as many as a list may.
 const MAX_ACCESSES: u64 = 65_536 + 10_000;
 
-/// Whatever a card holds, every task ends, and soon.
+/// Does every task: each ends soon, whatever the card holds.
 fn use_everything(card: &Card) {
     let tasks: [&dyn Fn(); 10] = [
         &|| {
@@ -55,7 +55,7 @@ fn use_everything(card: &Card) {
     }
 }
 
-/// The blocks of an image that hold anything, but for the contents of files: what damage does most to.
+/// Blocks of an image that hold anything, but for the contents of files: damage to them does most.
 fn structures(image: &[u8], whole: bool) -> Vec<usize> {
     let start = if whole { 0 } else { 2048 };
     (0..image.len() / 512)

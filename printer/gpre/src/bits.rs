@@ -241,7 +241,7 @@ impl BitWriter {
         self.bytes
     }
 
-    /// The lowest bits of a number, at most 64.
+    /// Adds the lowest bits of a number, at most 64.
     pub fn bits(&mut self, value: u64, count: u32) {
         for index in (0..count).rev() {
             if self.length.is_multiple_of(8) {

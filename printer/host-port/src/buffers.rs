@@ -5,13 +5,13 @@ use ferrostep_gcode::meatpack;
 
 /// The firmware's side of the port.
 pub trait Buffers {
-    /// A received byte, or a [`BREAK`](crate::BREAK); whether there was room for it.
+    /// Takes a received byte, or a [`BREAK`](crate::BREAK); returns true if there was room for it.
     fn put(&mut self, byte: u8) -> bool;
     /// The next byte to send.
     fn take(&mut self) -> Option<u8>;
-    /// A command that does not wait its turn; its bytes were, or will be, [`Self::put`] as well.
+    /// Takes a command that does not wait its turn; its bytes were, or will be, [`Self::put`] as well.
     fn emergency(&mut self, emergency: Emergency);
-    /// A line of text has ended, so its host is present. The line may have to wait its turn.
+    /// Takes note that a line of text has ended, so its host is present. The line may have to wait its turn.
     fn note_line(&mut self) {}
     /// Reports the settings of MeatPack to a host that has switched it on or off, or asks for them, and waits for this.
     fn report_packing(&mut self, _: meatpack::Settings) {}

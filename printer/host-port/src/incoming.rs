@@ -79,7 +79,7 @@ impl Incoming {
         dropped
     }
 
-    /// Takes in a byte of text; whether it was dropped.
+    /// Takes in a byte of text; returns true if it was dropped.
     fn take_in_byte(&mut self, byte: u8, buffers: &mut impl Buffers) -> bool {
         if let Some(emergency) = self.scanner.feed(byte) {
             buffers.emergency(emergency);
@@ -109,7 +109,8 @@ impl Incoming {
         true
     }
 
-    /// The connection has ended: what comes next belongs to another line, and is not packed until its host says so.
+    /// Takes note that the connection has ended: the next bytes belong to another line, and are not packed until their
+    /// host says so.
     pub fn break_off(&mut self) {
         self.unpacker = Unpacker::new();
         self.plain_scanner = EmergencyScanner::new();

@@ -16,13 +16,13 @@ impl<'a> LineWriter<'a> {
         Self { bytes, dropped: 0 }
     }
 
-    /// A line of an answer, without its line end.
+    /// Adds a line of an answer, without its line end.
     pub fn reply(&mut self, text: fmt::Arguments<'_>) {
         self.line(text, 0);
     }
 
-    /// An unsolicited line. It leaves half of the ring to replies: a host that reads again after a while
-    /// has missed reports, but no `ok` that it waits for.
+    /// Adds an unsolicited line. It leaves half of the ring to replies: a host that reads again after a while has
+    /// missed reports, but no `ok` that it waits for.
     pub fn report(&mut self, text: fmt::Arguments<'_>) {
         self.line(text, self.bytes.capacity() / 2);
     }

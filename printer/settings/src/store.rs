@@ -223,7 +223,7 @@ fn checksum(start: &[u8], record: &[u8]) -> [u8; 4] {
     digest.finalize().to_le_bytes()
 }
 
-/// Writes a record and its head into a slot that is erased otherwise; how many bytes they are.
+/// Writes a record and its head into a slot that is erased otherwise; returns how many bytes they are.
 fn fill(slot: &mut Slot, number: u32, record: &[u8]) -> Result<usize, StoreError> {
     slot.fill(0xff);
     let too_long = |_| StoreError::TooLong;

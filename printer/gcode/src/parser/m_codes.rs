@@ -508,7 +508,7 @@ fn fan<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseEr
     Ok(Command::Fan { number, power })
 }
 
-/// M200: whether E is a length of filament or a volume.
+/// M200: E becomes a length of filament or a volume.
 fn volumetric<'a>(code: Code<'a>, words: &mut Words<'_>) -> Result<Command<'a>, ParseError> {
     let words = code.words(words)?;
     let has_diameter = words.value(b'D').is_some_and(|diameter| diameter > Decimal::ZERO);
@@ -534,7 +534,7 @@ fn temperature_units(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     Ok(Command::Accepted)
 }
 
-/// M862.3: what P says, with or without quotes; nothing where it is a query.
+/// M862.3: the text of P, with or without quotes; empty for a query.
 fn model(text: &str) -> &str {
     let named = text.strip_prefix(['P', 'p']).unwrap_or_default();
     named.trim_matches([' ', '\t']).trim_matches('"')

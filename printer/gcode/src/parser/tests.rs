@@ -29,7 +29,7 @@ pub(super) fn reads(text: &str, expected: Command<'_>) {
     reads_with(text, expected, "");
 }
 
-/// A line that is read with a remark.
+/// Checks that a line is read with a remark.
 #[track_caller]
 pub(super) fn reads_with(text: &str, expected: Command<'_>, says: &str) {
     let mut remarks = Remarks::default();

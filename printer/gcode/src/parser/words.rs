@@ -147,12 +147,12 @@ impl<'a> Words<'a> {
         self.valued & bit(letter) != 0 && self.number(letter) >= Decimal::from_nanos(least * 1_000_000_000)
     }
 
-    /// A word that asks for what is so, and needs no remark.
+    /// Suppresses the remark for a word that asks for the present state.
     pub(super) const fn needless(&mut self, letter: u8) {
         self.asked |= bit(letter);
     }
 
-    /// A word that asks for what is so if its number is zero.
+    /// Suppresses the remark for a word that asks for the present state if its number is zero.
     pub(super) fn needless_zero(&mut self, letter: u8) {
         let bit = bit(letter);
         if self.valued & bit != 0 && self.number(letter) == Decimal::ZERO {
@@ -266,7 +266,7 @@ impl<'a> Words<'a> {
         })))
     }
 
-    /// A remark where a power is above 0 and at most 1: RepRapFirmware's full power is 1.
+    /// Adds a remark for a power above 0 and at most 1: RepRapFirmware's full power is 1.
     pub(super) fn remark_small_power(&mut self, letter: u8) {
         let is_valued = self.valued & bit(letter) != 0;
         if is_valued && (1..=1_000_000_000).contains(&self.number(letter).nanos()) {

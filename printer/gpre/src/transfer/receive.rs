@@ -64,7 +64,7 @@ impl Receiver {
         self.unwrap.is_in_frame()
     }
 
-    /// The line has been interrupted: what there is of a frame is forgotten.
+    /// Forgets a started frame, because the line has been interrupted.
     pub fn interrupt(&mut self) {
         self.unwrap.reset();
     }

@@ -37,7 +37,7 @@ impl StrayFrames {
         (length, if is_frame { Stretch::Frame { ends: line_end.is_some() } } else { Stretch::Text })
     }
 
-    /// A job has ended, perhaps in the middle of a frame.
+    /// Takes note that a job has ended, perhaps in the middle of a frame.
     pub fn job_ended(&mut self, in_frame: bool) {
         *self = Self { mid_line: in_frame, in_frame };
     }

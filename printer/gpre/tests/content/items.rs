@@ -6,18 +6,18 @@ use super::bits::Bits;
 use super::{COUNTS, ENDS_MOVE, FILAMENT, Read, SAME_LINE, Start, WAY, moves, read, refused};
 use crate::framed::framed;
 
-/// A move of this shape; its entry's bits and its numbers are to follow.
+/// Adds a move of this shape; its entry's bits and its numbers are to follow.
 fn shaped(bits: &mut Bits, shape: u64) {
     bits.put(0b10, 2);
     bits.put(shape, 7);
 }
 
-/// A move of the same shape as the one before, as fast as it may.
+/// Adds a move of the same shape as the previous one, as fast as it may.
 fn plain(bits: &mut Bits) {
     bits.put(0b00, 2);
 }
 
-/// Another item than a move, of a kind from 0 to 7.
+/// Adds an item other than a move, of a kind from 0 to 7.
 fn other(bits: &mut Bits, kind: u64) {
     bits.put(0b11, 2);
     bits.put(kind, 3);

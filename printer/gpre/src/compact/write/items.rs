@@ -55,7 +55,7 @@ impl ItemWriter {
         self.bits.bits(kind, 3);
     }
 
-    /// A move, after the settings that it needs.
+    /// Adds a move, after the settings that it needs.
     pub fn add_move(&mut self, next: &PreparedMove, steps: &Steps, lambda: f32, orders: [u32; 4]) {
         let lines = next.line.saturating_sub(self.line);
         let same_line = lines == 0;
@@ -129,7 +129,7 @@ impl ItemWriter {
         }
     }
 
-    /// A command.
+    /// Adds a command.
     pub fn add_command(&mut self, line: u32, text: &str) {
         self.begin_other(6);
         self.bits.golomb(u64::from(line.saturating_sub(self.line)), 1);
