@@ -258,7 +258,7 @@ pub enum WaitTarget {
     Heating(Decimal),
     /// R: wait for cooling as well.
     HeatingOrCooling(Decimal),
-    /// Without S and R: wait for the target that is already set.
+    /// S and R are missing: wait for the target that is already set.
     Current,
     /// MINIMUM of TEMPERATURE_WAIT: wait until it is this warm, whatever the target.
     AtLeast(Decimal),
