@@ -9,10 +9,10 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use ferrostep::import::Url;
-use ferrostep::printer_line::Address;
 #[cfg(unix)]
 use ferrostep::serve::{Fault, Speed};
 use ferrostep::sweep::Values;
+use ferrostep_host::printer_line::Address;
 use ferrostep_papers::tables::Paper;
 
 use crate::comparing::key_and_value;

@@ -1,6 +1,5 @@
 //! What a black box tells: records with their times, and the last steps, played again.
 
-mod lines;
 mod place;
 
 use std::fmt::{self, Write};
@@ -12,10 +11,9 @@ use ferrostep_printer::Profile;
 use ferrostep_step_player::{PastSlot, PositionMark, Replayed, replay};
 use serde::Serialize;
 
-pub use lines::{Assembly, LinesError, from_text};
 pub use place::Image;
 
-use crate::terminal::one_line;
+use ferrostep_host::printable::one_line;
 
 /// Gap after the last event of a motion, ticks: at this the motors may have stood for any time.
 const REST_RELOAD: u32 = ferrostep_step_player::IDLE_TICKS - 1;
@@ -332,7 +330,7 @@ mod tests {
         while dump.next_line(&mut line) {
             log += &format!("{line}\nT:20.0 /0.0\n");
         }
-        from_text(&log).unwrap()
+        ferrostep_host::black_box_lines::from_text(&log).unwrap()
     }
 
     #[test]

@@ -4,13 +4,14 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::black_box::{self, BlackBoxReport, Image};
+use ferrostep::black_box::{BlackBoxReport, Image, replay_made};
 use ferrostep::input;
 use ferrostep::output::{Accepted, Output, Protected};
-use ferrostep::printer_line::{Address, PrinterLine};
 use ferrostep::record::{Recorder, TraceWriter};
-use ferrostep::send::{FetchError, Patience, fetch_black_box};
 use ferrostep_black_box::Contents;
+use ferrostep_host::black_box_lines;
+use ferrostep_host::printer_line::{Address, PrinterLine};
+use ferrostep_host::send::{FetchError, Patience, fetch_black_box};
 use ferrostep_planner::StepObserver;
 use ferrostep_printer::Profile;
 
@@ -96,7 +97,7 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     if bytes.starts_with(MAGIC) {
         return Ok(bytes);
     }
-    black_box::from_text(&String::from_utf8_lossy(&bytes)).map_err(|error| format!("{name}: {error}"))
+    black_box_lines::from_text(&String::from_utf8_lossy(&bytes)).map_err(|error| format!("{name}: {error}"))
 }
 
 fn fetch(arguments: &BlackBoxArguments) -> Result<Result<Vec<u8>, FetchError>, String> {
@@ -112,6 +113,6 @@ fn write_trace(out: Output, contents: &Contents<'_>, profile: Option<&Profile>) 
     })?;
     let trace = TraceWriter::new(out, profile).map_err(|error| error.to_string())?;
     let mut recorder = Recorder { trace: Some(trace), vcd: None };
-    black_box::replay_made(contents, |step| recorder.stepped(step.tick, step.axes, step.backwards));
+    replay_made(contents, |step| recorder.stepped(step.tick, step.axes, step.backwards));
     recorder.finish().map_err(|error| error.to_string())
 }

@@ -82,7 +82,7 @@ pub fn from_record(file: &Path, axis: usize) -> Result<FrameMeasurement, Calibra
     let mode = Mode::of(&spectrum).map_err(CalibrationError::Mode)?;
     let source = format!(
         "{}, {:.1} s of {:.0} samples a second",
-        crate::terminal::name(file),
+        ferrostep_host::printable::name(file),
         record.duration_s(),
         record.rate_hz
     );

@@ -11,6 +11,7 @@ use ferrostep::calibrate::speed::{SpeedMoves, SpeedSteps, Tried};
 use ferrostep::calibrate::{self, FrameMeasurement, chart};
 use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep::terminal;
+use ferrostep_host::printable;
 
 use crate::arguments::{
     CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration,
@@ -104,7 +105,7 @@ fn measured(arguments: &CalibrateShaperArguments) -> Result<FrameMeasurement, St
     let axis = arguments.axis.index();
     match (&arguments.record, arguments.waves, arguments.over_mm, arguments.speed) {
         (Some(file), ..) => {
-            calibrate::from_record(file, axis).map_err(|error| format!("{}: {error}", terminal::name(file)))
+            calibrate::from_record(file, axis).map_err(|error| format!("{}: {error}", printable::name(file)))
         }
         (None, Some(waves), Some(over_mm), Some(speed)) => {
             calibrate::from_waves(axis, waves, over_mm, arguments.reading_mm, speed).map_err(|error| error.to_string())

@@ -5,6 +5,7 @@ use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
+use ferrostep_host::printable::one_line;
 use ferrostep_printer::Profile;
 use ferrostep_show::{Kind, Row, write_comparison, write_page};
 use ferrostep_simulator::frame::FrameSettings;
@@ -19,7 +20,6 @@ use crate::session::JobReplies;
 use crate::show::{self, MAX_NODES};
 use crate::simulation::Simulation;
 use crate::sweep::{self, WithoutCommands};
-use crate::terminal::one_line;
 
 /// A print of the two.
 #[derive(Clone, Copy, Debug)]

@@ -203,7 +203,7 @@ fn definitions_of(path: &Path) -> Result<marlin::Definitions, ImportError> {
 
 /// The name of a file in rows and messages.
 fn name_of(path: &Path) -> String {
-    path.file_name().map_or_else(|| crate::input::name(path), |name| crate::terminal::name(Path::new(name)))
+    path.file_name().map_or_else(|| crate::input::name(path), |name| ferrostep_host::printable::name(Path::new(name)))
 }
 
 /// A file's name and its text, or why it cannot be read.

@@ -9,9 +9,9 @@ use std::process::ExitCode;
 use ferrostep::import::{self, ImportError, Imported, Row, Url, is_untouched, place};
 use ferrostep::input;
 use ferrostep::output::{Accepted, Output, Protected};
-use ferrostep::printer_line::{Address, PrinterLine};
-use ferrostep::send::{self, Patience};
-use ferrostep::terminal::{name, one_line};
+use ferrostep_host::printable::{name, one_line};
+use ferrostep_host::printer_line::{Address, PrinterLine};
+use ferrostep_host::send::{self, Patience};
 
 use crate::outcome::result;
 

@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use ferrostep_binary_gcode::{Error as BinaryError, MAGIC};
 use ferrostep_gpre::Header;
 use flate2::bufread::MultiGzDecoder;
+
 use place::Counting;
 
 pub use binary::{Description, SlicerFigures};
@@ -110,7 +111,7 @@ pub fn is_standard_input(path: &Path) -> bool {
 
 /// A job's file on one line, as messages name it.
 pub fn name(path: &Path) -> String {
-    if is_standard_input(path) { "standard input".to_owned() } else { crate::terminal::name(path) }
+    if is_standard_input(path) { "standard input".to_owned() } else { ferrostep_host::printable::name(path) }
 }
 
 /// All bytes of a file, or of standard input if the path is `-`, as they are: for [`Input::of_bytes`].

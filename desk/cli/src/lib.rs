@@ -1,14 +1,14 @@
 //! The desk: the whole machine in virtual time, and the parts of the `ferrostep` command.
 
 pub mod black_box;
-#[cfg(unix)]
 pub mod calibrate;
+#[cfg(unix)]
 pub mod card_image;
+mod command_code;
 mod comments;
 pub mod compare;
 pub mod desk;
 pub mod duration;
-pub mod file_lines;
 pub mod gpre;
 pub mod import;
 pub mod input;
@@ -18,12 +18,10 @@ pub mod method_comparison;
 pub mod output;
 #[cfg(unix)]
 pub mod page_host;
-pub mod printer_line;
 pub mod record;
 pub mod remarks;
 pub mod report;
 pub mod schedule;
-pub mod send;
 #[cfg(unix)]
 pub mod serve;
 pub mod session;

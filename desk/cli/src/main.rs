@@ -40,6 +40,7 @@ use ferrostep::session::{JobReplies, Session};
 use ferrostep::terminal::{self, tell};
 use ferrostep::watch::Watch;
 use ferrostep_gpre::Encoding;
+use ferrostep_host::printable;
 use ferrostep_papers::tables::{Chapter, Paper};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
@@ -111,7 +112,7 @@ fn papers(paper: Option<Paper>, json: bool, folder: Option<&Path>) -> Result<Exi
     if let Some(folder) = folder {
         for chapter in &chapters {
             for path in chapter.draw(folder).map_err(|error| error.to_string())? {
-                tell(terminal::name(&path));
+                tell(printable::name(&path));
             }
         }
     }
@@ -315,7 +316,7 @@ fn strict(job: &JobArguments, remarks: &[Remark]) -> ExitCode {
     match remarks[..] {
         [] => ExitCode::SUCCESS,
         [first, ..] => {
-            let (name, count) = (terminal::name(&job.file), remarks.len());
+            let (name, count) = (printable::name(&job.file), remarks.len());
             exit_code(Err(format!("{name}: {count} remarks, and none expected (--strict): {first}")))
         }
     }

@@ -9,6 +9,7 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 use ferrostep::output::{Accepted, Output};
 use ferrostep::terminal::{self, tell};
+use ferrostep_host::printable;
 
 use crate::arguments::Arguments;
 use crate::outcome::exit_code;
@@ -37,7 +38,7 @@ pub fn pages(folder: Option<&Path>) -> Result<ExitCode, String> {
         return Ok(exit_code(write(&page(command).map_err(|error| error.to_string())?)));
     };
     if !folder.is_dir() {
-        return Err(format!("{}: no such folder: create it, then write the pages again", terminal::name(folder)));
+        return Err(format!("{}: no such folder: create it, then write the pages again", printable::name(folder)));
     }
     let parts: Vec<Command> = command.get_subcommands().filter(|part| part.get_name() != "help").cloned().collect();
     for part in std::iter::once(command).chain(parts) {
@@ -48,7 +49,7 @@ pub fn pages(folder: Option<&Path>) -> Result<ExitCode, String> {
         let mut out = Output::create(&path, Accepted::File, &[]).map_err(|error| error.to_string())?;
         out.write_all(&text).map_err(|error| out.failed(error).to_string())?;
         out.keep().map_err(|error| error.to_string())?;
-        tell(terminal::name(&path));
+        tell(printable::name(&path));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -46,7 +46,7 @@ impl OutputError {
 
 impl fmt::Display for OutputError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{}: cannot be written: {}", crate::terminal::name(&self.path), self.reason)
+        write!(out, "{}: cannot be written: {}", ferrostep_host::printable::name(&self.path), self.reason)
     }
 }
 
@@ -85,7 +85,7 @@ impl Output {
         }
         let Some(existing) = existing else {
             if let Ok(target) = fs::read_link(path) {
-                let target = crate::terminal::name(&target);
+                let target = ferrostep_host::printable::name(&target);
                 return Err(refuse(format!(
                     "this is a link to {target}, which does not exist: remove the link, or create its target"
                 )));

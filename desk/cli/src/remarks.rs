@@ -4,9 +4,8 @@
 use std::cell::RefCell;
 use std::fmt;
 
+use ferrostep_host::printable::one_line;
 use serde::Serialize;
-
-use crate::terminal::one_line;
 
 /// Most different remarks kept; a broken file could cause any number.
 const MAX_REMARKS: usize = 100;

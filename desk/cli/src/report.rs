@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use ferrostep_host::printable::one_line;
 use serde::Serialize;
 
 use crate::desk::Figures;
@@ -9,7 +10,6 @@ use crate::duration::hms;
 use crate::input::SlicerFigures;
 use crate::job::JobError;
 use crate::remarks::{self, Remark};
-use crate::terminal::one_line;
 
 /// A value for each motor, or each coordinate.
 #[derive(Clone, Copy, Debug, Serialize)]

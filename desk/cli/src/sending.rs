@@ -7,12 +7,13 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::file_lines::FileLines;
 use ferrostep::input::{self, Input};
-use ferrostep::printer_line::{self, Address, FoundPort, PrinterLine};
-use ferrostep::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
 use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
+use ferrostep_host::file_lines::FileLines;
+use ferrostep_host::printable;
+use ferrostep_host::printer_line::{self, Address, FoundPort, PrinterLine};
+use ferrostep_host::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
 use indicatif::ProgressBar;
 
 use crate::arguments::SendArguments;
@@ -39,7 +40,7 @@ pub fn list() -> Result<ExitCode, String> {
 fn describe(port: &FoundPort) -> String {
     let usb = port.usb.map_or("         ".to_owned(), |(vendor, product)| format!("{vendor:04x}:{product:04x}"));
     let ours = if port.is_ours() { "  (Ferrostep)" } else { "" };
-    format!("{}  {usb}  {}{ours}", terminal::one_line(&port.name), terminal::one_line(&port.product))
+    format!("{}  {usb}  {}{ours}", printable::one_line(&port.name), printable::one_line(&port.product))
         .trim_end()
         .to_owned()
 }
@@ -300,7 +301,7 @@ impl<S: Fn() -> Option<f64>> Watch for Show<S> {
         let temperatures = line.strip_prefix("ok ").unwrap_or(line);
         if temperatures.starts_with("T:") {
             let shown = temperatures.split(" @:").next().unwrap_or(temperatures);
-            self.temperatures = terminal::one_line(shown).into_owned();
+            self.temperatures = printable::one_line(shown).into_owned();
             self.show();
             return;
         }
@@ -311,7 +312,7 @@ impl<S: Fn() -> Option<f64>> Watch for Show<S> {
         }
         // A word without effect is not a refusal.
         self.refused += u32::from(line.starts_with("echo:line ") && !line.ends_with("(said once a job)"));
-        self.bar.suspend(|| tell(terminal::one_line(line)));
+        self.bar.suspend(|| tell(printable::one_line(line)));
     }
 
     fn sent(&mut self, line: u32, command: &str) {

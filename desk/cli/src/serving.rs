@@ -11,7 +11,8 @@ use ferrostep::duration::hms;
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::serve::{self, Hosts, Served, Settings, Status};
 use ferrostep::settings_file::SettingsFile;
-use ferrostep::terminal::{self, tell};
+use ferrostep::terminal::tell;
+use ferrostep_host::printable;
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
@@ -96,7 +97,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     tell(format_args!(
         "{} on {}, speed {}; Ctrl-C ends it",
         profile.name,
-        terminal::one_line(&address),
+        printable::one_line(&address),
         arguments.speed
     ));
     if let Some(page) = &page {

@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use ferrostep::page_host::{self, PageHost, PageSide, Readings, Setup};
-use ferrostep::printer_line::{Address, PrinterLine};
 use ferrostep::serve::{PageLine, State, Status};
 use ferrostep::terminal::tell;
+use ferrostep_host::printer_line::{Address, PrinterLine};
 use ferrostep_host_line::Line;
 use ferrostep_printer::Profile;
 use ferrostep_web::{Heat, Limits, Server};

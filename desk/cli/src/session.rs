@@ -18,13 +18,13 @@ use ferrostep_printer::{
 use ferrostep_simulator::frame::Mode;
 use ferrostep_virtual_board::{EndStopFailure, HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
+use crate::command_code::code;
 use crate::desk::{
     Desk, DeskAccelerometer, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Encoder, ExtruderNow, Figures,
     LimitFactors, LiveDesk, MotionState, PlanReader, QueueMachine, Rehearsal,
 };
 use crate::record::Observer;
 use crate::remarks::{RemarkKind, RemarkList};
-use crate::terminal::code;
 use crate::version::VERSION;
 
 /// Most different unknown commands remembered; a broken file could name any number.

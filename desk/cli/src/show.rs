@@ -5,6 +5,7 @@ use std::path::Path;
 use std::rc::Rc;
 
 use ferrostep_hal_shim::{FanOutput, Heater};
+use ferrostep_host::printable;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
@@ -14,6 +15,7 @@ use ferrostep_show::{
 };
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
+use crate::command_code::code;
 use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
 use crate::gpre;
 use crate::input::{self, Input};
@@ -22,7 +24,6 @@ use crate::record::Observer;
 use crate::remarks::{Remark, RemarkKind};
 use crate::session::{JobReplies, PrintSession, Session};
 use crate::sweep::{Dropped, WithoutCommands};
-use crate::terminal::{self, code};
 use crate::watch::Watch;
 
 /// Most nodes of a page: about seven megabytes.
@@ -254,7 +255,7 @@ impl Shown {
     pub fn job(&self, file: &Path, profile: &Profile, slicer_time_s: Option<f64>, chances: Vec<(String, f64)>) -> Job {
         let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
         Job {
-            file: file.file_name().map_or_else(|| input::name(file), |file| terminal::name(Path::new(file))),
+            file: file.file_name().map_or_else(|| input::name(file), |file| printable::name(Path::new(file))),
             profile: profile.name.to_owned(),
             version: crate::VERSION.to_owned(),
             print_time_s: self.figures.print_time_s,

@@ -10,6 +10,7 @@ use ferrostep::input::{self, Input};
 use ferrostep::output::{Accepted, Output};
 use ferrostep::show::{self, MAX_NODES};
 use ferrostep::terminal::{self, tell};
+use ferrostep_host::printable;
 use ferrostep_show::write_page;
 
 use crate::arguments::ShowArguments;
@@ -58,7 +59,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let findings = job.findings.iter().filter(|finding| !matches!(finding.weight, "extreme" | "place"));
     let written = terminal::write_result(&format!(
         "{}: {} in {}, {}\n",
-        terminal::name(&path),
+        printable::name(&path),
         hms(job.print_time_s),
         counted(job.moves, "move"),
         counted(findings.count() as u64, "finding")
@@ -92,7 +93,7 @@ fn default_page(file: &Path) -> Result<PathBuf, String> {
     if page.symlink_metadata().is_ok() && !is_ours(&page) {
         return Err(format!(
             "{}: the file exists and is no page of ours: choose the page's name with -o",
-            terminal::name(&page)
+            printable::name(&page)
         ));
     }
     Ok(page)
@@ -108,6 +109,6 @@ pub fn open_page(page: &Path) {
         return;
     }
     if let Err(error) = open::that_detached(page) {
-        tell(format_args!("note: {}: cannot be opened: {error}", terminal::name(page)));
+        tell(format_args!("note: {}: cannot be opened: {error}", printable::name(page)));
     }
 }

@@ -4,9 +4,9 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_printer::{Heating, Ports, Printer, Profile, Tally};
 
+use crate::command_code::code;
 use crate::job::Onlooker;
 use crate::remarks::{RemarkKind, RemarkList};
-use crate::terminal::code;
 
 /// Commands that wait for a person: pauses, and filament changes.
 const PAUSES: [&str; 7] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601"];

@@ -1,8 +1,10 @@
 //! Any bytes are a black box that can be told, or an error; and so are any lines.
 #![no_main]
 
-use ferrostep::black_box::{BlackBoxReport, from_text};
+use ferrostep::black_box::BlackBoxReport;
 use ferrostep_black_box::Contents;
+use ferrostep_host::black_box_lines::from_text;
+
 use libfuzzer_sys::fuzz_target;
 
 /// More would only take time.

@@ -4,11 +4,11 @@ use std::io::{self, Read, Write};
 
 use ferrostep_gpre::compact::FrameState;
 use ferrostep_gpre::{Encoding, EntrySpeed, Header, Item};
+use ferrostep_host::printable::one_line;
 
 use super::part_reader::PartReader;
 use crate::duration::hms;
 use crate::job::JobError;
-use crate::terminal::one_line;
 
 /// Why the inspection of a file ended early.
 pub enum InspectError {

@@ -3,13 +3,13 @@
 use std::fmt;
 use std::path::Path;
 
+use ferrostep_host::printable::one_line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use serde::Serialize;
 
 use super::Prepared;
 use crate::duration::hms;
 use crate::remarks::{self, Remark};
-use crate::terminal::one_line;
 
 /// The summary of `preprocess`, and its `--json`.
 #[derive(Clone, Debug, Serialize)]

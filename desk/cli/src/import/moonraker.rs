@@ -3,13 +3,13 @@
 use std::fmt;
 use std::marker::PhantomData;
 
+use ferrostep_host::printable::one_line;
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 
 use super::http::{self, Answer, Url};
 use super::{ImportError, Imported, klipper, klipper_map};
-use crate::terminal::one_line;
 
 /// The request for all that Klipper tells of its configuration.
 const PATH: &str = "/printer/objects/query?configfile";

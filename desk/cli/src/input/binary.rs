@@ -6,11 +6,11 @@ use std::rc::Rc;
 
 use ferrostep_binary_gcode::{BlockKind, Decoder, Error, Progress, Selection, ThumbnailFormat, entries, seconds};
 use ferrostep_gpre::Thumbnail;
+use ferrostep_host::printable::one_line;
 use serde::Serialize;
 
 use super::place::Place;
 use crate::duration::hms;
-use crate::terminal::one_line;
 
 /// Bytes decoded at once.
 const PORTION_BYTES: usize = 64 * 1024;

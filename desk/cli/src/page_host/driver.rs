@@ -5,6 +5,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use ferrostep_host::printer_line::PrinterLine;
+use ferrostep_host::send::{self, Frame, HALTED, Outcome, Packing, Patience, Port, SendError, Stop};
 use ferrostep_web::Speaker;
 use tempfile::NamedTempFile;
 
@@ -12,8 +14,6 @@ use super::job_lines::JobLines;
 use super::readings::Readings;
 use super::shared::{PageHost, Phase, Wishes};
 use super::watching::Watching;
-use crate::printer_line::PrinterLine;
-use crate::send::{self, Frame, HALTED, Outcome, Packing, Patience, Port, SendError, Stop};
 
 /// How often wishes are looked at while nothing is printed.
 const LOOK: Duration = Duration::from_millis(20);

@@ -3,7 +3,8 @@
 use std::io::{self, BufReader};
 use std::path::Path;
 
-use crate::file_lines::FileLines;
+use ferrostep_host::file_lines::FileLines;
+
 use crate::input::Input;
 
 /// An open file, which remembers why it could not be read on.

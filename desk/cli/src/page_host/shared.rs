@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use ferrostep_host::printer_line::LineOutput;
+use ferrostep_host::send::{HALTED, is_transfer_error};
 use ferrostep_printer::Profile;
 use ferrostep_web::{Console, Heat, Speaker};
 use tempfile::NamedTempFile;
 
 use super::readings::{self, Readings};
-use crate::printer_line::LineOutput;
 use crate::schedule::Schedule;
-use crate::send::{HALTED, is_transfer_error};
 use crate::serve::Ownership;
 
 /// What a page's host is set up with.

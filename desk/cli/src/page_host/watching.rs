@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use ferrostep_host::send::Watch;
+
 use super::readings::Readings;
 use super::shared::{PageHost, Phase};
-use crate::send::Watch;
 
 /// Interval of the questions for the position during a job.
 const POSITION_INTERVAL: Duration = Duration::from_secs(2);

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use ferrostep::printer_line::PrinterLine;
-use ferrostep::send::{self, Port};
 use ferrostep::terminal::tell;
+use ferrostep_host::printer_line::PrinterLine;
+use ferrostep_host::send::{self, Port};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 /// Longest time of the answers to the commands that end an upload: a printer that is in order needs less than a second, a busy computer

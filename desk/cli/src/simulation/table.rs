@@ -2,13 +2,13 @@
 
 use std::fmt;
 
+use ferrostep_host::printable::one_line;
 use ferrostep_planner::{AxisShaper, ShaperKind};
 use ferrostep_simulator::measures::Report;
 use ferrostep_simulator::plan::Machine;
 use serde::Serialize;
 
 use crate::report::Stop;
-use crate::terminal::one_line;
 
 /// The frame and the nozzle, for the reader of the result.
 #[derive(Clone, Debug, Serialize)]

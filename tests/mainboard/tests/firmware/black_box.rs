@@ -2,8 +2,8 @@
 //! the edges at the pins.
 
 use ferrostep::black_box::{BlackBoxReport, Image, replay_made};
-use ferrostep::send::fetch_black_box;
 use ferrostep_black_box::Contents;
+use ferrostep_host::send::fetch_black_box;
 use ferrostep_mainboard::decode::Event;
 use ferrostep_testkit::boards::{BOARDS, BoardFacts};
 

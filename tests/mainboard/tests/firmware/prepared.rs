@@ -4,10 +4,10 @@ use std::io::{self, Cursor};
 use std::time::{Duration, Instant};
 
 use ferrostep::gpre::{self, Target};
-use ferrostep::send::{self, Patience};
 use ferrostep::session::JobReplies;
 use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
 use ferrostep_gpre::{Encoding, EntrySpeed};
+use ferrostep_host::send::{self, Patience};
 use ferrostep_printer::Profile;
 use ferrostep_testkit::hand_made::{self, given};
 

@@ -66,7 +66,7 @@ impl Watch for BusyWatch {
     fn hear(&mut self, line: &str) {
         if let Some(words) = line.strip_prefix(BUSY) {
             self.signs += 1;
-            self.words = crate::terminal::one_line(words.trim()).into_owned();
+            self.words = crate::printable::one_line(words.trim()).into_owned();
         }
     }
 

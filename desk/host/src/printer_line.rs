@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 
 use serialport::{SerialPortInfo, SerialPortType};
 
+use crate::printable;
 use crate::send::Port;
-use crate::terminal;
 
 /// Longest time of one read; a longer wait repeats it.
 const READ: Duration = Duration::from_millis(100);
@@ -48,8 +48,8 @@ impl FromStr for Address {
 impl fmt::Display for Address {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Serial(name) => out.write_str(&terminal::one_line(name)),
-            Self::Tcp(host) => write!(out, "tcp:{}", terminal::one_line(host)),
+            Self::Serial(name) => out.write_str(&printable::one_line(name)),
+            Self::Tcp(host) => write!(out, "tcp:{}", printable::one_line(host)),
         }
     }
 }
@@ -188,8 +188,11 @@ impl PrinterLine {
     }
 }
 
-/// Tries all addresses of a host.
-pub(crate) fn connect(host: &str) -> io::Result<TcpStream> {
+/// Connects to the first address of a host, `NAME:PORT`, that answers.
+///
+/// # Errors
+/// The name is unknown, or no address answers; the error is that of the last.
+pub fn connect(host: &str) -> io::Result<TcpStream> {
     use std::net::ToSocketAddrs;
     let mut failed = io::Error::from(io::ErrorKind::AddrNotAvailable);
     for address in host.to_socket_addrs()? {

@@ -6,7 +6,7 @@ use super::error::SendError;
 use super::meeting::meet;
 use super::packing::Packing;
 use super::port::{Patience, Port};
-use crate::black_box::{Assembly, LinesError};
+use crate::black_box_lines::{Assembly, LinesError};
 
 /// Why a black box was not fetched.
 #[derive(Debug)]

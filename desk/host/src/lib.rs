@@ -1,0 +1,7 @@
+//! The host's end of a printer's line: opens it, sends jobs over it, asks, and tells what comes back.
+
+pub mod black_box_lines;
+pub mod file_lines;
+pub mod printable;
+pub mod printer_line;
+pub mod send;
