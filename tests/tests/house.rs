@@ -7,8 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use ferrostep_testkit::program::repository;
-use imports::Imports;
 use toml::Table;
+
+use imports::Imports;
 
 /// Folders with a manifest, below one.
 fn packages(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -154,10 +155,8 @@ const WITHOUT_CIRCLES: [&str; 4] = ["planner", "hal-shim", "printer", "desk"];
 
 /// Circles of more than two files that are to be mended: the package, and the circle's files. None may join them; one that is gone leaves
 /// the list.
-const CIRCLES: [(&str, &str); 6] = [
+const CIRCLES: [(&str, &str); 4] = [
     ("desk/cli", "arguments arguments/simulate comparing showing sweeping"),
-    ("desk/cli", "import import/draft import/klipper import/klipper_map import/moonraker import/rows"),
-    ("desk/cli", "import/c_macros import/condition import/expression import/marlin"),
     ("hal-shim/stm32f4-board", "board servo step_timer"),
     ("hal-shim/tmc2209", "bank driver event"),
     ("planner", "shaping shaping/shapers shaping/stepper shaping/taps"),

@@ -8,11 +8,11 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-use ferrostep::import::Url;
 #[cfg(unix)]
 use ferrostep::serve::{Fault, Speed};
 use ferrostep::sweep::Values;
 use ferrostep_host::printer_line::Address;
+use ferrostep_import::Url;
 use ferrostep_papers::tables::Paper;
 
 use crate::comparing::key_and_value;

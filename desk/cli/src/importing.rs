@@ -6,12 +6,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ferrostep::import::{self, ImportError, Imported, Row, Url, is_untouched, place};
 use ferrostep::input;
 use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep_host::printable::{name, one_line};
 use ferrostep_host::printer_line::{Address, PrinterLine};
 use ferrostep_host::send::{self, Patience};
+use ferrostep_import::{ImportError, Imported, Row, Url, is_untouched, place};
 
 use crate::outcome::result;
 
@@ -59,15 +59,15 @@ impl Source {
 
     fn import(&self, assume: bool) -> Result<Imported, String> {
         match self {
-            Self::File(file) => import::read(file, assume).map_err(|error| self.named(&error)),
-            Self::Moonraker(url) => import::read_moonraker(url, assume).map_err(|error| self.named(&error)),
+            Self::File(file) => ferrostep_import::read(file, assume).map_err(|error| self.named(&error)),
+            Self::Moonraker(url) => ferrostep_import::read_moonraker(url, assume).map_err(|error| self.named(&error)),
             Self::Marlin(address, baud, file) => {
                 let mut line = PrinterLine::open(address, *baud).map_err(|error| format!("{address}: {error}"))?;
                 let answers = send::ask(&mut line, Patience::DEFAULT, &["M115", "M503"]);
                 let answers = answers.map_err(|error| format!("{address}: {error}"))?;
                 let [about, settings] = answers.as_slice() else { return Err(format!("{address}: no answers")) };
                 let imported =
-                    import::of_running_marlin(&address.to_string(), about, settings, file.as_deref(), assume);
+                    ferrostep_import::of_running_marlin(&address.to_string(), about, settings, file.as_deref(), assume);
                 imported.map_err(|error| self.named(&error))
             }
         }

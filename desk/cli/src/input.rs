@@ -22,6 +22,7 @@ use flate2::bufread::MultiGzDecoder;
 use place::Counting;
 
 pub use binary::{Description, SlicerFigures};
+pub use ferrostep_host::printable::{is_standard_input, name_of_input as name};
 pub use foreign::Foreign;
 pub use place::Place;
 pub use sliced::SlicedError;
@@ -44,9 +45,6 @@ const MAX_PIPED_BYTES: u64 = 4 << 30;
 
 /// The plate of a sliced 3MF that the command line names, 0 for none: it counts for each time that a file is opened.
 static PLATE: AtomicU32 = AtomicU32::new(0);
-
-/// The name that stands for standard input.
-const STANDARD_INPUT: &str = "-";
 
 /// Why a job could not be started from a file.
 #[derive(Debug)]
@@ -102,16 +100,6 @@ impl From<io::Error> for InputError {
 /// Chooses the plate of the sliced 3MFs that this process opens from now on; none: their only one.
 pub fn choose_plate(plate: Option<u32>) {
     PLATE.store(plate.unwrap_or(0), Ordering::Relaxed);
-}
-
-/// Whether a path stands for standard input.
-pub fn is_standard_input(path: &Path) -> bool {
-    path.as_os_str() == STANDARD_INPUT
-}
-
-/// A job's file on one line, as messages name it.
-pub fn name(path: &Path) -> String {
-    if is_standard_input(path) { "standard input".to_owned() } else { ferrostep_host::printable::name(path) }
 }
 
 /// All bytes of a file, or of standard input if the path is `-`, as they are: for [`Input::of_bytes`].

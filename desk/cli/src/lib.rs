@@ -10,7 +10,6 @@ pub mod compare;
 pub mod desk;
 pub mod duration;
 pub mod gpre;
-pub mod import;
 pub mod input;
 pub mod job;
 pub mod layer_lines;

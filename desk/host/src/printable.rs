@@ -6,6 +6,9 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+/// The name that stands for standard input.
+const STANDARD_INPUT: &str = "-";
+
 /// Replaces every control character for which `is_replaced` holds by its escape sequence in Rust.
 fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
     if !text.contains(&is_replaced) {
@@ -35,6 +38,16 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
 /// A path on one line, without control characters.
 pub fn name(path: &Path) -> String {
     one_line(&path.to_string_lossy()).into_owned()
+}
+
+/// Whether a path stands for standard input.
+pub fn is_standard_input(path: &Path) -> bool {
+    path.as_os_str() == STANDARD_INPUT
+}
+
+/// A file that is read, on one line, as messages name it; `-` is standard input.
+pub fn name_of_input(path: &Path) -> String {
+    if is_standard_input(path) { "standard input".to_owned() } else { name(path) }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! the checks of profiles.
 #![no_main]
 
-use ferrostep::import::{of_running_marlin, of_text};
+use ferrostep_import::{of_running_marlin, of_text};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|input: &[u8]| {

@@ -3,7 +3,6 @@
 
 use std::path::{Path, PathBuf};
 
-use ferrostep::import;
 use serde_json::Value;
 
 use crate::end_to_end::command::{directory, ferrostep};
@@ -32,7 +31,7 @@ fn each_case_is_imported_as_the_other_firmware_reads_it() {
 /// What a case has that it should not have.
 fn problems(case: &Path) -> Vec<String> {
     let expected: Value = serde_json::from_str(&std::fs::read_to_string(case.join("expect.json")).unwrap()).unwrap();
-    let imported = import::read(&case.join(expected["main"].as_str().unwrap()), false);
+    let imported = ferrostep_import::read(&case.join(expected["main"].as_str().unwrap()), false);
     let right = expected.get("exit").and_then(Value::as_i64).unwrap_or(0);
     let imported = match imported {
         Err(_) if expected.get("or_exit").and_then(Value::as_i64) == Some(2) => return Vec::new(),
@@ -185,7 +184,10 @@ fn what_cannot_be_told_is_refused_with_its_line() {
         ),
         ("size.h", "#define A 1\n".to_owned(), "neither Klipper's printer.cfg"),
     ] {
-        let error = import::of_text(name, &text, &mut |_| Err("none".to_owned())).map(|_| ()).unwrap_err().to_string();
+        let error = ferrostep_import::of_text(name, &text, &mut |_| Err("none".to_owned()))
+            .map(|_| ())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(expected), "{expected}: {error}");
     }
 }
@@ -222,7 +224,7 @@ fn macros_of_plain_lines_are_kept() {
     let macros = "[gcode_macro start_print]\ngcode:\n  G28\n  M104 S{params.NOZZLE|default(200)|int} ; warm\n\
                   [gcode_macro PURGE]\ngcode:\n  {% if printer.idle %}\n  G1 X5\n  {% endif %}\n";
     let imported =
-        import::of_text("printer.cfg", &format!("{plain}{macros}"), &mut |_| Err("none".to_owned())).unwrap();
+        ferrostep_import::of_text("printer.cfg", &format!("{plain}{macros}"), &mut |_| Err("none".to_owned())).unwrap();
     let profile: toml::Table = imported.profile.parse().unwrap();
     assert_eq!(profile["macro"]["START_PRINT"]["gcode"].as_str(), Some("\nG28\nM104 S{NOZZLE=200}\n"));
     assert!(profile["macro"].get("PURGE").is_none());
@@ -237,7 +239,7 @@ fn what_cannot_be_kept_takes_no_identity_with_it() {
         std::fs::read_to_string(ferrostep_testkit::program::repository().join("tests/cases/import").join(name)).unwrap()
     };
     let klipper = read("k23-control-plain/printer.cfg");
-    let of = |text: &str| import::of_text("printer.cfg", text, &mut |_| Err("none".to_owned()));
+    let of = |text: &str| ferrostep_import::of_text("printer.cfg", text, &mut |_| Err("none".to_owned()));
     let keys = |text: &str| of(text).map(|imported| imported.profile.parse::<toml::Table>().unwrap());
     // Homing by stalls more slowly than the driver can measure: both approaches, and the speed up to which it is quiet, move.
     let slow = klipper.replace("endstop_pin: ^PA2", "endstop_pin: tmc2209_stepper_x:virtual_endstop").replacen(
@@ -276,14 +278,14 @@ fn what_cannot_be_kept_takes_no_identity_with_it() {
     assert!(error.contains("homing.z.triggers_low: [bltouch] has no sensor_pin"), "{error}");
     // Marlin homes Z by a probe only where one is defined.
     let marlin = read("m24-control-plain/Configuration.h") + "#define USE_PROBE_FOR_Z_HOMING\n";
-    let imported = import::of_text("Configuration.h", &marlin, &mut |_| Err("none".to_owned())).unwrap();
+    let imported = ferrostep_import::of_text("Configuration.h", &marlin, &mut |_| Err("none".to_owned())).unwrap();
     let table: toml::Table = imported.profile.parse().unwrap();
     assert_eq!(table["homing"]["z"]["sensor"].as_str(), Some("end-stop"));
     let row = imported.rows.iter().find(|row| row.key == "USE_PROBE_FOR_Z_HOMING").unwrap();
     // A chamber does not take the second nozzle's connector.
     let both = read("m24-control-plain/Configuration.h")
         + "#define EXTRUDERS 2\n#define TEMP_SENSOR_1 1\n#define INVERT_E1_DIR true\n#define TEMP_SENSOR_CHAMBER 1\n";
-    let both = import::of_text("Configuration.h", &both, &mut |_| Err("none".to_owned())).unwrap();
+    let both = ferrostep_import::of_text("Configuration.h", &both, &mut |_| Err("none".to_owned())).unwrap();
     let both: toml::Table = both.profile.parse().unwrap();
     assert_eq!((both["tools"]["t1"]["inverted"].as_bool(), both.get("chamber")), (Some(true), None));
     assert!(row.kept.is_none() && row.why.starts_with("no probe is defined"), "{row:#?}");
@@ -304,7 +306,7 @@ fn marlins_sensors_read_as_its_tables_do() {
         (99, 10_000.0, [(268.82, 120.0), (397.44, 100.0), (558.03, 80.0), (797.93, 50.0)], 0.1),
     ] {
         let text = marlin.replace("TEMP_SENSOR_0 1\n", &format!("TEMP_SENSOR_0 {number}\n"));
-        let imported = import::of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap();
+        let imported = ferrostep_import::of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap();
         let table: toml::Table = imported.profile.parse().unwrap();
         let nozzle = &table["nozzle"];
         let own = nozzle.get("pull_up_ohm").and_then(|ohm| ohm.as_float()).unwrap_or(4700.0);
@@ -317,7 +319,9 @@ fn marlins_sensors_read_as_its_tables_do() {
     }
     for number in [504, 505] {
         let text = marlin.replace("TEMP_SENSOR_0 1\n", &format!("TEMP_SENSOR_0 {number}\n"));
-        let error = import::of_text("Configuration.h", &text, &mut |_| Err("none".to_owned())).unwrap_err().to_string();
+        let error = ferrostep_import::of_text("Configuration.h", &text, &mut |_| Err("none".to_owned()))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(&format!("TEMP_SENSOR_0 = {number}: no sensor that a profile knows")), "{error}");
     }
 }

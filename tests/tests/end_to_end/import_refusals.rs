@@ -1,6 +1,6 @@
 //! `ferrostep import`: what is no configuration of a known machine, and any text.
 
-use ferrostep::import::{ImportError, of_text};
+use ferrostep_import::{ImportError, of_text};
 use proptest::prelude::*;
 
 use crate::end_to_end::command::{Outcome, directory, ferrostep, file};

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::thread;
 
-use ferrostep::import::of_text;
+use ferrostep_import::of_text;
 use serde_json::{Map, Value, json};
 
 use crate::end_to_end::command::{Outcome, directory, ferrostep};

@@ -1,6 +1,6 @@
 //! `ferrostep import` of machines whose Z several motors lift.
 
-use ferrostep::import::of_text;
+use ferrostep_import::of_text;
 use serde_json::Value;
 
 use super::imports::{self, lost, marlin, profile, says};

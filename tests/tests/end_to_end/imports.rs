@@ -1,6 +1,6 @@
 //! `ferrostep import`: profiles from other firmwares' configurations.
 
-use ferrostep::import::of_text;
+use ferrostep_import::of_text;
 use serde_json::Value;
 
 use crate::end_to_end::command::{directory, ferrostep};

@@ -5,7 +5,6 @@
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-use ferrostep::import;
 use ferrostep_random_cases::share_of;
 
 use crate::end_to_end::command::{directory, example, ferrostep, file, repository};
@@ -25,7 +24,7 @@ fn imported_profiles_take_klippers_times() {
     // The first one in every run, and this run's share of the others.
     for index in std::iter::once(0).chain(share_of(rows.len() as u64 - 1).map(|index| index as usize + 1)) {
         let [machine, job, seconds] = rows[index][..] else { panic!("{:?}", rows[index]) };
-        let imported = import::read(&folder.join(format!("{machine}.cfg")), false).unwrap();
+        let imported = ferrostep_import::read(&folder.join(format!("{machine}.cfg")), false).unwrap();
         let table: toml::Table = imported.profile.parse().unwrap();
         let most = table["acceleration_mm_per_s2"]["print"].as_float().unwrap();
         let directory = directory();

@@ -1,0 +1,106 @@
+//! Makes a profile of a configuration, whichever firmware's it is.
+
+use std::path::{Path, PathBuf};
+
+use ferrostep_host::printable::{self, name_of_input};
+
+use crate::definitions::Definitions;
+use crate::error::ImportError;
+use crate::imported::Imported;
+use crate::includes::Included;
+use crate::{glob, klipper, klipper_map, marlin, marlin_map, marlin_report, text};
+
+/// Makes a profile of a file, and of those that it includes; `assume` lets the built-in profile stand in for what the machine is.
+///
+/// # Errors
+/// See [`ImportError`]; nothing is made then.
+pub fn read(path: &Path, assume: bool) -> Result<Imported, ImportError> {
+    let name = name_of(path);
+    let text = text::of_file(path).map_err(|error| ImportError::Read(name_of_input(path), error))?;
+    let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
+    let imported = of_text_with(&name, &text, &mut |include| files(&folder, include), assume)?;
+    Ok(imported)
+}
+
+/// Makes a profile of what a running Marlin says to M115 and to M503. With a file of its configuration, that says what the printer does not,
+/// and the printer's numbers hold.
+///
+/// # Errors
+/// It is not Marlin or does not report its settings; or as [`read`].
+pub fn of_running_marlin(
+    name: &str,
+    about: &[String],
+    settings: &[String],
+    file: Option<&Path>,
+    assume: bool,
+) -> Result<Imported, ImportError> {
+    let mut definitions = match file {
+        Some(path) => definitions_of(path)?,
+        None => Definitions::of_running(marlin_report::running(about)),
+    };
+    let added = marlin_report::add(about, settings, &mut definitions);
+    added.map_err(|error| ImportError::Read(name.to_owned(), error))?;
+    marlin_map::map(&definitions, assume)
+}
+
+/// The definitions of a file of Marlin's, and of those that it includes.
+fn definitions_of(path: &Path) -> Result<Definitions, ImportError> {
+    let (name, folder) = (name_of(path), path.parent().map_or_else(PathBuf::new, Path::to_path_buf));
+    let text = text::of_file(path).map_err(|error| ImportError::Read(name_of_input(path), error))?;
+    let text = text::with_line_ends(&text);
+    if !marlin::is_one(&name, &text) {
+        let what = "beside a running Marlin, its Configuration.h is expected".to_owned();
+        return Err(ImportError::Read(name_of_input(path), what));
+    }
+    marlin::parse(&name, text.trim_start_matches('\u{feff}'), &mut |include| files(&folder, include))
+}
+
+/// The name of a file in rows and messages.
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(|| name_of_input(path), |name| printable::name(Path::new(name)))
+}
+
+/// As [`read`], of a text, with nothing assumed; `include` returns the files of a name, relative to the text's, that may stand for
+/// several.
+///
+/// # Errors
+/// As [`read`].
+pub fn of_text(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) -> Result<Imported, ImportError> {
+    of_text_with(name, text, include, false)
+}
+
+/// As [`of_text`], with leave to assume.
+///
+/// # Errors
+/// As [`read`].
+pub fn of_text_with(
+    name: &str,
+    text: &str,
+    include: &mut dyn FnMut(&str) -> Included,
+    assume: bool,
+) -> Result<Imported, ImportError> {
+    let text = text::with_line_ends(text);
+    if marlin::is_one(name, &text) {
+        let text = text.trim_start_matches('\u{feff}');
+        return marlin_map::map(&marlin::parse(name, text, include)?, assume);
+    }
+    if text.starts_with('\u{feff}') {
+        let what =
+            "the file begins with a byte order mark, which Klipper refuses as well: save it as UTF-8 without one";
+        return Err(ImportError::Line(name.to_owned(), 1, what.to_owned()));
+    }
+    let config = klipper::parse(name, &text, include)?;
+    if config.section("printer").is_none() {
+        return Err(ImportError::Unknown);
+    }
+    klipper_map::map(&config, assume)
+}
+
+/// The files of a name, relative to the folder of the configuration; it may stand for several.
+fn files(folder: &Path, include: &str) -> Included {
+    if !glob::is_pattern(include) {
+        return Ok(vec![(include.to_owned(), text::of_file(&folder.join(include))?)]);
+    }
+    let names = glob::matching(folder, include);
+    names.into_iter().map(|name| Ok((name.clone(), text::of_file(&folder.join(&name))?))).collect()
+}

@@ -1,0 +1,76 @@
+//! What came of a configuration: the profile, and what became of each setting.
+
+use std::fmt;
+
+/// A setting of the file, and what became of it.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Row {
+    /// The file.
+    pub file: String,
+    /// Its line, from 1.
+    pub line: usize,
+    /// The setting, with its section: `[stepper_x] microsteps`.
+    pub key: String,
+    /// Its value, on one line.
+    pub value: String,
+    /// The profile's key that says it, with its value there; `None` if it is not kept.
+    pub kept: Option<String>,
+    /// Why it is not kept, or is kept in another form.
+    pub why: String,
+    /// A profile may not have this value: another one stands there.
+    pub refused: bool,
+}
+
+/// A part of the machine's identity that the file does not say in a way that can be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// The profile's key.
+    pub path: String,
+    /// File and line of the setting that should say it.
+    pub place: Option<(String, usize)>,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.place {
+            Some((name, line)) => write!(out, "{}: {}", place(name, *line), self.what),
+            None => write!(out, "{}: {}", self.path, self.what),
+        }
+    }
+}
+
+/// A profile that was made of a configuration.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Imported {
+    /// The profile's text, which has passed all checks of profiles.
+    pub profile: String,
+    /// All settings, in the order of the files.
+    pub rows: Vec<Row>,
+    /// Keys of the profile that the configuration does not say, with the values that stand in for them.
+    pub assumed: Vec<String>,
+    /// Files that are included and could not be read.
+    pub unread: Vec<String>,
+    /// What the machine is and the file does not say: assumed because the caller has allowed it.
+    pub by_permission: Vec<String>,
+    /// Keys whose value in the file a profile may not have, with what stands there.
+    pub substituted: Vec<String>,
+    /// Of the assumed ones those of homing and of sensors.
+    pub homing: Vec<String>,
+    /// Of the assumed ones those that are the built-in profile's, which may be another machine's.
+    pub built_in: Vec<String>,
+}
+
+impl Imported {
+    /// The settings whose value a profile may not have.
+    pub fn refused(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| row.refused)
+    }
+}
+
+/// A file's name with a line. The settings of a running Klipper have no lines that a person could look up.
+#[must_use]
+pub fn place(name: &str, line: usize) -> String {
+    if name.starts_with("http://") { name.to_owned() } else { format!("{name}:{line}") }
+}
