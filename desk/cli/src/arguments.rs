@@ -8,12 +8,12 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
-#[cfg(unix)]
-use ferrostep::serve::{Fault, Speed};
-use ferrostep::sweep::Values;
+use ferrostep_analysis::sweep::Values;
 use ferrostep_host::printer_line::Address;
 use ferrostep_import::Url;
 use ferrostep_papers::tables::Paper;
+#[cfg(unix)]
+use ferrostep_session::serve::{Fault, Speed};
 
 use crate::comparing::key_and_value;
 use crate::sweeping::key_and_values;
@@ -27,7 +27,7 @@ pub use simulate::{Rules, SimulateArguments};
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.
 #[derive(Parser)]
-#[command(version = ferrostep::VERSION, about = "Rehearses 3D prints on the desk, with the motion code that runs on the board")]
+#[command(version = ferrostep_session::VERSION, about = "Rehearses 3D prints on the desk, with the motion code that runs on the board")]
 pub struct Arguments {
     /// The subcommand.
     #[command(subcommand)]

@@ -4,16 +4,16 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::black_box::{BlackBoxReport, Image, replay_made};
-use ferrostep::input;
-use ferrostep::output::{Accepted, Output, Protected};
-use ferrostep::record::{Recorder, TraceWriter};
 use ferrostep_black_box::Contents;
 use ferrostep_host::black_box_lines;
 use ferrostep_host::printer_line::{Address, PrinterLine};
 use ferrostep_host::send::{FetchError, Patience, fetch_black_box};
 use ferrostep_planner::StepObserver;
 use ferrostep_printer::Profile;
+use ferrostep_session::black_box::{BlackBoxReport, Image, replay_made};
+use ferrostep_session::input;
+use ferrostep_session::output::{Accepted, Output, Protected};
+use ferrostep_session::record::{Recorder, TraceWriter};
 
 use crate::arguments::BlackBoxArguments;
 use crate::outcome::{exit_code, result};

@@ -4,20 +4,20 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::calibrate::advance::{AdvanceLines, AdvanceSteps};
-use ferrostep::calibrate::flow::{FlowSteps, FlowTube};
-use ferrostep::calibrate::pattern::Temperatures;
-use ferrostep::calibrate::speed::{SpeedMoves, SpeedSteps, Tried};
-use ferrostep::calibrate::{self, FrameMeasurement, chart};
-use ferrostep::output::{Accepted, Output, Protected};
-use ferrostep::terminal;
+use ferrostep_analysis::calibrate::advance::{AdvanceLines, AdvanceSteps};
+use ferrostep_analysis::calibrate::flow::{FlowSteps, FlowTube};
+use ferrostep_analysis::calibrate::pattern::Temperatures;
+use ferrostep_analysis::calibrate::speed::{SpeedMoves, SpeedSteps, Tried};
+use ferrostep_analysis::calibrate::{self, FrameMeasurement, chart};
 use ferrostep_host::printable;
+use ferrostep_session::output::{Accepted, Output, Protected};
 
 use crate::arguments::{
     CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration,
     HeatArguments, TriedArgument,
 };
 use crate::outcome::{exit_code, result};
+use crate::terminal;
 
 /// Measures what is asked for.
 pub fn run(calibration: &Calibration) -> Result<ExitCode, String> {

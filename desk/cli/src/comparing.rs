@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use ferrostep::compare::{Asked, compare};
-use ferrostep::input;
-use ferrostep::output::{Accepted, Output};
-use ferrostep::sweep::profile_with;
+use ferrostep_analysis::compare::{Asked, compare};
+use ferrostep_analysis::sweep::profile_with;
+use ferrostep_session::input;
+use ferrostep_session::output::{Accepted, Output};
 
 use crate::arguments::CompareArguments;
 use crate::outcome::{exit_code, result};

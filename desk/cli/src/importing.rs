@@ -6,12 +6,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ferrostep::input;
-use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep_host::printable::{name, one_line};
 use ferrostep_host::printer_line::{Address, PrinterLine};
 use ferrostep_host::send::{self, Patience};
 use ferrostep_import::{ImportError, Imported, Row, Url, is_untouched, place};
+use ferrostep_session::input;
+use ferrostep_session::output::{Accepted, Output, Protected};
 
 use crate::outcome::result;
 

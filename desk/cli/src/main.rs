@@ -18,6 +18,7 @@ mod serving_page;
 mod showing;
 mod simulating;
 mod sweeping;
+mod terminal;
 mod waveform;
 
 use std::cell::Cell;
@@ -27,28 +28,28 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
-use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary, Shown};
-use ferrostep::input::{self, Input};
-use ferrostep::job::{self, JobProgress};
-use ferrostep::method_comparison;
-use ferrostep::output::{Accepted, Output, OutputError, Protected};
-use ferrostep::record::{Recorder, TraceWriter, VcdWriter, Window};
-use ferrostep::remarks::{Remark, RemarkKind};
-use ferrostep::report::{Motors, Stop, Summary};
-use ferrostep::session::{JobReplies, Session};
-use ferrostep::terminal::{self, tell};
-use ferrostep::watch::Watch;
+use ferrostep_analysis::method_comparison;
 use ferrostep_gpre::Encoding;
 use ferrostep_host::printable;
 use ferrostep_papers::tables::{Chapter, Paper};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+use ferrostep_session::desk::{Desk, LOOK_AHEAD_BLOCKS};
+use ferrostep_session::gpre::{self, InspectError, PrepareError, PreparedSummary, Shown};
+use ferrostep_session::input::{self, Input};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::output::{Accepted, Output, OutputError, Protected};
+use ferrostep_session::record::{Recorder, TraceWriter, VcdWriter, Window};
+use ferrostep_session::remarks::{Remark, RemarkKind};
+use ferrostep_session::report::{Motors, Stop, Summary};
+use ferrostep_session::watch::Watch;
+use ferrostep_session::{JobReplies, Session};
 
 use arguments::{Arguments, Command, Format, JobArguments};
 use outcome::{exit_code, result};
 use progress::Progress;
+use terminal::tell;
 use waveform::Edge;
 
 /// Maximum number of the machine's notices that are shown; a broken file could cause one a line.

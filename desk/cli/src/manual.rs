@@ -7,12 +7,12 @@ use std::process::ExitCode;
 use clap::{Command, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::Man;
-use ferrostep::output::{Accepted, Output};
-use ferrostep::terminal::{self, tell};
 use ferrostep_host::printable;
+use ferrostep_session::output::{Accepted, Output};
 
 use crate::arguments::Arguments;
 use crate::outcome::exit_code;
+use crate::terminal::{self, tell};
 
 /// Name of the command.
 const NAME: &str = "ferrostep";

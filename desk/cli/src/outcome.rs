@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use ferrostep::terminal::{self, tell};
+use crate::terminal::{self, tell};
 
 /// Writes the result, as JSON if given. Exit status 1 if it cannot be written.
 pub fn result(json: Option<impl serde::Serialize>, text: impl FnOnce() -> String) -> ExitCode {

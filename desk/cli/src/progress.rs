@@ -6,12 +6,13 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use ferrostep::desk::Figures;
-use ferrostep::job::JobProgress;
-use ferrostep::schedule::Schedule;
-use ferrostep::terminal::tell;
 use ferrostep_printer::Profile;
+use ferrostep_session::desk::Figures;
+use ferrostep_session::job::JobProgress;
+use ferrostep_session::schedule::Schedule;
 use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::terminal::tell;
 
 /// Length of the bar, characters.
 const LENGTH: usize = 20;

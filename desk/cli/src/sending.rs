@@ -6,19 +6,19 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::input::{self, Input};
-use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
 use ferrostep_host::file_lines::FileLines;
 use ferrostep_host::printable;
 use ferrostep_host::printer_line::{self, Address, FoundPort, PrinterLine};
 use ferrostep_host::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::input::{self, Input};
 use indicatif::ProgressBar;
 
 use crate::arguments::SendArguments;
 use crate::outcome::exit_code;
 use crate::progress::{self, Estimate, clock};
+use crate::terminal::{self, tell};
 use person::Person;
 
 /// Length of the bar of G-code.

@@ -6,18 +6,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use ferrostep::card_image::CardImage;
-use ferrostep::duration::hms;
-use ferrostep::report::{Motors, Stop, Summary};
-use ferrostep::serve::{self, Hosts, Served, Settings, Status};
-use ferrostep::settings_file::SettingsFile;
-use ferrostep::terminal::tell;
 use ferrostep_host::printable;
 use ferrostep_host_line::Line;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::HomeSensor;
 use ferrostep_profiles::response::FrameMode;
+use ferrostep_session::card_image::CardImage;
+use ferrostep_session::duration::hms;
+use ferrostep_session::report::{Motors, Stop, Summary};
+use ferrostep_session::serve::{self, Hosts, Served, Settings, Status};
+use ferrostep_session::settings_file::SettingsFile;
 use ferrostep_simulator::frame::Mode;
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -26,6 +25,7 @@ use signal_hook::flag;
 use crate::arguments::ServeArguments;
 use crate::outcome::{exit_code, result};
 use crate::serving_page::{self, VirtualPage};
+use crate::terminal::tell;
 
 /// The frame that a profile knows along X and Y.
 fn frame(profile: &str) -> Result<Option<[Mode; 2]>, String> {

@@ -6,8 +6,8 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use ferrostep::serve::Speed;
 use ferrostep_checked_toml::closest;
+use ferrostep_session::serve::Speed;
 
 use crate::arguments::ServeArguments;
 

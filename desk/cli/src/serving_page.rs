@@ -6,15 +6,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
-use ferrostep::page_host::{self, PageHost, PageSide, Readings, Setup};
-use ferrostep::serve::{PageLine, State, Status};
-use ferrostep::terminal::tell;
 use ferrostep_host::printer_line::{Address, PrinterLine};
 use ferrostep_host_line::Line;
 use ferrostep_printer::Profile;
+use ferrostep_session::page_host::{self, PageHost, PageSide, Readings, Setup};
+use ferrostep_session::serve::{PageLine, State, Status};
 use ferrostep_web::{Heat, Limits, Server};
 
 use crate::arguments::ServeArguments;
+use crate::terminal::tell;
 
 fn start(arguments: &ServeArguments, address: SocketAddr, host: &Arc<PageHost>) -> Result<Server, String> {
     let limits = Limits { upload_bytes: arguments.web_upload.saturating_mul(1024 * 1024), ..Limits::default() };

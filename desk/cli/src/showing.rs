@@ -5,17 +5,17 @@ use std::io::{BufWriter, IsTerminal, Read, stderr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ferrostep::duration::hms;
-use ferrostep::input::{self, Input};
-use ferrostep::output::{Accepted, Output};
-use ferrostep::show::{self, MAX_NODES};
-use ferrostep::terminal::{self, tell};
+use ferrostep_analysis::recording::{self, MAX_NODES};
 use ferrostep_host::printable;
+use ferrostep_session::duration::hms;
+use ferrostep_session::input::{self, Input};
+use ferrostep_session::output::{Accepted, Output};
 use ferrostep_show::write_page;
 
 use crate::arguments::ShowArguments;
 use crate::outcome::exit_code;
 use crate::progress::Progress;
+use crate::terminal::{self, tell};
 
 /// How our pages begin.
 const MARK: &[u8] = b"<!doctype html><!-- ferrostep show -->";
@@ -37,8 +37,8 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     // What is read once cannot be asked twice, and a large file should not be.
     let asks = arguments.file.is_file() && !input.is_prepared() && input.size_bytes() <= MAX_ASKED_BYTES;
     let (shown, chances) = std::thread::scope(|scope| {
-        let chances = asks.then(|| scope.spawn(|| show::chances(profile, &arguments.file)));
-        let shown = show::record(profile, &mut input, MAX_NODES, crate::replies(&progress), |done, figures| {
+        let chances = asks.then(|| scope.spawn(|| recording::chances(profile, &arguments.file)));
+        let shown = recording::record(profile, &mut input, MAX_NODES, crate::replies(&progress), |done, figures| {
             progress.show(place.share(), done, || *figures);
         });
         (shown, chances.and_then(|thread| thread.join().ok()).unwrap_or_default())

@@ -4,13 +4,13 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::input;
-use ferrostep::job::JobProgress;
-use ferrostep::output::{Accepted, Output, Protected};
-use ferrostep::report::Stop;
-use ferrostep::simulation::{
+use ferrostep_analysis::simulation::{
     Compared, ComparedFilter, FilterWords, Measured, Simulated, SimulatedFilter, SimulatedMachine, Simulation, Source,
 };
+use ferrostep_session::input;
+use ferrostep_session::job::JobProgress;
+use ferrostep_session::output::{Accepted, Output, Protected};
+use ferrostep_session::report::Stop;
 use ferrostep_simulator::frame::{FrameSettings, SecondMode};
 use ferrostep_simulator::klipper::KlipperSettings;
 use ferrostep_simulator::nozzle::{NozzleSettings, SecondSlope};

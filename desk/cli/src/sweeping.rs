@@ -4,9 +4,9 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::input;
-use ferrostep::output::{Accepted, Output};
-use ferrostep::sweep::{self, ACCELERATION_KEYS, ERROR_BUDGET_KEY, Sweep, Values, chart};
+use ferrostep_analysis::sweep::{self, ACCELERATION_KEYS, ERROR_BUDGET_KEY, Sweep, Values, chart};
+use ferrostep_session::input;
+use ferrostep_session::output::{Accepted, Output};
 
 use crate::arguments::{JobArguments, SweepArguments};
 use crate::outcome::result;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use ferrostep::input::{self, Input};
-use ferrostep::layer_lines::layer_lines;
-use ferrostep::record::{Bound, Window};
+use ferrostep_session::input::{self, Input};
+use ferrostep_session::layer_lines::layer_lines;
+use ferrostep_session::record::{Bound, Window};
 
 /// An end of the part, as it is written.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,9 +1,9 @@
 //! Any bytes are a black box that can be told, or an error; and so are any lines.
 #![no_main]
 
-use ferrostep::black_box::BlackBoxReport;
 use ferrostep_black_box::Contents;
 use ferrostep_host::black_box_lines::from_text;
+use ferrostep_session::black_box::BlackBoxReport;
 
 use libfuzzer_sys::fuzz_target;
 

@@ -4,9 +4,9 @@
 
 use std::cell::RefCell;
 
-use ferrostep::session::Session;
 use ferrostep_gcode::Reply;
 use ferrostep_printer::{Profile, Replies, SettingsMemory, stored_keys};
+use ferrostep_session::Session;
 use ferrostep_settings::{Entry, MemoryFlash, RecordWriter, Slot, Store, StoreError, id_of};
 
 const SECTOR: usize = 2048;

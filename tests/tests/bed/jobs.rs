@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 use std::io::Cursor;
 
-use ferrostep::gpre::{self, Target};
-use ferrostep::job::{self, JobProgress};
-use ferrostep::session::{JobReplies, Session};
 use ferrostep_gpre::Encoding;
 use ferrostep_printer::Profile;
+use ferrostep_session::gpre::{self, Target};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::{JobReplies, Session};
 
 use super::rig::{profile, run};
 

@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 use std::path::Path;
 
-use ferrostep::record::Observer;
-use ferrostep::session::Session;
 use ferrostep_gcode::Reply;
 use ferrostep_planner::StepObserver;
 use ferrostep_printer::{Failure, Profile, Replies};
+use ferrostep_session::Session;
+use ferrostep_session::record::Observer;
 use ferrostep_virtual_board::START_10NM;
 
 /// The probe beside the nozzle, mm.

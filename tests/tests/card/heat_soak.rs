@@ -1,9 +1,9 @@
 //! No print goes on cold: whatever a line of it waits for, its heaters keep their targets, or are heated again before anything
 //! moves. The same files by a card, a host that waits for each answer, and `print`.
 
-use ferrostep::job::{self, JobProgress};
-use ferrostep::session::Session;
 use ferrostep_printer::Profile;
+use ferrostep_session::Session;
+use ferrostep_session::job::{self, JobProgress};
 
 use crate::card::setup::{Said, Setup, image, profile};
 

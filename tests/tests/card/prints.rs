@@ -1,10 +1,10 @@
 //! A print from the card makes the same steps as `print` of the file.
 
-use ferrostep::gpre;
-use ferrostep::job::{self, JobProgress};
-use ferrostep::session::Session;
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::Profile;
+use ferrostep_session::Session;
+use ferrostep_session::gpre;
+use ferrostep_session::job::{self, JobProgress};
 
 use crate::card::setup::{Said, Setup, gunzip, image, nothing, profile};
 
@@ -32,7 +32,7 @@ fn a_prepared_job_on_the_card_prints_as_the_file_does() {
     let text = gunzip("examples/cube-slic3r.gcode.gz");
     let mut job = std::io::Cursor::new(Vec::new());
     let target = gpre::Target { out: &mut job, encoding: ferrostep_gpre::Encoding::Compact };
-    let replies = ferrostep::session::JobReplies::new(|_: &str| {});
+    let replies = ferrostep_session::JobReplies::new(|_: &str| {});
     gpre::prepare(&mut &text[..], None, profile("cartesian"), replies, target, |_, _| {}).unwrap();
     let job = job.into_inner();
     let undisturbed = Setup::new(profile("cartesian"), image());

@@ -9,14 +9,14 @@ use std::rc::Rc;
 use std::task::Poll;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::{DeskHeating, DeskMachine};
-use ferrostep::record::Observer;
-use ferrostep::session::{PrintSession, Session};
 use ferrostep_card::LocalCard;
 use ferrostep_gcode::{LineReader, Reply};
 use ferrostep_planner::{StepDigests, StepObserver};
 use ferrostep_printer::SharedMotion;
 use ferrostep_printer::{Host, HostLines, HostText, Printer, Profile, Replies};
+use ferrostep_session::desk::{DeskHeating, DeskMachine};
+use ferrostep_session::record::Observer;
+use ferrostep_session::{PrintSession, Session};
 use ferrostep_virtual_board::{EndStopFailure, VirtualCard, VirtualDelay};
 
 pub type Slot = VirtualCard<Vec<u8>>;

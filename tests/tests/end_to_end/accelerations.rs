@@ -2,13 +2,13 @@
 
 use std::fs::File;
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, MotionState};
-use ferrostep::job::{self, JobProgress};
-use ferrostep::session::{JobReplies, Session};
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret};
 use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
 use ferrostep_planner::AccelerationProfile;
 use ferrostep_printer::Profile;
+use ferrostep_session::desk::{LOOK_AHEAD_BLOCKS, MotionState};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::{JobReplies, Session};
 
 use crate::end_to_end::command::{directory, example, ferrostep, file};
 use crate::end_to_end::desk::profile;

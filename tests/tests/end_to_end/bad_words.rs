@@ -1,10 +1,10 @@
 //! Every command that takes words, with one of them missing, malformed or out of its range: the printer names it, and a refused
 //! line changes nothing.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::session::Session;
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::Profile;
+use ferrostep_session::Session;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 
 use crate::end_to_end::desk::profile;
 use crate::end_to_end::refusals::Collector;

@@ -3,15 +3,15 @@
 use std::cell::RefCell;
 use std::io::Read;
 
-use ferrostep::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, MotionState};
-use ferrostep::gpre;
-use ferrostep::job::{self, JobError, JobProgress};
-use ferrostep::record::Observer;
-use ferrostep::session::{JobReplies, Session};
 use ferrostep_hal_shim::FanOutput;
 use ferrostep_planner::StepObserver;
 use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
 use ferrostep_printer::{Profile, Tally};
+use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, MotionState};
+use ferrostep_session::gpre;
+use ferrostep_session::job::{self, JobError, JobProgress};
+use ferrostep_session::record::Observer;
+use ferrostep_session::{JobReplies, Session};
 
 /// One of the shipped machines.
 pub fn profile(name: &str) -> Profile {

@@ -3,10 +3,10 @@
 
 use std::cell::RefCell;
 
-use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS, MotionState};
-use ferrostep::job::{self, JobProgress};
-use ferrostep::session::{JobReplies, PrintSession, Session};
 use ferrostep_printer::{MotorDrivers, Profile};
+use ferrostep_session::desk::{Desk, LOOK_AHEAD_BLOCKS, MotionState};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::{JobReplies, PrintSession, Session};
 use ferrostep_tmc2209::{DriverState, DriverStatus, Register, RegisterImage};
 use ferrostep_virtual_board::{DriverChip, VIRTUAL_WIRING};
 
@@ -20,7 +20,7 @@ fn machine(profile: &Profile) -> Machine {
 }
 
 /// Executes lines. Returns the replies, except `ok` and `busy`.
-fn say(machine: &Machine, printer: &mut ferrostep::session::DeskPrinter<'_, Collector>, lines: &[&str]) -> Vec<String> {
+fn say(machine: &Machine, printer: &mut ferrostep_session::DeskPrinter<'_, Collector>, lines: &[&str]) -> Vec<String> {
     let mut replies = Vec::new();
     for (number, line) in (1..).zip(lines) {
         // A refusal is reported.

@@ -1,9 +1,9 @@
 //! The cost of an estimate, and its accuracy.
 
-use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
-use ferrostep::job::{self, JobProgress};
-use ferrostep::session::{JobReplies, Session};
 use ferrostep_printer::Replies;
+use ferrostep_session::desk::{Desk, LOOK_AHEAD_BLOCKS};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::{JobReplies, Session};
 
 use crate::end_to_end::command::{example, ferrostep};
 use crate::end_to_end::desk::profile;

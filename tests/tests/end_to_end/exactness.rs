@@ -1,7 +1,7 @@
 //! Small jobs in which a fraction of a step, a lift or a unit is easily lost.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 
 use crate::end_to_end::desk::{profile, rehearse};
 use crate::end_to_end::hosts::{Conversation, machine};

@@ -1,9 +1,9 @@
 //! A sensor that sees filament move: what it counts is what the motor has pushed, a print that works is never paused, and a jam is.
 
-use ferrostep::desk::{Desk, DeskHeating, ExtruderNow, LOOK_AHEAD_BLOCKS, LiveMachine};
-use ferrostep::session::{LiveSession, Session};
 use ferrostep_printer::machine::Pushed;
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Printer, Profile, SharedMotion};
+use ferrostep_session::desk::{Desk, DeskHeating, ExtruderNow, LOOK_AHEAD_BLOCKS, LiveMachine};
+use ferrostep_session::{LiveSession, Session};
 use ferrostep_virtual_board::VirtualDelay;
 
 use crate::end_to_end::command::example;

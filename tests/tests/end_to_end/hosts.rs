@@ -1,10 +1,10 @@
 //! The conversation with a host over a serial line.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::record::Observer;
-use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::LineReader;
 use ferrostep_printer::{Host, Profile};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::record::Observer;
+use ferrostep_session::{DeskPrinter, PrintSession, Session};
 use ferrostep_testkit::host_side::numbered;
 
 use crate::end_to_end::command::example;

@@ -1,10 +1,10 @@
 //! A vanished host: unused heaters go off, after a warning.
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::session::Session;
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::Profile;
+use ferrostep_session::Session;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_virtual_board::VirtualDelay;
 
 use crate::end_to_end::desk::profile;

@@ -1,11 +1,11 @@
 //! Prints that are interrupted at random instants: the finished part is that of an undisturbed print.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::record::Observer;
-use ferrostep::session::{PrintSession, Session};
 use ferrostep_planner::{PressureAdvance, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
 use ferrostep_random_cases::{Share, share_of};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::record::Observer;
+use ferrostep_session::{PrintSession, Session};
 use ferrostep_simulator::nozzle::{Nozzle, NozzleSettings};
 use ferrostep_testkit::host_side::numbered;
 

@@ -1,9 +1,9 @@
 //! A host that packs its lines (MeatPack), at a port of a board: from received bytes to executed lines.
 
-use ferrostep::session::DeskPrinter;
 use ferrostep_gcode::Emergency;
 use ferrostep_gcode::meatpack::{BEGIN, END, pack};
 use ferrostep_printer::Host;
+use ferrostep_session::DeskPrinter;
 use ferrostep_testkit::host_side::{PortBuffers, numbered};
 use ferrostep_usb::{Heard, Incoming, Lines};
 

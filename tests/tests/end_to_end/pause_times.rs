@@ -7,14 +7,14 @@ use std::cell::RefCell;
 use std::fmt::Write;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS};
-use ferrostep::record::Observer;
-use ferrostep::session::Session;
 use ferrostep_checked_toml::book;
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{Heating, Profile, Replies};
+use ferrostep_session::Session;
+use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS};
+use ferrostep_session::record::Observer;
 use ferrostep_testkit::program::repository;
 use ferrostep_virtual_board::VirtualDelay;
 

@@ -1,8 +1,8 @@
 //! Pauses, and the answers of a halted printer.
 
-use ferrostep::desk::{Desk, MotionState};
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::{Heating, PauseSettings, Profile};
+use ferrostep_session::desk::{Desk, MotionState};
 use ferrostep_testkit::host_side::numbered;
 
 use crate::end_to_end::desk::{profile, rehearse};

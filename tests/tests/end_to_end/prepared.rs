@@ -3,12 +3,12 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use ferrostep::gpre::{self, Target};
-use ferrostep::session::JobReplies;
 use ferrostep_gpre::compact::{HEAD_BYTES, frame_length};
 use ferrostep_gpre::{Encoding, EntrySpeed, Header};
 use ferrostep_papers::wide::{Packet, Status};
 use ferrostep_printer::Profile;
+use ferrostep_session::JobReplies;
+use ferrostep_session::gpre::{self, Target};
 use ferrostep_testkit::hand_made::{self, given};
 use proptest::prelude::*;
 use serde_json::Value;

@@ -2,12 +2,12 @@
 
 pub mod generator;
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_oracle::reference::{
     EXTRUDER_FRACTIONS_PER_UNIT, InterpretOptions, Job, ReferenceProfile, UNITS_PER_MM, interpret,
 };
 use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
 use ferrostep_random_cases::share_of_cases;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use proptest::prelude::*;
 
 use crate::end_to_end::desk::{profile, rehearse, rehearse_traced};
@@ -81,7 +81,7 @@ fn ends_well(bytes: &[u8], machine: &str) -> Result<(), TestCaseError> {
     prop_assert!(ended.lines <= lines, "{} of {lines} lines", ended.lines);
     match ended.outcome {
         Ok(()) => {}
-        Err(ferrostep::job::JobError::Line { line, message, .. }) => {
+        Err(ferrostep_session::job::JobError::Line { line, message, .. }) => {
             prop_assert_eq!(line, ended.lines);
             prop_assert!(!message.is_empty());
         }

@@ -11,13 +11,13 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS};
-use ferrostep::session::Session;
 use ferrostep_gcode::meatpack::Unpacker;
 use ferrostep_gcode::{Line, LineError, LineReader, Reply};
 use ferrostep_gpre::compact::MAX_FRAME_BYTES;
 use ferrostep_gpre::transfer::{FLAG, Report};
 use ferrostep_printer::{Host, JobLine, Profile, Replies};
+use ferrostep_session::Session;
+use ferrostep_session::desk::{Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep_virtual_board::{VirtualClock, VirtualDelay};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};

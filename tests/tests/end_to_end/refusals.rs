@@ -2,11 +2,11 @@
 
 use std::cell::RefCell;
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::session::Session;
 use ferrostep_gcode::Reply;
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::{Profile, Replies};
+use ferrostep_session::Session;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 
 use crate::end_to_end::desk::profile;
 

@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 use std::path::Path;
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 
 use crate::end_to_end::command::{directory, example, ferrostep, file, gzip};
 use crate::end_to_end::desk::{Ended, profile, rehearse};

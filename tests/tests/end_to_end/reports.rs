@@ -5,10 +5,10 @@ use std::cell::RefCell;
 use ferrostep_gcode::TimingFigures;
 use ferrostep_printer::Timing;
 use ferrostep_testkit::program::repository;
-use regex_lite::Regex;
 
 use crate::end_to_end::desk::profile;
 use crate::end_to_end::hosts::{Conversation, machine};
+use regex_lite::Regex;
 
 fn regex(text: &str) -> Regex {
     Regex::new(text).unwrap()
@@ -93,7 +93,7 @@ fn firmware_report_and_capabilities() {
     let version =
         regex(r"^FIRMWARE_NAME:Ferrostep \d+\.\d+\.\d+ \(commit ([0-9a-f]{7,}(-dirty)?|unknown)\) PROTOCOL_VERSION:");
     assert!(version.is_match(&replies[0]), "{replies:?}");
-    assert!(replies[0].contains(&format!("Ferrostep {} ", ferrostep::VERSION)), "{replies:?}");
+    assert!(replies[0].contains(&format!("Ferrostep {} ", ferrostep_session::VERSION)), "{replies:?}");
     // The sources' address once the project has one, and until then no empty word.
     let manifest = std::fs::read_to_string(repository().join("Cargo.toml")).unwrap();
     let address = manifest.lines().find_map(|line| line.strip_prefix("repository = \"")?.strip_suffix('"')).unwrap();

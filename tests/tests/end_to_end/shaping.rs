@@ -1,8 +1,8 @@
 //! Input shaping from G-code to the frame: hosts, homing, time, and the remaining ringing.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_planner::{AxisShaper, ShaperKind};
 use ferrostep_printer::Profile;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use serde_json::Value;
 
 use crate::end_to_end::command::{directory, ferrostep, file};

@@ -7,10 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::job::JobError;
 use ferrostep_checked_toml::book;
 use ferrostep_gcode::{NOT_EXECUTED, NotExecuted, Outcome};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::job::JobError;
 
 use crate::end_to_end::command::repository;
 use crate::end_to_end::desk::{profile, rehearse};

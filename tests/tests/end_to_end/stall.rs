@@ -1,9 +1,9 @@
 //! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor lags, and the
 //! chip reports it.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_printer::Profile;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::{DeskPrinter, PrintSession, Session};
 use ferrostep_tmc2209::Register;
 use ferrostep_virtual_board::START_10NM;
 

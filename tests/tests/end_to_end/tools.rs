@@ -1,10 +1,10 @@
 //! Two extruders on one carriage: T0 and T1.
 
-use ferrostep::desk::{Desk as _, LOOK_AHEAD_BLOCKS};
-use ferrostep::session::Session;
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::{MAX_TOOLS, Profile};
 use ferrostep_profiles::{builtin_text, parse};
+use ferrostep_session::Session;
+use ferrostep_session::desk::{Desk as _, LOOK_AHEAD_BLOCKS};
 use ferrostep_virtual_board::HeaterFailure;
 use proptest::prelude::*;
 

@@ -1,6 +1,6 @@
 //! A tower's print is the print of the same file with the values written into it.
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 
 use crate::end_to_end::command::{directory, ferrostep, file};
 use crate::end_to_end::desk::{profile, rehearse};

@@ -11,7 +11,7 @@ use super::sources;
 /// A module's path below the package: of `src/heat/model.rs` it is `heat`, `model`, of `src/lib.rs` nothing.
 type Module = Vec<String>;
 
-/// The files of a package's library.
+/// The files of a package's library, or of its program where it has no library.
 pub struct Imports {
     /// Their text, without comments and tests.
     texts: BTreeMap<Module, String>,
@@ -19,7 +19,7 @@ pub struct Imports {
     passed_on: BTreeMap<(Module, String), Vec<String>>,
 }
 
-/// A module's file, without `.rs`.
+/// A module's file, without `.rs`; the package's root, which in a program is `main.rs`, is `lib`.
 fn named(module: &Module) -> String {
     if module.is_empty() { "lib".to_owned() } else { module.join("/") }
 }
@@ -121,13 +121,13 @@ impl Imports {
     /// Those of these files, by their paths without `.rs`.
     fn of_texts(files: Vec<(Module, String)>) -> Self {
         let (mut texts, mut of_tests) = (BTreeMap::new(), Vec::new());
+        let root = if files.iter().any(|(module, _)| module == &["lib"]) { "lib" } else { "main" };
         for (mut module, text) in files {
             module.pop_if(|name| name == "mod");
-            if module == ["main"] {
-                continue;
-            }
-            if module == ["lib"] {
+            if module == [root] {
                 module.clear();
+            } else if module == ["main"] {
+                continue;
             }
             let (text, tests) = without_tests(&text);
             of_tests.extend(tests.into_iter().map(|name| [module.clone(), vec![name]].concat()));
@@ -215,6 +215,17 @@ impl Imports {
         let circles: BTreeSet<Vec<String>> = self.texts.keys().map(circle).filter(|circle| circle.len() > 2).collect();
         circles.into_iter().collect()
     }
+}
+
+#[test]
+fn circles_of_a_program_are_found() {
+    let files = [
+        ("main", "mod a;\nmod b;\nuse a::One;\nfn shared() {}\n"),
+        ("a", "use crate::b::Two;\n"),
+        ("b", "fn of() { crate::shared() }\n"),
+    ];
+    let files = files.map(|(path, text)| (vec![path.to_owned()], text.to_owned()));
+    assert_eq!(Imports::of_texts(files.to_vec()).circles(), [["lib", "a", "b"]]);
 }
 
 #[test]

@@ -2,12 +2,12 @@
 
 use std::io::Cursor;
 
-use ferrostep::gpre::{self, Target};
-use ferrostep::session::JobReplies;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_gpre::Encoding;
 use ferrostep_gpre::transfer::{Report, Word};
 use ferrostep_printer::Profile;
+use ferrostep_session::JobReplies;
+use ferrostep_session::gpre::{self, Target};
 use ferrostep_step_player::Pulses;
 use ferrostep_testkit::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, CYCLES_PER_S, Costs, JobHost, LOOK_AHEAD_BLOCKS, StopReport, Watch, with_board,

@@ -2,11 +2,11 @@
 
 use std::cell::RefCell;
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::{Emergency, LineReader, Reply};
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::{Host as HostLine, Replies};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::{DeskPrinter, PrintSession, Session};
 use ferrostep_testkit::host_side;
 use ferrostep_usb::{Heard, Lines};
 

@@ -11,12 +11,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
-use ferrostep::job::{self, JobProgress};
-use ferrostep::record::Observer;
-use ferrostep::session::{JobReplies, Session};
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_ends::{Ends, count_ends};
 use ferrostep_planner::StepObserver;
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::record::Observer;
+use ferrostep_session::{JobReplies, Session};
 use ferrostep_testkit::hostile::Hostile;
 use indicatif::ProgressBar;
 

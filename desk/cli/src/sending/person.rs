@@ -6,10 +6,11 @@ use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use ferrostep::terminal::tell;
 use ferrostep_host::printer_line::PrinterLine;
 use ferrostep_host::send::{self, Port};
 use signal_hook::consts::{SIGINT, SIGTERM};
+
+use crate::terminal::tell;
 
 /// Longest time of the answers to the commands that end an upload: a printer that is in order needs less than a second, a busy computer
 /// that serves a virtual one a few.

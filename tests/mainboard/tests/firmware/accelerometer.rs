@@ -4,25 +4,25 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use ferrostep::calibrate::from_record;
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::job::{self, JobProgress};
-use ferrostep::record::Observer;
-use ferrostep::session::{JobReplies, Session};
+use ferrostep_analysis::calibrate::from_record;
 use ferrostep_mainboard::conversation::{Conversation, Via};
 use ferrostep_mainboard::decode::{Comparison, Event, Rules, TraceStep, compare};
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::parts::adxl345::{Adxl345, Config, Violations};
 use ferrostep_mainboard::wiring::{Board, Printer};
 use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::record::Observer;
+use ferrostep_session::{JobReplies, Session};
 use ferrostep_testkit::boards::{BOARDS, pin};
-use rigless::image::Image;
 
 use crate::firmware::bench::Line;
 use crate::firmware::host::{Host, Port};
 use crate::firmware::images::{image_of, root};
 use crate::firmware::port_log::{PortState, PortWrite};
 use crate::firmware::same_steps::Motion;
+use rigless::image::Image;
 
 /// The board with the plug.
 const BOARD: &str = "btt-octopus-1.1";

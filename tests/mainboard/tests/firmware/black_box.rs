@@ -1,10 +1,10 @@
 //! The black box after a panic, a watchdog's reset, the reset button and M112, each in the midst of a move: the steps that it replays are
 //! the edges at the pins.
 
-use ferrostep::black_box::{BlackBoxReport, Image, replay_made};
 use ferrostep_black_box::Contents;
 use ferrostep_host::send::fetch_black_box;
 use ferrostep_mainboard::decode::Event;
+use ferrostep_session::black_box::{BlackBoxReport, Image, replay_made};
 use ferrostep_testkit::boards::{BOARDS, BoardFacts};
 
 use crate::firmware::bench::Bench;

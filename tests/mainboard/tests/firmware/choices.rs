@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, MotionState};
-use ferrostep::job::{self, JobProgress};
-use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::AccelerationProfile;
+use ferrostep_session::desk::{LOOK_AHEAD_BLOCKS, MotionState};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::{JobReplies, Session};
 use ferrostep_testkit::boards::BOARDS;
 
 use crate::firmware::bench::Bench;

@@ -3,12 +3,12 @@
 use std::io::{self, Cursor};
 use std::time::{Duration, Instant};
 
-use ferrostep::gpre::{self, Target};
-use ferrostep::session::JobReplies;
 use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
 use ferrostep_gpre::{Encoding, EntrySpeed};
 use ferrostep_host::send::{self, Patience};
 use ferrostep_printer::Profile;
+use ferrostep_session::JobReplies;
+use ferrostep_session::gpre::{self, Target};
 use ferrostep_testkit::hand_made::{self, given};
 
 use crate::firmware::bench::{self, Bench};

@@ -1,10 +1,10 @@
 //! The same job on the desk, and its comparison with the pins.
 
-use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS};
-use ferrostep::job::{self, JobProgress};
-use ferrostep::record::Observer;
-use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::StepObserver;
+use ferrostep_session::desk::{Figures, LOOK_AHEAD_BLOCKS};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::record::Observer;
+use ferrostep_session::{JobReplies, Session};
 
 use crate::firmware::job::Job;
 use crate::firmware::pins::{PinEvent, PinLog};

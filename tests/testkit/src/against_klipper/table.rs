@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::thread;
 
-use ferrostep::simulation::{FilterWords, Simulation};
+use ferrostep_analysis::simulation::{FilterWords, Simulation};
 use ferrostep_oracle::gcode_text;
 use ferrostep_planner::ShaperKind;
 use ferrostep_simulator::frame::{FrameSettings, SecondMode};

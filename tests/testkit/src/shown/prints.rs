@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::input::Input;
-use ferrostep::job::{self, JobProgress};
-use ferrostep::record::Observer;
-use ferrostep::session::{JobReplies, Session};
-use ferrostep::show::{self, Shown};
+use ferrostep_analysis::recording::{self, Shown};
 use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::input::Input;
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::record::Observer;
+use ferrostep_session::{JobReplies, Session};
 
 use crate::program::repository;
 
@@ -96,7 +96,7 @@ impl Print {
 pub fn shown(file: &Path, profile: &str, max_nodes: usize) -> Shown {
     let profile = ferrostep_profiles::load(profile).unwrap();
     let mut input = Input::open(file).unwrap();
-    show::record(profile, &mut input, max_nodes, JobReplies::new(|_: &str| {}), |_, _| {}).unwrap()
+    recording::record(profile, &mut input, max_nodes, JobReplies::new(|_: &str| {}), |_, _| {}).unwrap()
 }
 
 /// Time to both sides over which a speed is measured.

@@ -3,11 +3,11 @@
 use std::io::Read;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::session::DeskPrinter;
 use ferrostep_card::{CardPort, LocalCard, Put, Request};
 use ferrostep_gcode::LineReader;
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::{Host, HostLines, HostText, Profile};
+use ferrostep_session::DeskPrinter;
 use ferrostep_virtual_board::{VirtualCard, VirtualDelay};
 
 use super::At;

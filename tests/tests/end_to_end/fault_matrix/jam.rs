@@ -1,10 +1,10 @@
 //! The filament does not move any more: an encoder's row, on a machine whose time passes as a board's does.
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep::session::{LiveSession, Session};
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Profile};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::{LiveSession, Session};
 use ferrostep_virtual_board::VirtualDelay;
 
 use super::At;

@@ -3,10 +3,10 @@
 use std::io::Cursor;
 use std::ops::Range;
 
-use ferrostep::gpre::{self, Target};
-use ferrostep::session::JobReplies;
 use ferrostep_gpre::Encoding;
 use ferrostep_printer::{HomeEnd, Profile};
+use ferrostep_session::JobReplies;
+use ferrostep_session::gpre::{self, Target};
 use ferrostep_testkit::board_model::LOOK_AHEAD_BLOCKS;
 
 /// Width of the machines, mm: small, so that homing does not take most of the test's time, and wide enough for moves from where

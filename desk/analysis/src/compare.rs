@@ -7,6 +7,9 @@ use std::path::Path;
 
 use ferrostep_host::printable::one_line;
 use ferrostep_printer::Profile;
+use ferrostep_session::JobReplies;
+use ferrostep_session::duration::hms;
+use ferrostep_session::input::Input;
 use ferrostep_show::{Kind, Row, write_comparison, write_page};
 use ferrostep_simulator::frame::FrameSettings;
 use ferrostep_simulator::measures::ContourError;
@@ -14,12 +17,10 @@ use ferrostep_simulator::nozzle::NozzleSettings;
 use ferrostep_simulator::plan::Machine;
 use serde::Serialize;
 
-use crate::duration::hms;
-use crate::input::Input;
-use crate::session::JobReplies;
-use crate::show::{self, MAX_NODES};
+use crate::recording::{self, MAX_NODES};
 use crate::simulation::Simulation;
-use crate::sweep::{self, WithoutCommands};
+use crate::sweep;
+use crate::without_commands::{Dropped, WithoutCommands};
 
 /// A print of the two.
 #[derive(Clone, Copy, Debug)]
@@ -104,16 +105,16 @@ pub fn compare(asked: [Asked<'_>; 2], keys: &[String], frequency_hz: Option<[f64
 
 fn side(asked: Asked<'_>, keys: &[String], frequency_hz: Option<[f64; 2]>) -> Result<(Side, String), String> {
     let Asked { file, profile, changes } = asked;
-    let name = crate::input::name(file);
+    let name = ferrostep_session::input::name(file);
     let open = || Input::open(file).map_err(|error| format!("{name}: {error}"));
     let mut input = open()?;
     if input.is_prepared() {
         return Err(format!("{name}: this is a prepared job, and compare takes the G-code that it was made from"));
     }
     let dropped = sweep::dropped(keys);
-    let dropped = if keys.is_empty() { sweep::Dropped::new(Vec::new()) } else { dropped };
+    let dropped = if keys.is_empty() { Dropped::new(Vec::new()) } else { dropped };
     let replies = JobReplies::new(|_: &str| {});
-    let shown = show::record_without(&dropped, profile, &mut input, MAX_NODES, replies, |_, _| {})
+    let shown = recording::record_without(&dropped, profile, &mut input, MAX_NODES, replies, |_, _| {})
         .map_err(|error| format!("{name}: {error}"))?;
     let slicer_time_s = input.description().and_then(|said| Some(said.figures.time_s?.into()));
     let job = shown.job(file, &profile, slicer_time_s, Vec::new());

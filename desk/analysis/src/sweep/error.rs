@@ -5,12 +5,12 @@ use std::path::Path;
 
 use ferrostep_printer::Profile;
 use ferrostep_profiles::response::FrameMode;
+use ferrostep_session::input::Input;
 use ferrostep_simulator::frame::FrameSettings;
 use ferrostep_simulator::plan::Machine;
 
-use super::filter::{Dropped, WithoutCommands};
-use crate::input::Input;
 use crate::simulation::Simulation;
+use crate::without_commands::{Dropped, WithoutCommands};
 
 /// Frames that are tried: as measured, and as soft and as stiff as they may be.
 const SIDES: [f64; 3] = [0.0, -1.0, 1.0];

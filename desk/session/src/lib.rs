@@ -1,19 +1,16 @@
-//! The desk: the whole machine in virtual time, and the parts of the `ferrostep` command.
+//! The desk's machine in virtual time, and the jobs that it executes: what reads them, what observes them, and what they leave.
 
 pub mod black_box;
-pub mod calibrate;
 #[cfg(unix)]
 pub mod card_image;
-mod command_code;
+pub mod command_code;
 mod comments;
-pub mod compare;
 pub mod desk;
 pub mod duration;
 pub mod gpre;
 pub mod input;
 pub mod job;
 pub mod layer_lines;
-pub mod method_comparison;
 pub mod output;
 #[cfg(unix)]
 pub mod page_host;
@@ -23,14 +20,11 @@ pub mod report;
 pub mod schedule;
 #[cfg(unix)]
 pub mod serve;
-pub mod session;
+mod session;
 #[cfg(unix)]
 pub mod settings_file;
-pub mod show;
-pub mod simulation;
-pub mod sweep;
-pub mod terminal;
 mod version;
 pub mod watch;
 
+pub use session::{DeskPrinter, JobReplies, LiveSession, PlanSession, PrintSession, Session};
 pub use version::VERSION;

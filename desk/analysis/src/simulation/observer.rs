@@ -2,9 +2,8 @@
 
 use ferrostep_oracle::trace::{Record, StepEvent};
 use ferrostep_planner::StepObserver;
+use ferrostep_session::record::Observer;
 use ferrostep_simulator::steps::{StepSimulation, StepsError};
-
-use crate::record::Observer;
 
 /// A step has no way to report an error: the first one is kept, and later events are dropped.
 pub(super) struct StepsObserver {

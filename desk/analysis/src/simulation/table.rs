@@ -4,11 +4,10 @@ use std::fmt;
 
 use ferrostep_host::printable::one_line;
 use ferrostep_planner::{AxisShaper, ShaperKind};
+use ferrostep_session::report::Stop;
 use ferrostep_simulator::measures::Report;
 use ferrostep_simulator::plan::Machine;
 use serde::Serialize;
-
-use crate::report::Stop;
 
 /// The frame and the nozzle, for the reader of the result.
 #[derive(Clone, Debug, Serialize)]

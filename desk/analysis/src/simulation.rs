@@ -6,7 +6,7 @@ mod observer;
 mod table;
 
 pub use filters::{ComparedFilter, FilterError, FilterWords, SimulatedFilters};
-pub use machine::reference_profile;
+pub use machine::{filament_mm2, reference_profile};
 pub use table::{Compared, Simulated, SimulatedFilter, SimulatedMachine};
 
 use std::fmt;
@@ -19,17 +19,17 @@ use ferrostep_oracle::reference::{InterpretError, InterpretOptions, Job, interpr
 use ferrostep_oracle::trace::{TraceError, TraceReader};
 use ferrostep_planner::AxisShaper;
 use ferrostep_printer::{Profile, Skew};
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::gpre;
+use ferrostep_session::input::{self, Input, InputError};
+use ferrostep_session::job::{self, JobError, JobProgress};
+use ferrostep_session::{JobReplies, Session};
 use ferrostep_simulator::klipper::{self, KlipperSettings};
 use ferrostep_simulator::measures::{Measures, Report, Snapshots};
 use ferrostep_simulator::plan::{Filters, Machine, MachineError, MoveSpeeds, Plan, simulate};
 use ferrostep_simulator::shapers::Shaper;
 use ferrostep_simulator::steps::{PathSource, StepSimulation, StepsError};
 
-use crate::desk::LOOK_AHEAD_BLOCKS;
-use crate::gpre;
-use crate::input::{self, Input, InputError};
-use crate::job::{self, JobError, JobProgress};
-use crate::session::{JobReplies, Session};
 use observer::StepsObserver;
 
 /// First byte of a trace; no job begins with it.
@@ -206,7 +206,7 @@ impl Simulation {
     pub fn of_text(text: Vec<u8>, profile: Profile) -> Result<Self, SimulationError> {
         check(&profile)?;
         let path = Some(planned(&text, &profile).map_err(SimulationError::Interpret)?);
-        let filament_mm2 = crate::show::filament_mm2(&profile);
+        let filament_mm2 = filament_mm2(&profile);
         let steps = Steps::Job(text.into());
         Ok(Self { steps, source: Source::GCode, profile, path, filament_mm2, has_relative_ringing: false })
     }

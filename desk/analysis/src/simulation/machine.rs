@@ -3,11 +3,18 @@
 use ferrostep_oracle::reference::{Acceleration, Decimal, FirmwareRetraction, Kinematics, ReferenceProfile};
 use ferrostep_oracle::trace::TraceHeader;
 use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+
+/// Cross-section of a machine's filament.
+pub fn filament_mm2(profile: &Profile) -> f64 {
+    let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 / UNITS_PER_MM as f64;
+    diameter_mm * diameter_mm * std::f64::consts::FRAC_PI_4
+}
 
 /// Units of 10 nm to mm.
 fn mm(units: i64) -> f64 {
-    units as f64 / ferrostep_planner::kinematics::UNITS_PER_MM as f64
+    units as f64 / UNITS_PER_MM as f64
 }
 
 /// The oracle's names of a kinematics are the firmware's.

@@ -2,7 +2,7 @@
 
 use std::io::{self, Read};
 
-use crate::command_code::code;
+use ferrostep_session::command_code::code;
 
 /// Commands to leave out.
 #[derive(Clone, Debug)]

@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
+use ferrostep_session::duration::hms;
 use ferrostep_svg::{escaped, page};
 
 use super::{Row, Swept};
-use crate::duration::hms;
 
 /// The page, and the part of it that shows numbers, pixels.
 const PAGE: [f64; 2] = [750.0, 400.0];

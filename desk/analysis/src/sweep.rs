@@ -2,7 +2,6 @@
 
 pub mod chart;
 mod error;
-mod filter;
 mod values;
 
 use std::fmt;
@@ -10,15 +9,15 @@ use std::path::Path;
 
 use ferrostep_printer::Profile;
 use ferrostep_profiles::response::FrameMode;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::duration::hms;
+use ferrostep_session::input::{Input, InputError};
+use ferrostep_session::job::{self, JobError, JobProgress};
+use ferrostep_session::{JobReplies, Session};
 use serde::Serialize;
 use toml::{Table, Value};
 
-use crate::desk::LOOK_AHEAD_BLOCKS;
-use crate::duration::hms;
-use crate::input::{Input, InputError};
-use crate::job::{self, JobError, JobProgress};
-use crate::session::{JobReplies, Session};
-pub(crate) use filter::{Dropped, WithoutCommands};
+use crate::without_commands::{Dropped, WithoutCommands};
 
 pub use values::{Values, ValuesError};
 

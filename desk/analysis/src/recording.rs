@@ -10,21 +10,22 @@ use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::{HeaterStatus, Heating, Ports, Printer, Profile, Replies};
+use ferrostep_session::command_code::code;
+use ferrostep_session::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
+use ferrostep_session::gpre;
+use ferrostep_session::input::{self, Input};
+use ferrostep_session::job::{self, JobError, JobProgress, Onlooker};
+use ferrostep_session::record::Observer;
+use ferrostep_session::remarks::{Remark, RemarkKind};
+use ferrostep_session::watch::Watch;
+use ferrostep_session::{JobReplies, PrintSession, Session};
 use ferrostep_show::{
     Chamber, Finding, Job, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text,
 };
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
-use crate::command_code::code;
-use crate::desk::{Desk, Figures, LOOK_AHEAD_BLOCKS, LimitFactors, MotionState};
-use crate::gpre;
-use crate::input::{self, Input};
-use crate::job::{self, JobError, JobProgress, Onlooker};
-use crate::record::Observer;
-use crate::remarks::{Remark, RemarkKind};
-use crate::session::{JobReplies, PrintSession, Session};
-use crate::sweep::{Dropped, WithoutCommands};
-use crate::watch::Watch;
+use crate::simulation::filament_mm2;
+use crate::without_commands::{Dropped, WithoutCommands};
 
 /// Most nodes of a page: about seven megabytes.
 pub const MAX_NODES: usize = 700_000;
@@ -130,12 +131,6 @@ fn machine(profile: &Profile, max_nodes: usize) -> Machine {
         nozzle: NozzleSettings::default(),
         max_nodes,
     }
-}
-
-/// Cross-section of a machine's filament.
-pub fn filament_mm2(profile: &Profile) -> f64 {
-    let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 / UNITS_PER_MM as f64;
-    diameter_mm * diameter_mm * std::f64::consts::FRAC_PI_4
 }
 
 /// Prints a job on the virtual board and records it; `look` is called from time to time. A job that stops is recorded up to there.
@@ -257,7 +252,7 @@ impl Shown {
         Job {
             file: file.file_name().map_or_else(|| input::name(file), |file| printable::name(Path::new(file))),
             profile: profile.name.to_owned(),
-            version: crate::VERSION.to_owned(),
+            version: ferrostep_session::VERSION.to_owned(),
             print_time_s: self.figures.print_time_s,
             slicer_time_s: self.done.slicer_time_s.or(slicer_time_s),
             filament_mm: self.filament_mm,
@@ -276,7 +271,7 @@ impl Shown {
     pub fn findings(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
         if let Some(error) = &self.stopped {
-            let line = crate::report::Stop::from(error).line;
+            let line = ferrostep_session::report::Stop::from(error).line;
             let text = format!("The print stops here: {error}");
             findings.push(Finding { weight: "stop", text, line, time_s: None });
         }

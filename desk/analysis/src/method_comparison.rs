@@ -6,17 +6,17 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
+use ferrostep_papers::tables::{Cell, Table};
 use ferrostep_planner::kinematics::Kinematics;
 use ferrostep_planner::{AccelerationProfile, EXTRUDER, Interpolation, Move, StepObserver, TICKS_PER_SECOND};
 use ferrostep_printer::Profile;
+use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_session::input::{self, Input, InputError};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::record::Observer;
+use ferrostep_session::{JobReplies, Session};
 
-use crate::desk::LOOK_AHEAD_BLOCKS;
-use crate::input::{self, Input, InputError};
-use crate::job::{self, JobProgress};
-use crate::record::Observer;
-use crate::session::{JobReplies, Session};
 use extruder::{Extruder, Way};
-use ferrostep_papers::tables::{Cell, Table};
 
 /// Speeds, accelerations and jerks are measured over this many ticks, 10 ms: over less a single step would show.
 const WINDOW_TICKS: u64 = TICKS_PER_SECOND as u64 / 100;

@@ -1,0 +1,10 @@
+//! What the desk finds out about jobs and machines: a print's record for its page, its error on a frame that rings, its time with other
+//! settings, two prints side by side; and a machine's settings from what it has measured or printed.
+
+pub mod calibrate;
+pub mod compare;
+pub mod method_comparison;
+pub mod recording;
+pub mod simulation;
+pub mod sweep;
+mod without_commands;
