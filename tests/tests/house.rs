@@ -155,8 +155,7 @@ const WITHOUT_CIRCLES: [&str; 4] = ["planner", "hal-shim", "printer", "desk"];
 
 /// Circles of more than two files that are to be mended: the package, and the circle's files. None may join them; one that is gone leaves
 /// the list.
-const CIRCLES: [(&str, &str); 4] = [
-    ("desk/cli", "lib arguments arguments/simulate comparing showing sweeping"),
+const CIRCLES: [(&str, &str); 3] = [
     ("hal-shim/stm32f4-board", "board servo step_timer"),
     ("hal-shim/tmc2209", "bank driver event"),
     ("planner", "shaping shaping/shapers shaping/stepper shaping/taps"),

@@ -1,29 +1,36 @@
 //! The command line.
 
 mod calibrate;
-mod simulate;
-
+mod compare;
+mod job;
+mod papers;
+mod send;
 #[cfg(unix)]
-use std::net::SocketAddr;
+mod serve;
+mod simulate;
+mod values;
+
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use ferrostep_analysis::sweep::Values;
 use ferrostep_host::printer_line::Address;
 use ferrostep_import::Url;
-use ferrostep_papers::tables::Paper;
-#[cfg(unix)]
-use ferrostep_session::serve::{Fault, Speed};
 
-use crate::comparing::key_and_value;
-use crate::sweeping::key_and_values;
-use crate::waveform::{Edge, edge};
+use values::edge;
 
 pub use calibrate::{
     CalibrateAdvanceArguments, CalibrateFlowArguments, CalibrateShaperArguments, CalibrateSpeedArguments, Calibration,
     HeatArguments, TriedArgument,
 };
+pub use compare::{CompareArguments, ShowArguments, SweepArguments};
+pub use job::{Format, JobArguments};
+pub use papers::PaperName;
+pub use send::{BlackBoxArguments, SendArguments};
+#[cfg(unix)]
+pub use serve::ServeArguments;
 pub use simulate::{Rules, SimulateArguments};
+pub use values::Edge;
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.
 #[derive(Parser)]
@@ -200,300 +207,4 @@ pub enum Command {
         #[arg(short, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-}
-
-/// The plate of a sliced 3MF.
-#[derive(clap::Args)]
-pub struct PlateArgument {
-    /// The plate of a sliced 3MF (.gcode.3mf) that holds several.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub plate: Option<u32>,
-}
-
-/// Arguments of `show`.
-#[derive(clap::Args)]
-pub struct ShowArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared job; - is standard input.
-    pub file: PathBuf,
-    /// The plate of a 3MF.
-    #[command(flatten)]
-    pub plate: PlateArgument,
-    /// The page to write [default: the file's name with .html, in this folder].
-    #[arg(short, value_name = "PAGE.html")]
-    pub out: Option<PathBuf>,
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
-    /// Does not open the page.
-    #[arg(long)]
-    pub no_open: bool,
-}
-
-/// Arguments of `compare`.
-#[derive(clap::Args)]
-pub struct CompareArguments {
-    /// The first job, A: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF.
-    #[arg(value_name = "A")]
-    pub file: PathBuf,
-    /// The second job, B [default: the first, with another profile or --set].
-    #[arg(value_name = "B")]
-    pub second: Option<PathBuf>,
-    /// The plate of a 3MF.
-    #[command(flatten)]
-    pub plate: PlateArgument,
-    /// Writes a page with both prints.
-    #[arg(short, value_name = "PAGE.html")]
-    pub out: Option<PathBuf>,
-    /// The machine of both: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
-    /// The machine of A.
-    #[arg(long, value_name = "NAME|PATH")]
-    pub profile_a: Option<String>,
-    /// The machine of B.
-    #[arg(long, value_name = "NAME|PATH")]
-    pub profile_b: Option<String>,
-    /// Gives a key of B's profile this value: junction_deviation_mm=0.02. The jobs' own commands that would hold over it are left out of
-    /// both. Can be repeated.
-    #[arg(long, value_name = "KEY=VALUE", value_parser = key_and_value)]
-    pub set: Vec<(String, f64)>,
-    /// Frequency of the frame in X, 1 to 1000 Hz: measures the contour error, too [default: that of Y].
-    #[arg(long, value_name = "HZ")]
-    pub frequency_x: Option<f64>,
-    /// Frequency of the frame in Y [default: that of X].
-    #[arg(long, value_name = "HZ")]
-    pub frequency_y: Option<f64>,
-    /// Prints the result as one JSON object.
-    #[arg(long)]
-    pub json: bool,
-    /// Does not open the page.
-    #[arg(long)]
-    pub no_open: bool,
-}
-
-/// Arguments of `send`.
-#[derive(clap::Args)]
-pub struct SendArguments {
-    /// G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF, or a prepared job in the compact encoding; - is standard input.
-    pub file: PathBuf,
-    /// The plate of a 3MF.
-    #[command(flatten)]
-    pub plate: PlateArgument,
-    /// The printer's serial port, or tcp:HOST:PORT [default: the only one on USB].
-    #[arg(long, value_name = "PATH|tcp:HOST:PORT")]
-    pub port: Option<Address>,
-    /// Speed of the port; without effect over USB.
-    #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
-    pub baud: u32,
-    /// G-code to send line by line instead if the board refuses the prepared job.
-    #[arg(long, value_name = "FILE")]
-    pub fallback: Option<PathBuf>,
-    /// Writes G-code to the printer's memory card under this name, 8 characters and 3 after the dot, instead of printing it.
-    #[arg(long, value_name = "NAME", conflicts_with = "fallback")]
-    pub to_card: Option<String>,
-    /// The printer, as its profile describes it: cartesian, corexy, prusa-mini, or the path of a TOML file. The remaining time of
-    /// G-code is estimated for it, instead of being the slicer's.
-    #[arg(long, value_name = "NAME|PATH", conflicts_with = "to_card")]
-    pub profile: Option<String>,
-    /// Packs the lines of G-code into two thirds of their bytes, if the printer says that it knows MeatPack.
-    #[arg(long)]
-    pub meatpack: bool,
-}
-
-/// Arguments of `blackbox`.
-#[derive(clap::Args)]
-pub struct BlackBoxArguments {
-    /// The printer's serial port, tcp:HOST:PORT, or a file: a saved black box, or a terminal's log with the answer to M791.
-    #[arg(value_name = "PORT|FILE")]
-    pub source: String,
-    /// Saves the black box, to be read again by this command.
-    #[arg(short, value_name = "FILE")]
-    pub out: Option<PathBuf>,
-    /// Speed of the port; without effect over USB.
-    #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
-    pub baud: u32,
-    /// The machine, if the profile that the printer names is not built in: the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH")]
-    pub profile: Option<String>,
-    /// Prints one JSON object.
-    #[arg(long)]
-    pub json: bool,
-    /// Writes the steps as a trace, which `simulate` reads; ticks count from the first of them.
-    #[arg(long, value_name = "OUT")]
-    pub trace: Option<PathBuf>,
-    /// Tells the place in the source where a panic or a fault ended the firmware: the ferrostep.elf that was flashed.
-    #[arg(long, value_name = "ELF")]
-    pub image: Option<PathBuf>,
-}
-
-/// Arguments of `serve`.
-#[cfg(unix)]
-#[derive(clap::Args)]
-pub struct ServeArguments {
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", conflicts_with = "board")]
-    pub profile: String,
-    /// A board whose image is to run on an emulated chip: bench, prusa-buddy, btt-octopus-1.1, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH")]
-    pub board: Option<String>,
-    /// Which port of the board the host connects to.
-    #[arg(long, value_enum, default_value_t = Via::Usb, requires = "board")]
-    pub via: Via,
-    /// Serves on a pseudo-terminal with this path, which the host opens as its serial port.
-    #[arg(long, value_name = "PATH", required_unless_present_any = ["tcp", "web"], conflicts_with = "tcp")]
-    pub pty: Option<PathBuf>,
-    /// Serves on a TCP port of this computer; 0 takes a free one.
-    #[arg(long, value_name = "PORT")]
-    pub tcp: Option<u16>,
-    /// Serves a page that shows the printer and controls it, for this computer's browsers, or for others at another address; its
-    /// address with a secret token is printed at the start.
-    #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8790", value_parser = web_address)]
-    pub web: Option<SocketAddr>,
-    /// Largest file that the page uploads, MiB.
-    #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = clap::value_parser!(u64).range(1..=65_536), requires = "web")]
-    pub web_upload: u64,
-    /// Puts the page in front of a printer at this port instead of a virtual one: its serial port, or tcp:HOST:PORT.
-    #[arg(
-        long,
-        value_name = "PATH|tcp:HOST:PORT",
-        requires = "web",
-        conflicts_with_all = ["pty", "tcp", "board", "fault", "card", "settings", "json"]
-    )]
-    pub port: Option<Address>,
-    /// Speed of the port; without effect over USB.
-    #[arg(long, value_name = "BAUD", default_value_t = 115_200, requires = "port")]
-    pub baud: u32,
-    /// How many seconds of the printer pass in one second, or max; a slow computer falls behind and does not catch up.
-    #[arg(long, value_name = "FACTOR|max", default_value = "1")]
-    pub speed: Speed,
-    /// Makes something fail, at once or at @SECONDS of the printer: nozzle-HOW or bed-HOW with HOW open, shorted,
-    /// fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE (of the bytes), drop-line:RATE or flip-line:RATE (of the lines)
-    /// with RATE such as 1%; card-pull, card-back; filament-out, filament-back; x-HOW, y-HOW or z-HOW with HOW
-    /// never, always or works (the sensors of G28); pin-stays-in, pin-stays-out, pin-works (a BLTouch). Can be repeated.
-    #[arg(long, value_name = "KIND[@SECONDS]", conflicts_with = "board")]
-    pub fault: Vec<Fault>,
-    /// The memory card in the printer's slot: an image (FAT16 or FAT32), which at the end contains the files that a host has
-    /// written, or a folder, whose files are copied to a card; the folder stays unchanged.
-    #[arg(long, value_name = "IMAGE|FOLDER", conflicts_with = "board")]
-    pub card: Option<PathBuf>,
-    /// The memory for settings (M500): a file, which is made if it does not exist. Without it the printer has none.
-    #[arg(long, value_name = "FILE", conflicts_with = "board")]
-    pub settings: Option<PathBuf>,
-    /// Prints what the printer has done as one JSON object, as `print` does, when it is switched off with Ctrl-C.
-    #[arg(long, conflicts_with = "board")]
-    pub json: bool,
-}
-
-/// Arguments of `sweep`.
-#[derive(clap::Args)]
-#[command(group = clap::ArgGroup::new("changed").args(["acceleration", "error_budget", "set"]).required(true))]
-pub struct SweepArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF.
-    pub file: PathBuf,
-    /// The plate of a 3MF.
-    #[command(flatten)]
-    pub plate: PlateArgument,
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
-    /// Accelerations of printing and travel moves, and the most that X and Y may have, mm/s^2: a range, each value twice the one
-    /// before (500..16000), or a list (500,1000,3000).
-    #[arg(long, value_name = "VALUES")]
-    pub acceleration: Option<Values>,
-    /// Error budgets, mm, from which the accelerations of X and Y follow: a range or a list, as above.
-    #[arg(long, value_name = "VALUES")]
-    pub error_budget: Option<Values>,
-    /// Any other key of the profile that is a number, with its values: junction_deviation_mm=0.005..0.08. Given more than once, the
-    /// keys change together.
-    #[arg(long, value_name = "KEY=VALUES", value_parser = key_and_values)]
-    pub set: Vec<(String, Values)>,
-    /// Simulates the error with each value, too: on the profile's frame as it was measured, and as soft and as stiff as it may be.
-    #[arg(long)]
-    pub simulate: bool,
-    /// Prints the result as one JSON object.
-    #[arg(long)]
-    pub json: bool,
-    /// Draws the time over the values.
-    #[arg(long, value_name = "OUT.svg")]
-    pub plot: Option<PathBuf>,
-}
-
-/// The ports of a printer.
-#[cfg(unix)]
-#[derive(Clone, Copy, clap::ValueEnum)]
-pub enum Via {
-    /// USB.
-    Usb,
-    /// The serial line.
-    Uart,
-}
-
-#[cfg(unix)]
-impl Via {
-    /// Its name on the command line of the virtual mainboard.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Usb => "usb",
-            Self::Uart => "uart",
-        }
-    }
-}
-
-/// The encodings of a prepared job.
-#[derive(Clone, Copy, clap::ValueEnum)]
-pub enum Format {
-    /// About five bytes a move, with checksums.
-    Compact,
-    /// Packets of 84 bytes, as in Yu 2019; for comparison.
-    Wide,
-}
-
-/// The papers by their short names.
-#[derive(Clone, Copy, clap::ValueEnum)]
-pub enum PaperName {
-    /// Wu 2024: step Bresenham, velocity-adaptive extrusion.
-    Wu,
-    /// Yu 2019: planning on the computer, look-ahead.
-    Yu,
-    /// Three ways to lead CoreXY motors.
-    Corexy,
-    /// Li 2017: S-curve acceleration.
-    Li,
-}
-
-impl From<PaperName> for Paper {
-    fn from(name: PaperName) -> Self {
-        match name {
-            PaperName::Wu => Self::Wu,
-            PaperName::Yu => Self::Yu,
-            PaperName::Corexy => Self::CoreXy,
-            PaperName::Li => Self::Li,
-        }
-    }
-}
-
-/// Arguments that `print`, `preprocess` and `estimate` share.
-#[derive(clap::Args)]
-pub struct JobArguments {
-    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF; `print` also takes a prepared job; - is standard input.
-    pub file: PathBuf,
-    /// The plate of a 3MF.
-    #[command(flatten)]
-    pub plate: PlateArgument,
-    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    pub profile: String,
-    /// Prints the result as one JSON object.
-    #[arg(long)]
-    pub json: bool,
-    /// Ends with exit status 1 if there are remarks: lines without effect, or executed differently from their text, moves before
-    /// homing or outside the travel, pauses, too much flow, heaters left on.
-    #[arg(long)]
-    pub strict: bool,
-}
-
-/// The address of a page's server.
-#[cfg(unix)]
-fn web_address(text: &str) -> Result<SocketAddr, String> {
-    text.parse().map_err(|_| "write an address of this computer with a port, such as 127.0.0.1:8790".to_owned())
 }

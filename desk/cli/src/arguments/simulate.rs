@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use ferrostep_planner::ShaperKind as InputShaperKind;
 use ferrostep_simulator::shapers::ShaperKind;
 
-use super::PlateArgument;
+use super::job::PlateArgument;
 
 /// Arguments of `simulate`.
 #[derive(clap::Args)]

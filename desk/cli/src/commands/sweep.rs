@@ -10,6 +10,7 @@ use ferrostep_session::output::{Accepted, Output};
 
 use crate::arguments::{JobArguments, SweepArguments};
 use crate::outcome::result;
+use crate::protected::inputs;
 
 /// Estimates the job with each value and tells the times.
 pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
@@ -65,14 +66,8 @@ fn keys(arguments: &SweepArguments) -> Result<Sweep, String> {
     Ok(Sweep { label: keys.join(", "), keys, values: values.clone(), with_error })
 }
 
-/// A key and its values.
-pub fn key_and_values(text: &str) -> Result<(String, Values), String> {
-    let (key, values) = text.split_once('=').ok_or("expected KEY=VALUES, as junction_deviation_mm=0.005..0.08")?;
-    Ok((key.trim().to_owned(), values.parse().map_err(|error: sweep::ValuesError| error.to_string())?))
-}
-
 /// The chart, which must not replace what is read.
 fn plot_output(plot: &Path, arguments: &SweepArguments) -> Result<Output, String> {
-    let protected = crate::inputs(&arguments.file, &arguments.profile);
+    let protected = inputs(&arguments.file, &arguments.profile);
     Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
 }

@@ -1,6 +1,7 @@
-//! `ferrostep send` and `ferrostep ports`.
+//! `ferrostep send`.
 
 mod person;
+mod port;
 
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -9,55 +10,19 @@ use std::process::ExitCode;
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
 use ferrostep_host::file_lines::FileLines;
 use ferrostep_host::printable;
-use ferrostep_host::printer_line::{self, Address, FoundPort, PrinterLine};
+use ferrostep_host::printer_line::PrinterLine;
 use ferrostep_host::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
 use ferrostep_session::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_session::input::{self, Input};
 use indicatif::ProgressBar;
 
 use crate::arguments::SendArguments;
-use crate::outcome::exit_code;
 use crate::progress::{self, Estimate, clock};
-use crate::terminal::{self, tell};
+use crate::terminal::tell;
 use person::Person;
 
 /// Length of the bar of G-code.
 const SHARES: u64 = 1000;
-
-/// Lists the serial ports of this computer.
-///
-/// # Errors
-/// The operating system cannot list them.
-pub fn list() -> Result<ExitCode, String> {
-    let ports = printer_line::ports()?;
-    if ports.is_empty() {
-        tell("no serial port: is the printer connected and switched on?");
-    }
-    let text: String = ports.iter().map(|port| describe(port) + "\n").collect();
-    Ok(exit_code(terminal::write_result(&text)))
-}
-
-fn describe(port: &FoundPort) -> String {
-    let usb = port.usb.map_or("         ".to_owned(), |(vendor, product)| format!("{vendor:04x}:{product:04x}"));
-    let ours = if port.is_ours() { "  (Ferrostep)" } else { "" };
-    format!("{}  {usb}  {}{ours}", printable::one_line(&port.name), printable::one_line(&port.product))
-        .trim_end()
-        .to_owned()
-}
-
-/// The port to use if none is named: the one with this firmware, or the only one on USB.
-fn choose() -> Result<Address, String> {
-    let ports = printer_line::ports()?;
-    let only = |candidates: Vec<&FoundPort>| match candidates.as_slice() {
-        [port] => Some(Address::Serial(port.name.clone())),
-        _ => None,
-    };
-    let ours = only(ports.iter().filter(|port| port.is_ours()).collect());
-    ours.or_else(|| only(ports.iter().filter(|port| port.usb.is_some()).collect())).ok_or_else(|| {
-        "which port? Name it by --port PATH or --port tcp:HOST:PORT; `ferrostep ports` lists those of this computer"
-            .to_owned()
-    })
-}
 
 /// Sends a file: a prepared job as one (if the board refuses it, the fallback G-code instead), G-code line by line.
 ///
@@ -104,7 +69,7 @@ pub fn run(arguments: &SendArguments) -> Result<ExitCode, String> {
         estimate.begin(file, profile, LOOK_AHEAD_BLOCKS);
     }
     let mut person = Person::new()?;
-    let address = arguments.port.clone().map_or_else(choose, Ok)?;
+    let address = arguments.port.clone().map_or_else(port::choose, Ok)?;
     let mut line = PrinterLine::open(&address, arguments.baud).map_err(|error| format!("{address}: {error}"))?;
     let Some(job) = job else {
         return Ok(send_gcode(&mut line, input, person, estimate, arguments.meatpack, arguments.to_card.as_deref()));

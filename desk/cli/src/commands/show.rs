@@ -1,7 +1,7 @@
 //! `ferrostep show`.
 
 use std::fs::File;
-use std::io::{BufWriter, IsTerminal, Read, stderr};
+use std::io::{BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -13,9 +13,12 @@ use ferrostep_session::output::{Accepted, Output};
 use ferrostep_show::write_page;
 
 use crate::arguments::ShowArguments;
+use crate::browser;
+use crate::job::replies;
 use crate::outcome::exit_code;
 use crate::progress::Progress;
-use crate::terminal::{self, tell};
+use crate::protected::inputs;
+use crate::terminal;
 
 /// How our pages begin.
 const MARK: &[u8] = b"<!doctype html><!-- ferrostep show -->";
@@ -29,7 +32,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let name = input::name(&arguments.file);
     let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
     let path = arguments.out.clone().map_or_else(|| default_page(&arguments.file), Ok)?;
-    let protected = crate::inputs(&arguments.file, &arguments.profile);
+    let protected = inputs(&arguments.file, &arguments.profile);
     let out = Output::create(&path, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())?;
 
     let progress = Progress::new();
@@ -38,7 +41,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     let asks = arguments.file.is_file() && !input.is_prepared() && input.size_bytes() <= MAX_ASKED_BYTES;
     let (shown, chances) = std::thread::scope(|scope| {
         let chances = asks.then(|| scope.spawn(|| recording::chances(profile, &arguments.file)));
-        let shown = recording::record(profile, &mut input, MAX_NODES, crate::replies(&progress), |done, figures| {
+        let shown = recording::record(profile, &mut input, MAX_NODES, replies(&progress), |done, figures| {
             progress.show(place.share(), done, || *figures);
         });
         (shown, chances.and_then(|thread| thread.join().ok()).unwrap_or_default())
@@ -65,7 +68,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
         counted(findings.count() as u64, "finding")
     ));
     if !arguments.no_open {
-        open_page(&target);
+        browser::open_page(&target);
     }
     Ok(match shown.stopped {
         Some(error) => exit_code(Err(format!("{name}: {error}"))),
@@ -97,18 +100,4 @@ fn default_page(file: &Path) -> Result<PathBuf, String> {
         ));
     }
     Ok(page)
-}
-
-/// Opens the page where a person sits at a desktop.
-pub fn open_page(page: &Path) {
-    let has_desktop = !cfg!(all(unix, not(target_os = "macos")))
-        || ["DISPLAY", "WAYLAND_DISPLAY"]
-            .iter()
-            .any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()));
-    if !has_desktop || !stderr().is_terminal() || !page.is_file() {
-        return;
-    }
-    if let Err(error) = open::that_detached(page) {
-        tell(format_args!("note: {}: cannot be opened: {error}", printable::name(page)));
-    }
 }

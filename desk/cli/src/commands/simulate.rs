@@ -21,6 +21,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::{Rules, SimulateArguments};
 use crate::outcome::{exit_code, result};
+use crate::protected::profile_file;
 
 /// Simulates, and prints the measures.
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
@@ -84,7 +85,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
 fn plot_output(plot: &Path, arguments: &SimulateArguments) -> Result<Output, String> {
     let mut protected = vec![Protected { path: &arguments.file, what: "the file to be read" }];
     protected.extend(arguments.path.as_deref().map(|path| Protected { path, what: "the G-code of the path" }));
-    protected.extend(crate::profile_file(&arguments.profile));
+    protected.extend(profile_file(&arguments.profile));
     Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
 }
 

@@ -1,5 +1,8 @@
 //! `ferrostep serve`.
 
+pub mod image;
+mod page;
+
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -24,8 +27,8 @@ use signal_hook::flag;
 
 use crate::arguments::ServeArguments;
 use crate::outcome::{exit_code, result};
-use crate::serving_page::{self, VirtualPage};
 use crate::terminal::tell;
+use page::VirtualPage;
 
 /// The frame that a profile knows along X and Y.
 fn frame(profile: &str) -> Result<Option<[Mode; 2]>, String> {
@@ -78,7 +81,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
             .to_owned());
     }
     if let (Some(address), Some(port)) = (arguments.web, &arguments.port) {
-        return serving_page::before_a_port(arguments, address, port, profile, &ends);
+        return page::before_a_port(arguments, address, port, profile, &ends);
     }
     let outside = match (&arguments.pty, arguments.tcp) {
         (Some(path), _) => Some(Line::pty(path)?),

@@ -6,31 +6,7 @@ use ferrostep_session::input::{self, Input};
 use ferrostep_session::layer_lines::layer_lines;
 use ferrostep_session::record::{Bound, Window};
 
-/// An end of the part, as it is written.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Edge {
-    /// Seconds of motion.
-    Seconds(f64),
-    /// A line of the file, from 1.
-    Line(u32),
-    /// A layer, from 1.
-    Layer(u32),
-}
-
-/// Reads `12.5`, `line:120` or `layer:3`.
-///
-/// # Errors
-/// It is none of these.
-pub fn edge(text: &str) -> Result<Edge, String> {
-    let number = |text: &str| text.parse().ok().filter(|number: &u32| *number > 0);
-    let edge = match text.split_once(':') {
-        Some(("line", line)) => number(line).map(Edge::Line),
-        Some(("layer", layer)) => number(layer).map(Edge::Layer),
-        Some(_) => None,
-        None => text.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds >= 0.0).map(Edge::Seconds),
-    };
-    edge.ok_or_else(|| "expected seconds, 0 or more, as 12.5, a line, as line:120, or a layer, as layer:3".to_owned())
-}
+use crate::arguments::Edge;
 
 /// The part of a file's motion between two edges.
 ///
@@ -97,24 +73,4 @@ fn layers(file: &Path) -> Result<Vec<u32>, String> {
         return Err(format!("{name}: this is a prepared job, which does not name its layers: give lines or seconds"));
     }
     layer_lines(input).map_err(|error| format!("{name}: {error}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn edges_are_seconds_lines_or_layers() {
-        for (text, expected) in [
-            ("12.5", Edge::Seconds(12.5)),
-            ("0", Edge::Seconds(0.0)),
-            ("line:120", Edge::Line(120)),
-            ("layer:3", Edge::Layer(3)),
-        ] {
-            assert_eq!(edge(text), Ok(expected));
-        }
-        for text in ["-1", "inf", "nan", "", "line:", "line:0", "layer:-2", "layer:1.5", "row:3", "line 3"] {
-            assert!(edge(text).is_err(), "{text}");
-        }
-    }
 }

@@ -9,7 +9,9 @@ use ferrostep_session::input;
 use ferrostep_session::output::{Accepted, Output};
 
 use crate::arguments::CompareArguments;
+use crate::browser::open_page;
 use crate::outcome::{exit_code, result};
+use crate::protected::inputs;
 
 /// Prints both jobs and tells what is different.
 pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
@@ -34,8 +36,8 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
         (None, None) => None,
         (x, y) => Some([x.or(y).unwrap_or_default(), y.or(x).unwrap_or_default()]),
     };
-    let mut protected = crate::inputs(&arguments.file, profile_a);
-    protected.extend(crate::inputs(second, profile_b));
+    let mut protected = inputs(&arguments.file, profile_a);
+    protected.extend(inputs(second, profile_b));
     let page = arguments.out.as_deref().map(|page| Output::create(page, Accepted::FileOrStream, &protected));
     let page = page.transpose().map_err(|error| error.to_string())?;
     let keys: Vec<String> = arguments.set.iter().map(|(key, _)| key.clone()).collect();
@@ -45,7 +47,7 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
         page.write_all(&comparison.page).map_err(|error| page.failed(error).to_string())?;
         page.keep().map_err(|error| error.to_string())?;
         if !arguments.no_open {
-            crate::showing::open_page(&target);
+            open_page(&target);
         }
     }
     let code = result(arguments.json.then_some(&comparison), || comparison.to_string());
@@ -54,11 +56,4 @@ pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
         Some((side, reason)) => exit_code(Err(format!("{}: {reason}", side.file))),
         None => code,
     })
-}
-
-/// A key and its value.
-pub fn key_and_value(text: &str) -> Result<(String, f64), String> {
-    let (key, value) = text.split_once('=').ok_or("expected KEY=VALUE, as junction_deviation_mm=0.02")?;
-    let number = value.trim().parse().ok().filter(|number: &f64| number.is_finite());
-    Ok((key.trim().to_owned(), number.ok_or_else(|| format!("\"{}\" is no number", value.trim()))?))
 }

@@ -1,0 +1,40 @@
+//! The arguments of commands that execute or plan one job.
+
+use std::path::PathBuf;
+
+/// The plate of a sliced 3MF.
+#[derive(clap::Args)]
+pub struct PlateArgument {
+    /// The plate of a sliced 3MF (.gcode.3mf) that holds several.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub plate: Option<u32>,
+}
+
+/// Arguments that `print`, `preprocess` and `estimate` share.
+#[derive(clap::Args)]
+pub struct JobArguments {
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip, or a sliced 3MF; `print` also takes a prepared job; - is standard input.
+    pub file: PathBuf,
+    /// The plate of a 3MF.
+    #[command(flatten)]
+    pub plate: PlateArgument,
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
+    pub profile: String,
+    /// Prints the result as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+    /// Ends with exit status 1 if there are remarks: lines without effect, or executed differently from their text, moves before
+    /// homing or outside the travel, pauses, too much flow, heaters left on.
+    #[arg(long)]
+    pub strict: bool,
+}
+
+/// The encodings of a prepared job.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum Format {
+    /// About five bytes a move, with checksums.
+    Compact,
+    /// Packets of 84 bytes, as in Yu 2019; for comparison.
+    Wide,
+}

@@ -1,0 +1,119 @@
+//! The job of a command: opened, executed on a session, and summed up.
+
+use std::cell::Cell;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use ferrostep_host::printable;
+use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
+use ferrostep_planner::kinematics::UNITS_PER_MM;
+use ferrostep_printer::Profile;
+use ferrostep_session::desk::Desk;
+use ferrostep_session::gpre;
+use ferrostep_session::input::{self, Input};
+use ferrostep_session::job::{self, JobProgress};
+use ferrostep_session::remarks::{Remark, RemarkKind};
+use ferrostep_session::report::{Motors, Stop, Summary};
+use ferrostep_session::watch::Watch;
+use ferrostep_session::{JobReplies, Session};
+
+use crate::arguments::JobArguments;
+use crate::outcome::{exit_code, result};
+use crate::progress::Progress;
+
+/// Maximum number of the machine's notices that are shown; a broken file could cause one a line.
+const MAX_NOTICES: u32 = 20;
+
+/// The profile and the open file of a job.
+pub fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
+    let profile = ferrostep_profiles::load(&job.profile).map_err(|error| error.to_string())?;
+    let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", input::name(&job.file)))?;
+    Ok((profile, input))
+}
+
+/// Shows the machine's messages: errors always, notices up to a maximum.
+pub fn replies(progress: &Progress) -> JobReplies<'_> {
+    let shown = Cell::new(0);
+    JobReplies::new(move |text: &str| {
+        shown.set(shown.get() + 1);
+        match shown.get() {
+            // An error tells why the machine stopped, and is shown after any number of notices.
+            _ if text.starts_with("Error:") => progress.say(text),
+            ..=MAX_NOTICES => progress.say(text),
+            count if count == MAX_NOTICES + 1 => progress.say("(further notices of the machine are left out)"),
+            _ => {}
+        }
+    })
+}
+
+/// With `--strict`: exit status 1 if there are remarks that say more than that corners follow the profile.
+pub fn strict(job: &JobArguments, remarks: &[Remark]) -> ExitCode {
+    let remarks: Vec<&Remark> = remarks.iter().filter(|remark| remark.kind != RemarkKind::Corner).collect();
+    match remarks[..] {
+        [] => ExitCode::SUCCESS,
+        [first, ..] => {
+            let (name, count) = (printable::name(&job.file), remarks.len());
+            exit_code(Err(format!("{name}: {count} remarks, and none expected (--strict): {first}")))
+        }
+    }
+}
+
+/// Runs the job, a prepared one from a frame on, and prints its summary.
+pub fn run<D: Desk>(
+    job: &JobArguments,
+    mut input: Input,
+    session: &Session<D, JobReplies<'_>>,
+    progress: &Progress,
+    from: u32,
+) -> ExitCode {
+    let started = Instant::now();
+    let profile = session.profile();
+    let mut printer = session.printer();
+    let mut done = JobProgress::default();
+    let place = input.place();
+    let look = |job: &JobProgress| progress.show(place.share(), job, || session.figures());
+    let mut watch = Watch::new(profile, session.replies().remarks());
+    let outcome = if input.is_prepared() {
+        // It is planned already, and most of it fits into the look-ahead: only its execution takes time.
+        let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
+        session.run_with(job, |session| progress.pass_time(|| session.figures()))
+    } else {
+        let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut done, &mut watch, look));
+        watch.end_of_text(outcome.is_ok());
+        outcome
+    };
+    watch.end(&session.heating(), outcome.is_ok());
+    let wall_s = started.elapsed().as_secs_f64();
+    progress.end();
+
+    let figures = session.figures();
+    let tally = printer.tally();
+    let summary = Summary {
+        file: job.file.to_string_lossy().into_owned(),
+        profile: profile.name.to_owned(),
+        lines: done.lines,
+        moves: tally.moves,
+        unknown_commands: session.replies().unknown_commands(),
+        clamped_moves: tally.clamped_moves,
+        print_time_s: figures.print_time_s,
+        motion_time_s: figures.motion_time_s,
+        filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
+        position_mm: printer.logical_10nm().map(|length| length as f64 / UNITS_PER_MM as f64).into(),
+        motors: D::MAKES_STEPS.then(|| Motors::from(&figures)),
+        wall_s,
+        realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
+        layers: done.layers,
+        slicer: input.description().map(|description| description.figures.clone()),
+        slicer_time_s: done.slicer_time_s.or(input.description().and_then(|said| Some(said.figures.time_s?.into()))),
+        remarks: Some(session.replies().remarks().to_vec()),
+        stopped: outcome.as_ref().err().map(Stop::from),
+    };
+    let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
+    match outcome {
+        Ok(()) if job.strict && code == ExitCode::SUCCESS => {
+            strict(job, summary.remarks.as_deref().unwrap_or_default())
+        }
+        Ok(()) => code,
+        Err(error) => exit_code(Err(format!("{}: {error}", input::name(&job.file)))),
+    }
+}
