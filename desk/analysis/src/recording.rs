@@ -17,10 +17,12 @@ use ferrostep_session::input::{self, Input};
 use ferrostep_session::job::{self, JobError, JobProgress, Onlooker};
 use ferrostep_session::record::Observer;
 use ferrostep_session::remarks::{Remark, RemarkKind};
+use ferrostep_session::report::Stop;
 use ferrostep_session::watch::Watch;
 use ferrostep_session::{JobReplies, PrintSession, Session};
 use ferrostep_show::{
-    Chamber, Finding, Job, LineState, Machine, PlannedMove, Recorder, Recording, SourceText, Temperature, Text,
+    Chamber, Finding, Job, LineState, Machine, Outcome, PlannedMove, Recorder, Recording, Remarked, SourceText,
+    Temperature, Text,
 };
 use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 
@@ -269,70 +271,14 @@ impl Shown {
 
     /// What the page lists, the most important first.
     pub fn findings(&self) -> Vec<Finding> {
-        let mut findings = Vec::new();
-        if let Some(error) = &self.stopped {
-            let line = ferrostep_session::report::Stop::from(error).line;
-            let text = format!("The print stops here: {error}");
-            findings.push(Finding { weight: "stop", text, line, time_s: None });
-        }
-        let weight = |kind| match kind {
-            RemarkKind::Corner | RemarkKind::NoEffect => "note",
-            _ => "warning",
-        };
-        let mut remarks: Vec<&Remark> = self.remarks.iter().collect();
-        remarks.sort_by_key(|remark| weight(remark.kind) == "note");
-        findings.extend(remarks.into_iter().map(|remark| Finding {
-            weight: weight(remark.kind),
-            text: match remark.count {
-                0 | 1 => remark.message.clone(),
-                count => format!("{} ({count} lines)", remark.message),
-            },
+        let stopped = self.stopped.as_ref().map(|error| (error.to_string(), Stop::from(error).line));
+        let remarks = self.remarks.iter().map(|remark| Remarked {
+            message: &remark.message,
+            count: remark.count,
             line: remark.lines.first().copied(),
-            time_s: None,
-        }));
-        let totals = &self.recording.totals;
-        let mut place = |weight, place: &ferrostep_show::Extreme, text: String| {
-            findings.push(Finding { weight, text, line: Some(place.line), time_s: Some(place.time_s) });
-        };
-        let slowed = self.figures.slowed_moves;
-        if slowed > 0 && totals.first_slowed.value > 0.0 {
-            let moves = if slowed == 1 { "1 move is" } else { &format!("{slowed} moves are") };
-            let text = format!(
-                "{moves} slowed, for the board cannot keep up with them: {:.1} s of the print. This is the first",
-                totals.slowed_s
-            );
-            place("warning", &totals.first_slowed, text);
-        }
-        if totals.retractions > 0 {
-            let count = totals.retractions;
-            let retractions =
-                if count == 1 { "The only retraction" } else { &format!("The first of {count} retractions") };
-            place("place", &totals.first_retraction, format!("{retractions}: {:.2} mm", totals.first_retraction.value));
-        }
-        let mut extreme = |extreme: &ferrostep_show::Extreme, text: String| {
-            if extreme.value > 0.0 {
-                let (line, time_s) = (Some(extreme.line), Some(extreme.time_s));
-                findings.push(Finding { weight: "extreme", text, line, time_s });
-            }
-        };
-        let flow = &totals.greatest_flow;
-        extreme(flow, format!("Greatest flow: {:.1} mm³/s", flow.value));
-        let fastest = &totals.fastest_print;
-        extreme(fastest, format!("Fastest printing: {:.0} mm/s", fastest.value));
-        let travel = &totals.longest_travel;
-        extreme(travel, format!("Longest travel: {:.0} mm", travel.value));
-        let retraction = &totals.longest_retraction;
-        if totals.retractions > 1 {
-            extreme(retraction, format!("Longest retraction: {:.2} mm", retraction.value));
-        }
-        let deviation = &totals.greatest_deviation;
-        extreme(deviation, format!("Farthest from the path asked for: {:.3} mm", deviation.value));
-        let pressure = &totals.greatest_pressure;
-        extreme(pressure, format!("Greatest pressure in the nozzle: {:.2} mm³ too much in it", pressure.value));
-        let wait = &totals.longest_wait;
-        if wait.value > 0.5 {
-            extreme(wait, format!("Longest wait that is not for a heater: {:.1} s", wait.value));
-        }
-        findings
+            is_note: matches!(remark.kind, RemarkKind::Corner | RemarkKind::NoEffect),
+        });
+        let outcome = Outcome { stopped, remarks: remarks.collect(), slowed_moves: self.figures.slowed_moves };
+        outcome.findings(&self.recording.totals)
     }
 }

@@ -6,6 +6,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::columns::{Column, Columns, base64, packed};
+use crate::findings::Finding;
 use crate::recorder::Recording;
 use crate::source::Text;
 use crate::totals::Totals;
@@ -24,21 +25,6 @@ const SCRIPT: &str = concat!(
     include_str!("../page/main.js"),
     "})();\n"
 );
-
-/// A remark about the print, with the place that it is about.
-#[derive(Clone, Debug, Serialize)]
-pub struct Finding {
-    /// `stop`, `warning`, `note`, `extreme` or `place`.
-    pub weight: &'static str,
-    /// A sentence.
-    pub text: String,
-    /// Number of the first line that it is about.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub line: Option<u32>,
-    /// When, s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_s: Option<f64>,
-}
 
 /// What is known of the job besides its motion.
 #[derive(Clone, Debug, Serialize)]

@@ -1,0 +1,168 @@
+//! The findings of a print, in words: why it stopped, what its lines were warned of, and where it is fastest, longest or most.
+
+use serde::Serialize;
+
+use crate::totals::{Extreme, Totals};
+
+/// Least wait that is told, s.
+const LEAST_WAIT_S: f64 = 0.5;
+
+/// A remark about the print, with the place that it is about.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// `stop`, `warning`, `note`, `extreme` or `place`.
+    pub weight: &'static str,
+    /// A sentence.
+    pub text: String,
+    /// Number of the first line that it is about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u32>,
+    /// When, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<f64>,
+}
+
+/// A remark on a job's lines.
+#[derive(Clone, Copy, Debug)]
+pub struct Remarked<'a> {
+    /// Its text.
+    pub message: &'a str,
+    /// Number of its lines.
+    pub count: u64,
+    /// The first of them.
+    pub line: Option<u32>,
+    /// Whether the part is as it should be all the same.
+    pub is_note: bool,
+}
+
+/// What came of a print besides its motion.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome<'a> {
+    /// Why the print stopped early, and in which line.
+    pub stopped: Option<(String, Option<u32>)>,
+    /// Remarks on its lines and on its end.
+    pub remarks: Vec<Remarked<'a>>,
+    /// Moves that were slowed because the board could not keep up with them.
+    pub slowed_moves: u64,
+}
+
+impl Outcome<'_> {
+    /// What the page lists, the most important first.
+    pub fn findings(&self, totals: &Totals) -> Vec<Finding> {
+        let stop = self.stopped.iter().map(|(reason, line)| Finding {
+            weight: "stop",
+            text: format!("The print stops here: {reason}"),
+            line: *line,
+            time_s: None,
+        });
+        let [notes, warnings] =
+            [true, false].map(|is_note| self.remarks.iter().filter(move |one| one.is_note == is_note));
+        let remarks = warnings.chain(notes).map(Remarked::finding);
+        let slowed = slowed(self.slowed_moves, totals);
+        let retraction = first_retraction(totals);
+        stop.chain(remarks).chain(slowed).chain(retraction).chain(extremes(totals)).collect()
+    }
+}
+
+impl Remarked<'_> {
+    fn finding(&self) -> Finding {
+        Finding {
+            weight: if self.is_note { "note" } else { "warning" },
+            text: match self.count {
+                0 | 1 => self.message.to_owned(),
+                count => format!("{} ({count} lines)", self.message),
+            },
+            line: self.line,
+            time_s: None,
+        }
+    }
+}
+
+/// A finding about a place of the print.
+fn place(weight: &'static str, place: &Extreme, text: String) -> Finding {
+    Finding { weight, text, line: Some(place.line), time_s: Some(place.time_s) }
+}
+
+fn slowed(moves: u64, totals: &Totals) -> Option<Finding> {
+    (moves > 0 && totals.first_slowed.value > 0.0).then(|| {
+        let moves = if moves == 1 { "1 move is" } else { &format!("{moves} moves are") };
+        let text = format!(
+            "{moves} slowed, for the board cannot keep up with them: {:.1} s of the print. This is the first",
+            totals.slowed_s
+        );
+        place("warning", &totals.first_slowed, text)
+    })
+}
+
+fn first_retraction(totals: &Totals) -> Option<Finding> {
+    (totals.retractions > 0).then(|| {
+        let count = totals.retractions;
+        let retractions = if count == 1 { "The only retraction" } else { &format!("The first of {count} retractions") };
+        place("place", &totals.first_retraction, format!("{retractions}: {:.2} mm", totals.first_retraction.value))
+    })
+}
+
+/// Where the print is fastest, longest or most; what it does not have is left out.
+fn extremes(totals: &Totals) -> impl Iterator<Item = Finding> {
+    let extreme = |extreme: &Extreme, text: String| (extreme.value > 0.0).then(|| place("extreme", extreme, text));
+    let Totals { greatest_flow, fastest_print, longest_travel, longest_retraction, .. } = totals;
+    let Totals { greatest_deviation, greatest_pressure, longest_wait, .. } = totals;
+    let retraction = || extreme(longest_retraction, format!("Longest retraction: {:.2} mm", longest_retraction.value));
+    let wait = || extreme(longest_wait, format!("Longest wait that is not for a heater: {:.1} s", longest_wait.value));
+    let all = [
+        extreme(greatest_flow, format!("Greatest flow: {:.1} mm³/s", greatest_flow.value)),
+        extreme(fastest_print, format!("Fastest printing: {:.0} mm/s", fastest_print.value)),
+        extreme(longest_travel, format!("Longest travel: {:.0} mm", longest_travel.value)),
+        // The only one has a finding of its own.
+        (totals.retractions > 1).then(retraction).flatten(),
+        extreme(greatest_deviation, format!("Farthest from the path asked for: {:.3} mm", greatest_deviation.value)),
+        extreme(
+            greatest_pressure,
+            format!("Greatest pressure in the nozzle: {:.2} mm³ too much in it", greatest_pressure.value),
+        ),
+        (longest_wait.value > LEAST_WAIT_S).then(wait).flatten(),
+    ];
+    all.into_iter().flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn findings_come_in_the_order_of_their_weight() {
+        let remark = |message, count, is_note| Remarked { message, count, line: Some(7), is_note };
+        let outcome = Outcome {
+            stopped: Some(("the bed is gone".to_owned(), Some(9))),
+            remarks: vec![remark("a corner", 1, true), remark("no heat", 3, false)],
+            slowed_moves: 1,
+        };
+        let at = |value, line| Extreme { value, time_s: 1.5, line };
+        let mut totals = Totals::default();
+        totals.retractions = 1;
+        totals.first_retraction = at(0.8, 3);
+        totals.longest_retraction = at(0.8, 3);
+        totals.first_slowed = at(1.0, 4);
+        totals.slowed_s = 2.0;
+        totals.fastest_print = at(60.0, 5);
+        totals.longest_wait = at(0.5, 6);
+        let findings = outcome.findings(&totals);
+        let told: Vec<_> = findings.iter().map(|one| (one.weight, one.text.as_str(), one.line)).collect();
+        assert_eq!(
+            told,
+            [
+                ("stop", "The print stops here: the bed is gone", Some(9)),
+                ("warning", "no heat (3 lines)", Some(7)),
+                ("note", "a corner", Some(7)),
+                (
+                    "warning",
+                    "1 move is slowed, for the board cannot keep up with them: 2.0 s of the print. This is the first",
+                    Some(4)
+                ),
+                ("place", "The only retraction: 0.80 mm", Some(3)),
+                ("extreme", "Fastest printing: 60 mm/s", Some(5)),
+            ]
+        );
+        assert!(Outcome::default().findings(&Totals::default()).is_empty());
+    }
+}
