@@ -64,9 +64,9 @@ pub struct Board {
     pub ram_kib: u32,
     /// Core-coupled memory, KiB.
     pub ccm_kib: u32,
-    /// Where the image begins, bytes from the start of flash.
+    /// Start of the image, bytes from the start of flash.
     pub boot_offset: u32,
-    /// What the boot loader wants the image to be called: plain bytes (`.bin`), or Prusa's container (`.bbf`).
+    /// File name that the boot loader expects: plain bytes (`.bin`), or Prusa's container (`.bbf`).
     pub boot_file: Option<String>,
     /// The profile of an image that is built without another.
     pub profile: String,
@@ -104,9 +104,10 @@ pub struct Board {
     pub used_servo: Option<Pin>,
     /// Fans and other outputs that the safe state sets, and whether they are on then.
     pub safe_outputs: Vec<(Pin, bool)>,
-    /// How the machine's profile uses that output ([`Self::for_machine`]).
+    /// The supply output with the settings of the machine's profile; `None` if the profile does not use it
+    /// ([`Self::for_machine`]).
     pub used_supply: Option<SupplyOutput>,
-    /// Which connectors the machine's chamber uses: for its thermistor, and for its heater.
+    /// Connectors of the machine's chamber: its thermistor, and its heater if it has one.
     pub used_chamber: Option<(SpareConnector, Option<SpareConnector>)>,
     /// Further motors that lift the machine's Z, and whether each runs the other way round than the axis's own
     /// ([`Self::for_machine`]).
@@ -114,9 +115,9 @@ pub struct Board {
     /// The motors of the extruders of further tools, and whether each runs the other way round than E's own
     /// ([`Self::for_machine`]).
     pub further_e: Vec<(Motor, bool)>,
-    /// Which connectors a further tool's nozzle uses: for its thermistor, and for its heater.
+    /// Connectors of a further tool's nozzle: its thermistor and its heater.
     pub used_nozzle: Option<(SpareConnector, SpareConnector)>,
-    /// What a user of the board should know: one sentence each.
+    /// Notes on the board for its users, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -125,7 +126,7 @@ pub struct Board {
 pub struct SupplyOutput {
     /// The pin.
     pub pin: Pin,
-    /// What the profile says of it.
+    /// The profile's settings of it.
     pub settings: PowerSupply,
 }
 
@@ -157,9 +158,9 @@ pub struct Accelerometer {
     pub chip: AccelerometerChip,
     /// The clock.
     pub sck: Pin,
-    /// What the chip says.
+    /// Data from the chip.
     pub miso: Pin,
-    /// What the chip hears.
+    /// Data to the chip.
     pub mosi: Pin,
     /// Low while the chip is asked.
     pub cs: Pin,
@@ -214,16 +215,16 @@ pub struct Motor {
 /// The serial line to a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverUart {
-    /// By a line of its own (or the chip-select of that socket).
+    /// A line that only this driver uses (or the chip-select of that socket).
     Pin(Pin),
-    /// By this address on the shared line, 0 to 3.
+    /// This address on the shared line, 0 to 3.
     Address(u8),
 }
 
 /// A heater's pins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Heater {
-    /// What it heats.
+    /// Name of the heated part.
     pub name: &'static str,
     /// High = on.
     pub pin: Pin,
@@ -249,7 +250,7 @@ pub struct Fan {
 /// A thermistor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Thermistor {
-    /// What it measures.
+    /// Name of the measured part.
     pub name: &'static str,
     /// Its pin.
     pub pin: Pin,
@@ -352,7 +353,7 @@ impl Board {
         Ok(Self { boot_offset: offset, boot_file: None, ..self })
     }
 
-    /// Whether the boot loader takes Prusa's container (`.bbf`).
+    /// Returns true if the boot loader takes Prusa's container (`.bbf`).
     pub fn takes_bbf(&self) -> bool {
         self.boot_file.as_deref().is_some_and(|name| name.ends_with(BBF_SUFFIX))
     }
@@ -388,15 +389,15 @@ pub const BBF_SUFFIX: &str = ".bbf";
 /// Bytes of flash that the container's header takes before the image, from the beginning of a sector on.
 pub const BBF_HEADER_BYTES: u32 = 512;
 
-/// Where flash sectors begin, for errors.
+/// The boundaries of flash sectors in words, for errors.
 pub(crate) const SECTORS: &str =
     "the beginning of a flash sector (0, 0x4000, 0x8000, 0xc000, 0x10000 or a multiple of 0x20000)";
 
-/// Where flash begins.
+/// First address of flash.
 pub const FLASH_ADDRESS: u32 = 0x0800_0000;
 
-/// Where RAM begins.
+/// First address of RAM.
 pub const RAM_ADDRESS: u32 = 0x2000_0000;
 
-/// Where core-coupled memory begins.
+/// First address of core-coupled memory.
 pub const CCM_ADDRESS: u32 = 0x1000_0000;

@@ -29,7 +29,7 @@ pub struct Chip {
     pub max_apb2_hz: u32,
     /// Its registers.
     pub family: ChipFamily,
-    /// What its buses carry.
+    /// Peripherals on its buses.
     pub buses: Buses,
     /// Words of 32 interrupts that its interrupt controller has.
     pub interrupt_words: u32,
@@ -37,14 +37,14 @@ pub struct Chip {
     ports: [u16; 7],
 }
 
-/// What a chip's buses carry, as masks of the registers of AHB1, AHB2, AHB3, APB1 and APB2.
+/// Peripherals on a chip's buses, as masks of the registers of AHB1, AHB2, AHB3, APB1 and APB2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Buses {
     /// Parts that are reset: all but the ports, whose pins hold heaters and motors off, and the power control (bit 28 of
     /// RCC_APB1RSTR).
     pub parts: [u32; 5],
-    /// Clocks that go on while the core sleeps, as after reset. Without that of a timer the steps would end with the first
-    /// `wfi`.
+    /// Clocks that keep running while the core sleeps, as after reset. Without its timer's clock the steps would end
+    /// with the first `wfi`.
     pub in_sleep: [u32; 5],
 }
 
@@ -117,13 +117,13 @@ impl Chip {
     /// All chips.
     pub(crate) const ALL: [Self; 3] = CHIPS;
 
-    /// Whether the package brings this pin out, for other things than the crystal.
+    /// Returns true if the package brings this pin out, for other uses than the crystal.
     pub fn has(self, pin: Pin) -> bool {
         self.ports.get(usize::from(pin.port)).is_some_and(|pins| pins >> pin.number & 1 == 1)
     }
 
-    /// Whether a flash sector begins at `offset`, bytes from the start: four of 16 KiB, one of 64 KiB, the rest of 128 KiB
-    /// (RM0090 table 5, RM0390 table 4).
+    /// Returns true if a flash sector begins at `offset`, bytes from the start: four of 16 KiB, one of 64 KiB, the
+    /// rest of 128 KiB (RM0090 table 5, RM0390 table 4).
     pub fn is_sector_boundary(self, offset: u32) -> bool {
         const KIB: u32 = 1024;
         let step = if offset <= 64 * KIB { 16 * KIB } else { 128 * KIB };

@@ -1,4 +1,4 @@
-//! From the crystal to the clocks: the highest frequency at which USB and the motion clock are exact.
+//! The clocks that follow from the crystal: the highest frequency at which USB and the motion clock are exact.
 //!
 //! USB wants 48 MHz and the planner counts ticks of 84 MHz, so both must come out without a remainder; a crystal that
 //! cannot do that is refused. The timers count at the slow bus's frequency, twice that where it is divided (RM0090 7.2,
@@ -10,14 +10,15 @@ use ferrostep_planner::TICKS_PER_SECOND;
 
 use crate::chip::Chip;
 
-/// What USB needs, Hz.
+/// Clock frequency of USB, Hz.
 pub const USB_HZ: u32 = 48_000_000;
 
 /// Frequency of the internal oscillator, Hz.
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
-/// What a crystal may have, MHz: those for which this search and the one of stm32f4xx-hal find the same numbers of the PLL. The
-/// HAL stores its own numbers when it takes the clock over (`hal-shim/stm32f4-board/src/clock.rs`), and they must change nothing.
+/// Frequencies that a crystal may have, MHz: those for which this search and the one of stm32f4xx-hal find the same
+/// numbers of the PLL. The HAL stores its own numbers when it takes the clock over
+/// (`hal-shim/stm32f4-board/src/clock.rs`), and they must change nothing.
 pub const CRYSTALS_MHZ: [u32; 4] = [8, 12, 16, 25];
 
 /// Input of the PLL after its divider M, Hz (RM0090 7.3.2, RM0390 6.3.2: nearest to 2 MHz has the least jitter).
@@ -117,7 +118,7 @@ impl Clock {
         self.core_hz / self.apb2_divider
     }
 
-    /// How RCC_CFGR codes a bus's divider.
+    /// Returns the code of RCC_CFGR for a bus's divider.
     pub const fn divider_code(divider: u32) -> u32 {
         // 0xx: not divided; 100: by 2; 101: by 4 ...
         match divider {
@@ -127,7 +128,7 @@ impl Clock {
     }
 }
 
-/// Whether `hz / divisor` is within the range.
+/// Returns true if `hz / divisor` is within the range.
 fn within(range: &std::ops::RangeInclusive<u32>, hz: u32, divisor: u32) -> bool {
     hz >= range.start() * divisor && hz <= range.end() * divisor
 }

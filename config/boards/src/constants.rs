@@ -18,7 +18,7 @@ use crate::store::Store;
 /// KiB at the start of RAM for the stack. A test computes the deepest path through each image and compares it with this.
 pub const STACK_KIB: u32 = 23;
 
-/// The same in the images that measure: each part that is counted has a planner of its own on the stack.
+/// The same in the images that measure: each counted part puts its own planner on the stack.
 pub const MEASURING_STACK_KIB: u32 = 32;
 
 /// The constants that `ferrostep-stm32f4` includes as its module `board`.
@@ -171,7 +171,7 @@ fn thermal(board: &Board) -> String {
     )
 }
 
-/// Registers in the place of a chip's: every store is recorded.
+/// Registers that record every store instead of a chip's.
 #[derive(Default)]
 struct Script(Vec<Store>);
 
@@ -279,7 +279,7 @@ pub fn memories(board: &Board, stack_kib: u32) -> String {
     )
 }
 
-/// Which memory an address is in.
+/// Memory that an address lies in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Memory {
     /// Flash.

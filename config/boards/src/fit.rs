@@ -1,4 +1,4 @@
-//! Whether a board has what a profile needs.
+//! Checks that a board has all that a profile needs.
 
 use ferrostep_checked_toml::FileError;
 use ferrostep_hal_shim::{FanOutput, SpareConnector};
@@ -83,7 +83,7 @@ fn milliohm(ohm: f64) -> u16 {
     (ohm * 1000.0).round() as u16
 }
 
-/// Whether there is a line to a driver that may be a TMC2209.
+/// Returns true if the board has a line to a driver that may be a TMC2209.
 fn can_be_set(motor: &Motor) -> bool {
     matches!(motor.driver, Driver::Tmc2209 | Driver::Socket) && motor.uart.is_some()
 }
@@ -102,8 +102,8 @@ pub(crate) fn driven<'a>(board: &'a Board, profile: &Profile) -> Vec<Option<(&'a
     driven
 }
 
-/// How the drivers that a profile sets are connected, X, Y, Z, E and the further ones of Z; `None` for one that it does not set, or that
-/// the board cannot.
+/// Wiring of the drivers that a profile sets: X, Y, Z, E and the further ones of Z; `None` for a driver that the
+/// profile does not set or the board cannot.
 pub fn wiring(board: &Board, profile: &Profile) -> Vec<Option<DriverWiring>> {
     let wired = |(index, driven): (usize, Option<(&Motor, Option<DriverSettings>)>)| {
         let (motor, settings) = driven?;

@@ -296,8 +296,8 @@ fn clock(keys: &Section<'_>, chip: Chip) -> (u32, Option<Clock>) {
     (crystal_hz, clock)
 }
 
-/// Where the image begins: at a flash sector, so that erasing it leaves the boot loader alone; after the header in one where
-/// the boot loader takes a container.
+/// Reads the start of the image: a flash sector's, so that erasing it leaves the boot loader alone; where the boot
+/// loader takes a container, the image begins after the header in that sector.
 fn boot_offset(keys: &Section<'_>, boot_file: Option<&str>, chip: Chip, flash_kib: u32) -> u32 {
     // Half of the flash is left at least: an image is at most a quarter of the largest.
     let half = f64::from(flash_kib) * 512.0;

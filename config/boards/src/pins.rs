@@ -11,7 +11,7 @@ use crate::signals::DEBUG_PINS;
 /// A pin's use.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Use {
-    /// Any use without a rule of its own.
+    /// Any use without special rules.
     Any,
     /// A motor's enable signal: motors may share it.
     Enable,
@@ -35,12 +35,12 @@ impl<'r> Pins<'r> {
         Self { reader, chip, used: BTreeMap::new(), notes: Vec::new() }
     }
 
-    /// What a user of the board should know of its pins.
+    /// Returns the notes on the board's pins for its users.
     pub fn into_notes(self) -> Vec<String> {
         self.notes
     }
 
-    /// The pin that a key must name, for a use of its own.
+    /// The pin that a key must name, for this use.
     pub fn take(&mut self, table: &Section<'_>, key: &'static str, usage: Use, about: &'static str) -> Pin {
         let name = table.text(key, PIN, |name| Pin::named(name).is_some()).required(about);
         self.take_named(&table.path(key), &name, usage)
@@ -59,7 +59,7 @@ impl<'r> Pins<'r> {
         Some(self.take_named(&table.path(key), &name, usage))
     }
 
-    /// The pin of this name. A name that is no pin's is refused already; PA0 replaces it then.
+    /// The pin of this name. A name that is not a pin's is refused already; PA0 replaces it then.
     pub fn take_named(&mut self, path: &str, name: &str, usage: Use) -> Pin {
         let Some(pin) = Pin::named(name) else { return Pin { port: 0, number: 0 } };
         let line = |path: &str| self.reader.line(path).unwrap_or_default();

@@ -15,16 +15,16 @@ const NVIC_ICER: u32 = 0xe000_e180;
 const NVIC_ICPR: u32 = 0xe000_e280;
 const SCB_ICSR: u32 = 0xe000_ed04;
 const SCB_SCR: u32 = 0xe000_ed10;
-/// At reset: the stack is aligned at exceptions, and nothing traps.
+/// Configuration register; at reset the stack is aligned at exceptions, and nothing traps.
 const SCB_CCR: u32 = 0xe000_ed14;
 const CCR_AT_RESET: u32 = 1 << 9;
 const MPU_CTRL: u32 = 0xe000_ed94;
 
-/// In OSPEEDR, two bits a pin: the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics). Pulses are much
-/// longer than that, and faster edges ring on the long traces to the drivers; Prusa's own firmware chooses it for these
-/// pins too.
+/// Code in OSPEEDR, two bits a pin, for the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics).
+/// Pulses are much longer than that, and faster edges ring on the long traces to the drivers; Prusa's own firmware
+/// chooses it for these pins as well.
 const LOW_SPEED: u32 = 0b00;
-/// In OSPEEDR: edges of up to 10 ns at 30 pF, for 12 MHz.
+/// Code in OSPEEDR for edges of up to 10 ns at 30 pF, for 12 MHz.
 const HIGH_SPEED: u32 = 0b10;
 /// The SDIO on all its pins.
 const CARD_FUNCTION: u32 = 12;
@@ -40,7 +40,7 @@ fn of_port(port: u8, offset: u32) -> u32 {
 fn fields(pins: &[Pin], offset: u32, width: u32, value: u32) -> Vec<Store> {
     let mut stores: Vec<Store> = Vec::new();
     for pin in pins {
-        // The alternate functions of pins 8 to 15 have a register of their own.
+        // Pins 8 to 15 have a second register for their alternate functions.
         let (register, place) = match u32::from(pin.number) * width {
             place @ 0..32 => (offset, place),
             place => (offset + 4, place - 32),
@@ -151,8 +151,8 @@ fn eeprom(board: &Board) -> Vec<Store> {
     .concat()
 }
 
-/// The output of the machine's power supply, with the supply on or off: its level first, so that the change to an output is no pulse.
-/// A pin that no profile uses stays an input.
+/// The output of the machine's power supply, with the supply on or off: its level first, so that the change to an
+/// output makes no pulse. A pin that no profile uses stays an input.
 fn supply(board: &Board, is_on: impl Fn(&SupplyOutput) -> bool) -> Vec<Store> {
     let Some(output) = &board.used_supply else { return Vec::new() };
     let pin = [output.pin];
@@ -173,7 +173,7 @@ fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
 }
 
-/// Heaters off, whatever used their pins before: low first, so that the change to an output is no pulse.
+/// Heaters off, whatever used their pins before: low first, so that the change to an output makes no pulse.
 fn heaters_off(board: &Board) -> Vec<Store> {
     let heaters = heater_pins(board);
     [levels(&[], &heaters), fields(&heaters, MODER, 2, OUTPUT)].concat()
@@ -206,9 +206,9 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores
 }
 
-/// The stores of the panic and fault handlers: heaters off, motors off, the fans of nozzle and part full, the power supply off where it can
-/// be switched, and the USB port off the bus, so that its host stops too. A transistor that has failed closed goes on heating without such
-/// a supply, so the fans cool.
+/// The stores of the panic and fault handlers: heaters off, motors off, the fans of nozzle and part full, the power
+/// supply off where it can be switched, and the USB port off the bus, so that its host stops as well. Without such a
+/// supply a transistor that has failed closed keeps heating, so the fans cool.
 pub fn all_off(board: &Board) -> Vec<Store> {
     let outputs = |on: bool| -> Vec<Pin> {
         board.safe_outputs.iter().filter(|(_, is_on)| *is_on == on).map(|(pin, _)| *pin).collect()
@@ -280,7 +280,7 @@ mod tests {
         crate::builtin_names().map(|name| crate::load(name).unwrap())
     }
 
-    /// Whether some store makes a pin low or high.
+    /// Place of the first store that drives a pin low or high.
     fn drives(stores: &[Store], pin: Pin, high: bool) -> Option<usize> {
         let bit = if high { pin.bit() } else { pin.bit() << 16 };
         stores.iter().position(|store| store.address == of_port(pin.port, BSRR) && store.set & bit != 0)
@@ -327,7 +327,8 @@ mod tests {
         }
     }
 
-    /// After heaters and motors, taken from their timers: only those of nozzle and part.
+    /// Only the fans of nozzle and part blow, after heaters and motors are off and once the pins are taken from their
+    /// timers.
     #[test]
     fn the_end_lets_both_fans_blow() {
         for board in boards() {

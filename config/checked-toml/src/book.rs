@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Mutex;
 
-/// With this variable set, [`keep`] writes instead of comparing.
+/// Variable that makes [`keep`] write instead of comparing.
 pub const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
 
 /// Tests run at once, and some keep parts of the same page.
@@ -18,7 +18,7 @@ pub fn keep(page: &Path, name: &str, text: &str) -> Result<(), String> {
     keep_or_write(page, name, text, is_written())
 }
 
-/// Whether [`keep`] writes: a table of which a run makes only some rows is made whole then.
+/// Returns true if [`keep`] writes: a table of which a run makes only some rows is then made whole.
 pub fn is_written() -> bool {
     std::env::var_os(REFRESH_VARIABLE).is_some()
 }

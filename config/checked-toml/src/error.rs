@@ -1,4 +1,4 @@
-//! What can be wrong with a file, and where.
+//! The faults of a file, with their places.
 
 use std::fmt;
 
@@ -12,13 +12,13 @@ pub struct FileError {
     problem: Problem,
 }
 
-/// What is wrong. Keys are full paths with dots, such as `homing.x.end`.
+/// A fault of a file. Keys are full paths with dots, such as `homing.x.end`.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Problem {
     /// The file could not be read, and its name is not a built-in one.
     Read {
-        /// What it should have been: "profile".
+        /// The expected kind of file: "profile".
         what: &'static str,
         /// The name that was probably meant, of those that need no file.
         meant: Option<&'static str>,
@@ -49,7 +49,7 @@ pub enum Problem {
     WrongType {
         /// The key.
         key: String,
-        /// The value as it stands in the text.
+        /// The value as written in the text.
         value: String,
         /// The right values, in words.
         expected: String,
@@ -58,7 +58,7 @@ pub enum Problem {
     OutOfRange {
         /// The key.
         key: String,
-        /// The value as it stands in the text.
+        /// The value as written in the text.
         value: String,
         /// The right values, in words and with their unit.
         expected: String,
@@ -81,7 +81,7 @@ impl FileError {
         self.line
     }
 
-    /// What is wrong.
+    /// Returns the fault.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }

@@ -16,7 +16,7 @@ pub struct Field<'r, T> {
     /// The right values, in a refusal's words.
     expected: String,
     value: Option<T>,
-    /// In the place of a value that is missing or wrong.
+    /// Replaces a value that is missing or wrong.
     stand_in: T,
     /// A value in the book's words.
     show: Box<dyn Fn(&T) -> String>,

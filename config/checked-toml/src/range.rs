@@ -13,7 +13,7 @@ pub struct Range {
     pub unit: &'static str,
     /// Ends that no other key narrows.
     declared: [f64; 2],
-    /// What narrows them; empty if nothing does.
+    /// Name of the limit that narrowed them; empty if none did.
     narrowed_by: &'static str,
 }
 
@@ -42,7 +42,7 @@ impl Range {
         self.at_least(low, why).at_most(high, why)
     }
 
-    /// Whether a value lies within.
+    /// Returns true if a value lies within.
     pub fn contains(&self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
     }

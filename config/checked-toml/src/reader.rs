@@ -1,8 +1,8 @@
 //! A text that is read key by key: each call declares a key and yields its value.
 //!
-//! Reading goes on after a fault, with a value that stands in: all keys are declared whatever the text says. [`Reader::finish`]
-//! then reports the most basic fault: unknown keys, wrong types, missing keys, values out of their range, and last values
-//! that contradict each other. A reader without a text [describes](Reader::describe) the keys.
+//! Reading continues after a fault with a substitute value: all keys are declared whatever the text says.
+//! [`Reader::finish`] then reports the most basic fault: unknown keys, wrong types, missing keys, values out of their
+//! range, and last values that contradict each other. A reader without a text [describes](Reader::describe) the keys.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -25,7 +25,7 @@ pub struct Reader<'a> {
     pub(crate) state: RefCell<State>,
 }
 
-/// What reading has found so far.
+/// Findings of the reading so far.
 #[derive(Default)]
 pub(crate) struct State {
     pub keys: Vec<Key>,
@@ -58,7 +58,7 @@ pub struct Checked<T> {
 }
 
 impl<'a> Reader<'a> {
-    /// Reads `text`; `origin` (a path or a name) stands in front of the line number in errors.
+    /// Reads `text`; `origin` (a path or a name) precedes the line number in errors.
     ///
     /// # Errors
     /// The text is not TOML.
@@ -99,7 +99,7 @@ impl<'a> Reader<'a> {
         self.fault(Rank::Contradiction, line, problem);
     }
 
-    /// Line on which the value of a key stands that was read, counted from 1.
+    /// Line of the value of a key that was read, counted from 1.
     pub fn line(&self, path: &str) -> Option<usize> {
         self.state.borrow().shown.get(path).and_then(|(_, line)| *line)
     }

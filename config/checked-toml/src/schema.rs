@@ -9,7 +9,7 @@ pub struct Key {
     pub name: &'static str,
     /// Full path.
     pub path: String,
-    /// It names a table with keys of its own.
+    /// True if it names a table with its own keys.
     pub is_section: bool,
     /// Names of the keys in a table that counts as one value, such as `x`, `y`, `z`.
     pub names: Vec<&'static str>,
@@ -17,9 +17,9 @@ pub struct Key {
     pub unit: &'static str,
     /// The right values, for a book.
     pub allowed: String,
-    /// What holds if it is left out; empty for a required key.
+    /// Its effect when it is left out; empty for a required key.
     pub absent: String,
-    /// What it means, for a book.
+    /// Its meaning, for a book.
     pub about: &'static str,
     /// Two files that differ in it do not count as the same.
     pub is_bound: bool,
@@ -121,7 +121,7 @@ impl<'a> Row<'a> {
         self.inner.iter().for_each(|row| row.write(text));
     }
 
-    /// What all have in common, or each one's own.
+    /// The text that all rows share, or each row's text.
     fn cell(&self, of: fn(&Key) -> String) -> String {
         let all: Vec<String> = self.same.iter().map(|key| of(key)).collect();
         if all.windows(2).all(|pair| pair[0] == pair[1]) {

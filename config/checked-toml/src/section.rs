@@ -30,7 +30,7 @@ impl Reader<'_> {
         Schema::new(reader.state.into_inner().keys)
     }
 
-    /// The table of the keys that stand in no table.
+    /// The root table, of the keys outside all tables.
     pub fn root(&self) -> Section<'_> {
         self.state.borrow_mut().names.entry(String::new()).or_default();
         let table = self.root.as_ref().map(Spanned::get_ref);
@@ -88,8 +88,8 @@ impl<'r> Section<'r> {
         (!is_missing || self.is_describing()).then_some(inner)
     }
 
-    /// Tables whose names the writer of the text chooses, in the table `key`, which may be left out; in the order of their lines. In the
-    /// schema they are one with this name. Each name is kept for ever, as keys are.
+    /// Tables whose names the writer of the text chooses, in the table `key`, which may be left out; in the order of
+    /// their lines. In the schema they are one with this name. Each name is leaked, as keys are.
     pub fn named_sections(
         &self,
         key: &'static str,
@@ -110,14 +110,14 @@ impl<'r> Section<'r> {
         sections.map(|name| (name, outer.open(name, about_each, "").0)).collect()
     }
 
-    /// Refuses a part of a text of several lines by the line of the file that it stands on.
+    /// Refuses one line of a text of several lines; `line` is its number in the file.
     pub fn refuse_line(&self, key: &str, line: usize, text: &str, expected: impl fmt::Display) {
         let (value, expected) = (format!("{text:?}"), expected.to_string());
         let problem = Problem::OutOfRange { key: self.path(key), value, expected };
         self.reader.fault(Rank::Contradiction, Some(line), problem);
     }
 
-    /// Whether there is no text at all.
+    /// True if the reader has no text and only describes the keys.
     pub(crate) fn is_describing(&self) -> bool {
         self.reader.root.is_none()
     }

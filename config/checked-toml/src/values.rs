@@ -13,7 +13,7 @@ use crate::reader::Rank;
 use crate::section::Section;
 use crate::words::{join, one_of, one_of_in_book};
 
-/// What a word can mean.
+/// Meaning of a word in a file.
 pub trait Choice: Copy + PartialEq + fmt::Debug + 'static {}
 
 impl<T: Copy + PartialEq + fmt::Debug + 'static> Choice for T {}
@@ -231,7 +231,7 @@ impl<'r> Section<'r> {
         Field::new(self, key, String::new(), value, show).described(expected.to_owned(), expected.to_owned(), "")
     }
 
-    /// A text of several lines, each with the number of the file's line that it stands on. `expected` says in words what they are.
+    /// A text of several lines, each with its line number in the file. `expected` describes them in words.
     pub fn lines(&self, key: &'static str, expected: &str) -> Field<'r, Vec<(usize, String)>> {
         self.declare(key);
         let value = self.value(key).and_then(|value| {

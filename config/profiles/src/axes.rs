@@ -1,4 +1,4 @@
-//! What the keys of several tables share: the axes' names, their speeds and their travel.
+//! Definitions that several tables share: the axes' names, their speeds and their travel.
 
 use ferrostep_checked_toml::{Range, range};
 

@@ -14,8 +14,8 @@ pub(crate) const MIN_GAP_US: f64 = MIN_GAP_TICKS as f64 * 1e6 / TICKS_PER_SECOND
 /// A motor's full steps a turn if a profile does not say: 1.8 degrees each.
 const USUAL_FULL_STEPS_PER_TURN: f64 = 200.0;
 
-/// By how much the steps a mm may differ from what the screw makes: a calibrated extruder's do, a slip is a factor of 1.2 or
-/// more.
+/// Tolerance of the steps a mm against those that the screw makes: a calibrated extruder's differ a little, a slip is
+/// a factor of 1.2 or more.
 const SCREW_TOLERANCE: f64 = 0.05;
 
 const PULSE_WIDTH: Range = range(0.01, 50.0, "us");
@@ -56,7 +56,7 @@ pub(crate) fn timing(keys: &Section<'_>, interval_us: f64) -> DriverTiming {
         let longest = interval_us / levels;
         table.refuse("pulse_width_us", format!("at most {longest} us (minimum_event_interval_us = {interval_us})"));
     }
-    // A direction changes at the end of a pulse or, where both edges step, in an event of its own.
+    // A direction changes at the end of a pulse or, where both edges step, in a separate event.
     let before_us = if both_edges { MIN_GAP_US } else { pulse_us };
     if before_us + setup_us > interval_us {
         let longest = interval_us - before_us;
@@ -86,7 +86,7 @@ pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bo
     })
 }
 
-/// The driver of a further extruder's motor, in a table of its own.
+/// The driver of a further extruder's motor, in that extruder's table.
 pub(crate) fn driver(keys: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> Option<DriverSettings> {
     let table = keys.optional_section("driver", "not set", "the driver of its motor, as in `[drivers.e]`")?;
     Some(settings(&table, motor, steps_per_mm, both_edges))

@@ -10,7 +10,7 @@ const BUDGET: Range = range(0.001, 1.0, "mm");
 const FREQUENCY: Range = range(AxisShaper::FREQUENCY_HZ[0], AxisShaper::FREQUENCY_HZ[1], "Hz");
 const DAMPING: Range = range(0.0, 0.6, "");
 
-/// Of a frame whose frequency is known worse nothing follows.
+/// Maximum uncertainty of a frame's frequency, as a share of it: a frame that is known worse gives no limit.
 const MAX_UNCERTAINTY: f64 = 0.5;
 
 /// The least acceleration that a budget may lead to, mm/s^2. A machine that accelerates less has better uses for a smaller error.
@@ -20,10 +20,10 @@ const MIN_ACCELERATION_MM_PER_S2: f64 = 100.0;
 /// and frequencies right and wrong. The nozzle is farther off for moments only.
 const PART_OF_LARGEST: f64 = 0.75;
 
-/// What a profile says of errors.
+/// A profile's error budget, and the frame that causes the errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorBudget {
-    /// How far from its path the nozzle may be in 99 % of the printing time, mm.
+    /// Maximum distance of the nozzle from its path in 99 % of the printing time, mm.
     pub budget_mm: Option<f64>,
     /// The frame along X and Y.
     pub frame: [Option<FrameMode>; 2],
@@ -108,7 +108,7 @@ impl ErrorBudget {
     }
 }
 
-/// What the error of an axis depends on.
+/// Quantities that determine the error of an axis.
 #[derive(Clone, Copy, Debug)]
 struct AxisError {
     response: Response,
@@ -137,7 +137,7 @@ impl AxisError {
         // With jumps that the acceleration limits: a quadratic equation in its root.
         let linear = of_speed_s * (8.0 * self.junction_deviation_mm).sqrt();
         let root = 2.0 * swing_mm / (linear + (linear * linear + 4.0 * of_acceleration_s2 * swing_mm).sqrt());
-        // With jumps that have a limit of their own.
+        // With jumps that have their own limit.
         let limited = (swing_mm - of_speed_s * self.max_jump_mm_per_s) / of_acceleration_s2;
         (root * root).max(limited)
     }

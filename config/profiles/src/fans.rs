@@ -15,7 +15,7 @@ const SPEED: Range = range(0.0, 30_000.0, "turns/min");
 /// Longest name, bytes.
 const MAX_NAME: usize = 32;
 
-/// What makes a fan turn, before its other keys are read.
+/// Control of a fan, read before its other keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turns {
     ByCommand,
@@ -164,7 +164,7 @@ fn check_outputs(keys: &Section<'_>, table: &FanTable) {
     }
 }
 
-/// An output that is no fan's; `None` for what is refused.
+/// An output that is not a fan's; `None` if it is refused.
 fn other_output(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSettings) {
     let output = keys
         .word("output", FanOutput::ALL.map(|output| (output.name(), output)))

@@ -5,7 +5,7 @@ use ferrostep_printer::{FilamentSensor, FilamentSensorKind};
 
 use crate::axes::units_10nm;
 
-/// How long a sensor must say the same.
+/// Range of the time for which a sensor must report the same.
 const DEBOUNCE: Range = range(0.0, 10.0, "s");
 const SWITCH_DEBOUNCE_S: f64 = 0.5;
 
@@ -17,7 +17,7 @@ const MOTION_DEBOUNCE_S: f64 = 0.005;
 /// BIGTREETECH's of its first smart filament sensor, and Klipper's `detection_length`.
 const DETECTION_MM: f64 = 7.0;
 
-/// What a sensor's signal tells, before its other keys are read.
+/// Kind of a sensor's signal, read before its other keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Switch,

@@ -47,23 +47,23 @@ const fn gain([low, high]: [f64; 2], unit: &'static str) -> Range {
     range(low, high, unit)
 }
 
-/// In what the heaters of nozzle, bed and chamber differ.
+/// Differences between the heaters of nozzle, bed and chamber.
 struct Kind<'a> {
     max_celsius: Range,
     watch_s: Range,
     runaway_s: Range,
     hysteresis: Range,
-    /// If the profile does not say.
+    /// Default where the profile has no keys for it.
     watch: HeaterWatch,
     mass: HeatedMass,
     mass_in_words: &'static str,
-    /// If the profile does not say; `None` where it must.
+    /// Default where the profile has no keys for it; `None` if it must have them.
     control: Option<Control>,
     /// Another heater, whose values are those that the profile does not say.
     base: Option<&'a HeaterSettings>,
 }
 
-/// How a heater is held, and when it counts as near its target.
+/// Control of a heater, and the window around its target within which it counts as near.
 struct Control {
     gains: PidGains,
     window_celsius: f64,
@@ -194,7 +194,7 @@ fn control_model(heater: &Section<'_>, name: &str) -> Option<HeaterModel> {
 fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> HeaterSettings {
     let apart = table.apart();
     let thermistor = thermistor(&apart, kind.base.map(|base| &base.thermistor));
-    // What another heater has, or what must be there.
+    // The other heater's value, or a required key.
     let or_base = |field: Field<'_, f64>, base: Option<f64>, about: &'static str| match base {
         Some(base) => field.optional(OF_FIRST, about).unwrap_or(base),
         None => field.required(about),
@@ -241,7 +241,7 @@ fn heater_of(table: &Section<'_>, name: &'static str, kind: &Kind<'_>) -> Heater
         "for this long",
     );
     if residency_window_celsius > watch.runaway_celsius {
-        // What M109 takes for reached would be a runaway.
+        // M109 would take a runaway for the reached target.
         let expected = format!("at most {name}.runaway_celsius = {}", watch.runaway_celsius);
         table.refuse("residency_window_celsius", expected);
     }
@@ -285,7 +285,7 @@ fn gains(heater: &Section<'_>, kind: &Kind<'_>) -> PidGains {
     }
 }
 
-/// What the virtual board's heater heats.
+/// Heated mass of the virtual board's heater.
 fn mass(heater: &Section<'_>, kind: &Kind<'_>) -> HeatedMass {
     let about = "what the heater heats, for the [virtual board](virtual-board.md) alone";
     let Some(model) = heater.optional_section("model", kind.mass_in_words, about) else { return kind.mass };
@@ -305,7 +305,7 @@ fn mass(heater: &Section<'_>, kind: &Kind<'_>) -> HeatedMass {
     }
 }
 
-/// What measures a heater.
+/// Thermistor that measures a heater.
 fn thermistor(heater: &Section<'_>, base: Option<&Thermistor>) -> Thermistor {
     let named = [
         ("semitec-104gt-2", ThermistorType::Semitec104Gt2),
@@ -365,7 +365,7 @@ fn readable_celsius(thermistor: &Thermistor) -> [i16; 2] {
     [lowest, readable.next_back().unwrap_or(lowest)]
 }
 
-/// When a heater counts as failed.
+/// Limits at which a heater counts as failed.
 fn watch(heater: &Section<'_>, kind: &Kind<'_>) -> HeaterWatch {
     let default = &kind.watch;
     let seconds = |milliseconds: u32| f64::from(milliseconds) / 1e3;

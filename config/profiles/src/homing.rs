@@ -1,4 +1,4 @@
-//! Where the axes home, how, and what keeps the nozzle off the bed meanwhile.
+//! Homing of the axes: places, order, sensors, and the keys that keep the nozzle off the bed meanwhile.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::Limits;
@@ -15,7 +15,8 @@ const RAISE: Range = range(0.5, 50.0, "mm");
 const PROBE_OFFSET: Range = range(-300.0, 300.0, "mm");
 const BED: Range = range(-2_000.0, 2_000.0, "mm");
 
-/// How much longer than the travel a frame may be, and how far apart two approaches may end, if a profile does not say.
+/// Default of `overrun_mm`: how much longer than the travel the frame may be, and how far apart two approaches may
+/// end.
 const DEFAULT_OVERRUN_MM: f64 = 5.0;
 const DEFAULT_AGREE_MM: f64 = 0.5;
 /// The same of a probe, which triggers without a stalling motor in between.
@@ -54,7 +55,7 @@ pub(crate) fn homing(
     (axes, safe)
 }
 
-/// What keeps the nozzle off the bed, as the file has it.
+/// The keys that keep the nozzle off the bed, as the file has them.
 struct SafeKeys {
     raise_mm: Option<f64>,
     home_at_mm: Option<[f64; 2]>,
@@ -150,7 +151,7 @@ impl SafeKeys {
     }
 }
 
-/// Where the bed is, and whether it is a circle; the travel if the file does not say.
+/// Place of the bed, and true if it is a circle; the whole travel if the file has no `bed_mm`.
 fn bed(tables: &Section<'_>, travel: &Travel) -> ([[f64; 2]; 2], bool) {
     let whole = [0, 1].map(|axis: usize| [travel.lower_mm[axis], travel.upper_mm[axis]]);
     let about = "where the probe finds the bed";
@@ -245,7 +246,8 @@ impl Lengths {
     }
 }
 
-/// What a stall signal needs: a driver that gives one, and a motor that is fast enough for it on both approaches.
+/// Checks the requirements of a stall signal: a driver that gives one, and a motor that is fast enough for it on both
+/// approaches.
 fn by_stall(
     table: &Section<'_>,
     axis: &str,

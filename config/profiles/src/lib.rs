@@ -80,7 +80,7 @@ pub fn text(name_or_path: &str) -> Result<String, ProfileError> {
     }
 }
 
-/// Parses and checks a profile; `origin` (a path or a name) stands in front of the line number in errors.
+/// Parses and checks a profile; `origin` (a path or a name) precedes the line number in errors.
 ///
 /// The texts in a [`Profile`] are `'static`, so each call leaks them (its names, at most 100 bytes, and its macros, at most 4096): a
 /// program reads the profile of its machine once.
@@ -95,7 +95,8 @@ pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
     Ok(Profile { name, model_names, macros, plan_hash: hash, ..profile })
 }
 
-/// What a profile's text says of errors, and of the frame that makes them. The accelerations that follow are in the [`Profile`].
+/// Reads the error budget and the frame from a profile's text. The accelerations that follow from them are in the
+/// [`Profile`].
 ///
 /// # Errors
 /// As [`parse`].

@@ -1,4 +1,4 @@
-//! The keys of a profile: those that stand in no table here, each table's in a file of its own.
+//! The keys of a profile outside all tables; each table has its own file.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
@@ -23,7 +23,7 @@ const LOWER_END: Range = range(-1_000.0, 0.0, "mm");
 const STEPS_PER_MM: Range = range(1.0, 10_000.0, "steps/mm");
 const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
 const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
-/// How far the two ways to say the speed of a corner may be apart, as a share of it.
+/// Maximum difference between the two settings of the speed in a corner, as a share of it.
 const CORNER_TOLERANCE: f64 = 0.05;
 const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
 // A step has two levels or, at its closest, a direction change before it: each takes a gap of the step interrupt.
@@ -41,7 +41,8 @@ const MAX_NAME: usize = 32;
 /// Longest list of names, bytes.
 const MAX_MODEL_NAMES: usize = 64;
 
-/// The machine; its name, its models' and its macros are apart, for a [`Profile`] has them for ever, and what only the desk needs.
+/// The machine. Its name, its models' names and its macros are separate, because a [`Profile`] needs them `'static`;
+/// so is the budget, which only the desk needs.
 ///
 /// A prepared job is bound to every key but those that are read `apart`: what changes neither the plan nor what it may ask of
 /// the machine.
@@ -173,7 +174,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget)
     (profile, [name, model_names, macros::macros(&apart, at_change)], budget_of_error)
 }
 
-/// What slicers call the machine.
+/// Names that slicers give the machine.
 fn model_names(keys: &Section<'_>) -> String {
     let expected =
         format!("1 to {MAX_MODEL_NAMES} printable ASCII characters, names separated by commas, none of them blank");
@@ -232,8 +233,8 @@ fn limits(keys: &Section<'_>) -> Limits {
     }
 }
 
-/// Whether corners keep their speed at every acceleration. The speed is said beside the deviation, and the two are checked against each
-/// other.
+/// Returns true if corners keep their speed at every acceleration. The profile then has this speed besides the
+/// deviation, and the two are checked against each other.
 fn holds_corner_speed(keys: &Section<'_>, limits: &Limits) -> bool {
     let about = "speed in a corner of 90° at every acceleration, as Klipper's: M204 then changes the deviation, not the speed; it is the \
                  one that `junction_deviation_mm` makes at `acceleration_mm_per_s2.print`";

@@ -15,15 +15,15 @@ const MAX_NAME: usize = 32;
 const MAX_DEPTH: usize = 8;
 /// Most lines of a macro, with those of the macros that it calls.
 const MAX_LINES: usize = 512;
-/// What a parameter without a default is, where its line is read for a trial.
+/// Value of a parameter without a default when its line is read for a trial.
 const TRIAL: &str = "1";
 /// The keys that name macros at a change of the tool, and what they may be.
 const KEYS_AT_CHANGE: [&str; 2] = ["tools.before_change", "tools.after_change"];
 pub(crate) const A_MACRO: &str = "the name of a macro, as in [macro.NAME]";
-/// With what these are called.
+/// Parameters that these macros are called with.
 const WORDS_AT_CHANGE: [&str; 2] = ["FROM", "TO"];
 
-/// A macro as it stands in the file.
+/// A macro as written in the file.
 struct Macro<'r> {
     section: Section<'r>,
     name: &'static str,
@@ -34,7 +34,7 @@ struct Macro<'r> {
 /// A macro with the lines of those that it calls.
 #[derive(Clone, Default)]
 struct Flat {
-    /// In the order in which they appear, each with its default.
+    /// Parameters in the order in which they appear, each with its default.
     parameters: Vec<(String, Option<String>)>,
     /// Place and text; parameters without their defaults.
     lines: Vec<(String, String)>,
@@ -59,7 +59,7 @@ impl Flat {
         }
     }
 
-    /// What a parameter is where its line is read for a trial.
+    /// Value of a parameter when its line is read for a trial.
     fn trial(&self, key: &str) -> String {
         let known = self.parameters.iter().find(|(known, _)| known == key);
         known.and_then(|(_, default)| default.clone()).unwrap_or_else(|| TRIAL.to_owned())
@@ -125,7 +125,7 @@ pub(crate) fn macros(keys: &Section<'_>, at_change: [Option<&str>; 2]) -> String
     text
 }
 
-/// Whether a text is a name of a macro or of a parameter.
+/// Returns true if a text is a valid name of a macro or of a parameter.
 fn is_name(name: &str, least: usize) -> bool {
     let is_letter = |byte: u8| byte.is_ascii_uppercase() || byte == b'_';
     (least..=MAX_NAME).contains(&name.len())
@@ -264,7 +264,7 @@ fn flatten<'m>(
     Some(flat)
 }
 
-/// Checks a macro that a change of the tool calls with FROM and TO, both of which it then knows.
+/// Checks a macro that a change of the tool calls with FROM and TO; it then has both as parameters.
 fn check_at_change(keys: &Section<'_>, shown: &str, flat: &mut Flat) {
     for key in WORDS_AT_CHANGE {
         if !flat.parameters.iter().any(|(known, _)| known == key) {
@@ -308,7 +308,7 @@ fn check_lines(one: &Macro<'_>, flat: &Flat) {
     }
 }
 
-/// What a macro may not contain.
+/// Reason to refuse a command in a macro: the words that follow "expected"; `None` if it is allowed.
 fn refused(command: &Command<'_>) -> Option<&'static str> {
     match command {
         Command::Unknown(_) => Some("a command, or the name of a macro"),

@@ -1,4 +1,4 @@
-//! How the bed is measured, and how far Z follows it.
+//! Measuring of the bed, and the range in which Z follows it.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::Kinematics;
@@ -22,12 +22,12 @@ const SAMPLES: Range = range(1.0, 10.0, "approaches");
 const DEFAULT_EDGE_MM: f64 = 5.0;
 /// Prusa's number of points for a bed of 180 mm.
 const DEFAULT_POINTS: [f64; 2] = [4.0, 4.0];
-/// The correction has faded where a layer's height is no longer visible, long before the top.
+/// Height at which the correction has faded: a layer's height is no longer visible there, and the top is far.
 const DEFAULT_FADE_MM: f64 = 10.0;
 /// More than beds are bent, and little enough for a nozzle that presses on a sheet.
 const DEFAULT_DEPTH_MM: f64 = 1.0;
 
-/// How the bed is measured; `None` without a probe, or without a motor of Z's own.
+/// Settings for measuring the bed; `None` without a probe, or without a motor that drives Z alone.
 pub(crate) fn mesh(
     keys: &Section<'_>,
     travel: &Travel,
@@ -35,7 +35,7 @@ pub(crate) fn mesh(
     is_probe: bool,
     kinematics: Kinematics,
 ) -> Option<MeshSettings> {
-    // What is measured on each machine anew changes no plan.
+    // Settings of a measurement that each machine repeats change no plan.
     let apart = keys.apart();
     let can_follow = is_probe && !kinematics.shares_motors(2);
     let reach_mm = reach_mm(travel, safe);
@@ -132,17 +132,17 @@ pub(crate) fn mesh(
     can_follow.then_some(settings)
 }
 
-/// What is measured without a word about it: what the probe reaches, but the ends of the bed.
+/// Default area of the measurement: the part that the probe reaches, without the edges of the bed.
 fn default_area_mm(reach_mm: [[f64; 2]; 2], safe: &SafeHoming) -> [[f64; 2]; 2] {
     [0, 1].map(|axis: usize| {
         let ([from, to], bed) = (reach_mm[axis], safe.bed_10nm[axis].map(|units| units as f64 / 100_000.0));
-        // Of a small bed less.
+        // A small bed has a smaller edge.
         let edge_mm = DEFAULT_EDGE_MM.min((to - from).max(0.0) / 4.0);
         [from.max(bed[0] + edge_mm), to.min(bed[1] - edge_mm)]
     })
 }
 
-/// What the probe reaches of the bed, along X and along Y.
+/// Part of the bed that the probe reaches, along X and along Y.
 pub(crate) fn reach_mm(travel: &Travel, safe: &SafeHoming) -> [[f64; 2]; 2] {
     let mm = |units: i64| units as f64 / 100_000.0;
     [0, 1].map(|axis: usize| {

@@ -74,8 +74,8 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
     choice
 }
 
-/// How far the filtered path may be from the programmed one. Accelerations and corners follow from it and the filters, so that prepared
-/// jobs are for both.
+/// Maximum distance of the filtered path from the programmed one. Accelerations and corners follow from it and the
+/// filters, so that prepared jobs are for both.
 fn path_tolerance(keys: &Section<'_>, choice: &MotionChoice) -> Option<f64> {
     let tolerance_mm = keys.apart().number("path_tolerance_mm", PATH_TOLERANCE).optional(
         "corners are rounded as the filters round them",
@@ -104,15 +104,15 @@ fn path_tolerance(keys: &Section<'_>, choice: &MotionChoice) -> Option<f64> {
     Some(tolerance_mm)
 }
 
-/// Whether a motor goes through a filter.
+/// Returns true if a motor goes through a filter.
 pub(crate) fn is_shaped(choice: &MotionChoice) -> bool {
     choice.pressure_advance.is_some()
         || choice.smooth_time_s.is_some()
         || choice.shapers.iter().any(|shaper| shaper.kind != ShaperKind::None)
 }
 
-/// How far the extruder runs ahead of the flow.
-/// How far an extruder runs ahead, if it says; `default` is what stands for it.
+/// Pressure advance of an extruder, the lead with which it runs ahead of the flow; `None` without the table, which
+/// then means `default`.
 pub(crate) fn pressure_advance(keys: &Section<'_>, default: &'static str) -> Option<PressureAdvance> {
     let about = "how far the extruder [runs ahead of the flow](pressure-advance.md); M900, M572 and SET_PRESSURE_ADVANCE change it";
     let table = keys.optional_section("pressure_advance", default, about)?;
@@ -182,7 +182,7 @@ fn shaper(table: &Section<'_>) -> AxisShaper {
     let name = kind.to_string();
     match shaper.kernel() {
         Ok(_) => {}
-        // The range above has refused the first; the others are no filter's own.
+        // The range above has refused the first; the others do not concern a single filter.
         Err(
             ShaperError::Frequency
             | ShaperError::Methods

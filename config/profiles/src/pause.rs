@@ -1,14 +1,14 @@
-//! What a pause does: where the nozzle waits, and what a filament change moves.
+//! Settings of a pause: the nozzle's waiting place, and the lengths of a filament change.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_printer::PauseSettings;
 
 use crate::axes::{FEED, Travel, units_10nm};
 
-/// Before the travel is known.
+/// Range before the travel is known.
 const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 
-/// How far from the ends of the travel the nozzle waits without a key: Marlin's `NOZZLE_PARK_POINT`.
+/// Distance of the default waiting place from the ends of the travel: Marlin's `NOZZLE_PARK_POINT`.
 const FROM_END_MM: f64 = 10.0;
 const RISE_MM: f64 = 20.0;
 
@@ -18,7 +18,7 @@ const MORE_MM: f64 = 50.0;
 /// A speed at which filament is still pushed into a nozzle that melts 12 mm^3/s of 1.75 mm.
 const FILAMENT_MM_PER_S: f64 = 5.0;
 
-/// What a pause does.
+/// Reads the settings of a pause.
 pub(crate) fn pause(keys: &Section<'_>, travel: &Travel) -> PauseSettings {
     let table = keys.section_of_defaults(
         "pause",

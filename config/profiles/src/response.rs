@@ -1,4 +1,4 @@
-//! What an axis's filter and the frame behind it make of a change of the commanded motion.
+//! Response of an axis's filter and of the frame after it to a change of the commanded motion.
 
 use std::f64::consts::TAU;
 
@@ -32,7 +32,8 @@ const FREQUENCIES: u32 = 9;
 /// Damping ratios that are tried: parts of the one that was measured, which is known far worse than the frequency.
 const DAMPING_PARTS: [f64; 3] = [0.5, 1.0, 1.5];
 
-/// How long the response is followed after the last impulse, periods of the mode. The first swing is the largest.
+/// Time for which the response is followed after the last impulse, periods of the mode. The first swing is the
+/// largest.
 const FOLLOWED_PERIODS: f64 = 2.0;
 
 /// Points of a period.
@@ -95,7 +96,7 @@ impl Mode {
         }
     }
 
-    /// What a kernel leaves of the vibration that one impulse would begin, at the time of its last.
+    /// The share of one impulse's vibration that a kernel leaves at the time of its last impulse.
     fn left_ringing(&self, kernel: &[Impulse]) -> f64 {
         let (mut sine, mut cosine) = (0.0, 0.0);
         for one in kernel {
@@ -107,23 +108,23 @@ impl Mode {
         sine.hypot(cosine)
     }
 
-    /// By how much constant speed comes late, s.
+    /// Delay of the mode at constant speed, s.
     fn lag_s(&self) -> f64 {
         2.0 * self.damping / self.omega
     }
 
-    /// Where the mode is, mm, a time after it stood and a command of 1 mm/s began.
+    /// Position of the mode, mm, at a time after a command of 1 mm/s began at rest.
     fn after_speed(&self, time_s: f64) -> f64 {
         time_s - self.lag_s() + self.ringing(time_s, self.start_of_speed())
     }
 
-    /// Where the mode is, mm, a time after it stood and a command of 1 mm/s^2 began.
+    /// Position of the mode, mm, at a time after a command of 1 mm/s^2 began at rest.
     fn after_acceleration(&self, time_s: f64) -> f64 {
         let lag_mm = self.lag_s() * time_s;
         0.5 * time_s * time_s - lag_mm + self.compliance_s2() + self.ringing(time_s, self.start_of_acceleration())
     }
 
-    /// Where the mode stays at constant acceleration, mm from a command that is as late as the mode, for each mm/s^2.
+    /// Offset of the mode at constant acceleration, mm from a command that is as late as the mode, for each mm/s^2.
     fn compliance_s2(&self) -> f64 {
         (4.0 * self.damping * self.damping - 1.0) / (self.omega * self.omega)
     }
@@ -200,7 +201,7 @@ mod tests {
     fn a_bare_undamped_frame_swings_by_the_textbook() {
         let omega = TAU * 50.0;
         let bare = worst(ShaperKind::None, 0.0, 0.0);
-        // Twice the offset at constant acceleration, and the vibration that is left for ever: once more.
+        // Twice the offset at constant acceleration, and once more for the vibration that never decays.
         assert!((bare.of_acceleration_s2 * omega * omega - 3.0).abs() < 0.01, "{bare:?}");
         assert!((bare.of_speed_s * omega - 2.0).abs() < 0.01, "{bare:?}");
     }
@@ -208,7 +209,7 @@ mod tests {
     #[test]
     fn a_shaper_of_the_right_frequency_leaves_what_it_and_the_frame_round() {
         let omega = TAU * 50.0;
-        // Of the step response of ZV the end counts, where half of it is over: after 1/4 period the mode lags most.
+        // The end of ZV's step response counts, where half of it is over: after 1/4 period the mode lags most.
         let zv = worst(ShaperKind::Zv, 0.0, 0.0);
         let [rounded, compliance] = [0.5 / 16.0 / (50.0 * 50.0), 1.0 / (omega * omega)];
         assert!(zv.of_acceleration_s2 >= rounded - compliance && zv.of_acceleration_s2 < 0.4 * compliance, "{zv:?}");

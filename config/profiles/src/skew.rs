@@ -9,7 +9,7 @@ const FACTOR: Range = range(-0.05, 0.05, "");
 const _: () = assert!(Skew::MAX_FACTOR == 0.05);
 const LENGTH: Range = range(10.0, 3_000.0, "mm");
 
-/// What the factor of each plane is about, as the table of keys has it.
+/// Description of the factor of each plane, for the table of keys.
 const PLANES: [(&str, &str); 3] = [
     ("xy", "of X and Y, by a printed square"),
     ("xz", "of X and Z, by a printed square that stands"),

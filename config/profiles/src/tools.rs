@@ -23,7 +23,7 @@ const FILAMENT_SPEED: Range = range(0.1, 200.0, "mm/s");
 /// The names of the further tools' tables.
 const TABLES: [&str; MAX_TOOLS - 1] = ["t1"];
 
-/// What a further tool has where its table says nothing.
+/// Defaults of a further tool, from the first one.
 pub(crate) struct First<'a> {
     pub steps_per_mm: f64,
     /// The most steps a millimetre that an extruder's motor can make at its largest feed.
@@ -32,7 +32,7 @@ pub(crate) struct First<'a> {
     pub nozzle: &'a HeaterSettings,
     pub fans: &'a FanTable,
     pub z_motors: Option<Kept<ZMotors>>,
-    /// Whether steps are at both edges of the signal.
+    /// True if both edges of the signal step.
     pub both_edges: bool,
     /// The chamber's connectors.
     pub chamber: [Option<SpareConnector>; 2],
@@ -79,11 +79,11 @@ pub(crate) fn tools(keys: &Section<'_>, first: &First<'_>) -> Option<Kept<Tools>
     for (tool, name) in further.iter_mut().zip(TABLES) {
         *tool = Some(further_tool(&table.section(name, "the second tool, T1"), name, first));
     }
-    // A profile is kept for ever.
+    // A profile is leaked: its parts are `'static`.
     Some(Kept(Box::leak(Box::new(Tools { further, change }))))
 }
 
-/// The name of a macro, which a profile has for ever. [`macros`](crate::macros) checks it.
+/// The name of a macro, leaked as all texts of a profile are. [`macros`](crate::macros) checks it.
 fn name_of_macro(table: &Section<'_>, key: &'static str, about: &'static str) -> Option<&'static str> {
     let name = table.text(key, A_MACRO, |name| !name.is_empty()).optional("none", about)?;
     Some(Box::leak(name.into_boxed_str()))

@@ -15,7 +15,7 @@ const FIRST: &str = "z";
 pub(crate) const SOCKETS: [&str; 4] = ["z2", "e1", "e2", "e3"];
 /// Longest name of a point, bytes.
 const MAX_NAME: usize = 24;
-/// By how much an error of the probe may be larger at a motor than at the points, all of them in the worst directions.
+/// Maximum ratio of the error at a motor to that of the probe at the points, all of them in the worst directions.
 const MAX_LEVER: f64 = 10.0;
 
 /// The motors of Z, where the profile names several; the probe reaches so much of the bed along X and Y.
@@ -77,7 +77,7 @@ pub(crate) fn z_motors(
     places_mm.get_mut(..=first).unwrap_or_default().rotate_right(1);
     let points_mm = points(&table, reach_mm, safe, is_measured);
     let alignment = alignment(&table, &places_mm, &points_mm, correction);
-    // A profile is kept for ever.
+    // A profile is leaked: its parts are `'static`.
     Some(Kept(Box::leak(Box::new(ZMotors { further, alignment }))))
 }
 
@@ -110,7 +110,7 @@ fn points(table: &Section<'_>, reach_mm: &[[f64; 2]; 2], safe: &SafeHoming, is_m
     points_mm
 }
 
-/// How the motors are aligned; `None` without points, or with a fault.
+/// Alignment of the motors; `None` without points, or with a fault.
 fn alignment(
     table: &Section<'_>,
     places_mm: &[[Option<f64>; 2]],
@@ -180,8 +180,9 @@ pub fn heights_by_motors(motors_10nm: &[[i64; 2]], place_10nm: [i64; 2]) -> Opti
     Shape::of(&motors_mm)?.weights(&motors_mm, &[mm(place_10nm)])?.pop()
 }
 
-/// How the motors' heights make that of a place. Two motors lift a line, and leave what is across it alone. Three lift a plane. Four
-/// at the corners of a frame lift its sides, which are straight, and between them each line along X is straight, and each along Y.
+/// Shape of the surface between the motors. Two motors lift a line, and leave what is across it alone. Three lift a
+/// plane. Four at the corners of a frame lift its sides, which are straight, and between them each line along X is
+/// straight, and each along Y.
 struct Shape {
     motors: usize,
     /// Middle of the motors, and how far apart they are: numbers near 1 keep the sums exact.
@@ -208,7 +209,7 @@ impl Shape {
         })
     }
 
-    /// The parts of which the height at a place is a sum: one for each motor.
+    /// The terms whose sum is the height at a place: one for each motor.
     fn parts(&self, place_mm: [f64; 2]) -> Vec<f64> {
         let [x, y] = [0, 1].map(|axis| (place_mm[axis] - self.middle_mm[axis]) / self.size_mm);
         match self.motors {
@@ -218,8 +219,8 @@ impl Shape {
         }
     }
 
-    /// For each motor's place the weights with which the heights at the points make its own: those of the surface of this shape that
-    /// is nearest to the heights (least squares). `None` if the points do not determine one.
+    /// Weights of the heights at the points for the height at each motor's place: those of the surface of this shape
+    /// that is nearest to the heights (least squares). `None` if the points do not determine one.
     fn weights(&self, points_mm: &[[f64; 2]], places_mm: &[[f64; 2]]) -> Option<Vec<Vec<f64>>> {
         let rows: Vec<Vec<f64>> = points_mm.iter().map(|point| self.parts(*point)).collect();
         // The normal equations, each point's height a column of their right side.
@@ -238,8 +239,8 @@ impl Shape {
     }
 }
 
-/// Solves linear equations, one a row, for all columns behind the square (Gauss and Jordan, with the largest pivot); `None` if they
-/// do not have one solution.
+/// Solves linear equations, one a row, for all columns after the square (Gauss and Jordan, with the largest pivot);
+/// `None` if they do not have one solution.
 fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
     for column in 0..rows.len() {
         let pivot = (column..rows.len()).max_by(|&a, &b| rows[a][column].abs().total_cmp(&rows[b][column].abs()))?;

@@ -8,6 +8,6 @@ use ferrostep_checked_toml::book;
 #[test]
 fn the_table_of_keys_is_current() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/src/boards.md");
-    // What a board's file says binds no other file to it.
+    // A board's keys bind no other file to it.
     book::keep(&page, "keys", &schema().markdown().replace(" ●", "")).unwrap();
 }

@@ -1,5 +1,5 @@
-//! What a boot loader may have left: every register full of ones, and then the image's own start. It must end with the very
-//! values that it has from reset.
+//! Registers as a boot loader may have left them: every one full of ones, and then the image's own start. It must end
+//! with the very values that it has from reset.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,8 @@ const PWR_CR: u32 = 0x4000_7000;
 const PWR_CSR: u32 = 0x4000_7004;
 const GPIOA: u32 = 0x4002_0000;
 
-/// Where the parts of the buses APB1 and APB2 begin: 1 KiB each, in the order of the bits that reset them.
+/// First addresses of the peripherals of the buses APB1 and APB2: 1 KiB each, in the order of the bits that reset
+/// them.
 const BUSES: [(u32, u32); 2] = [(RCC + 0x20, 0x4000_0000), (RCC + 0x24, 0x4001_0000)];
 
 /// The bits of RCC_AHB1RSTR that reset the DMA controllers, and where they are.
@@ -52,7 +53,7 @@ fn after_reset(address: u32, family: ChipFamily) -> u32 {
 struct Chip {
     family: ChipFamily,
     values: BTreeMap<u32, u32>,
-    /// What all registers hold that nothing has stored to.
+    /// Value of all registers that have not been stored to; `None`: their reset values.
     fill: Option<u32>,
 }
 
@@ -104,7 +105,7 @@ fn on_flags() -> u32 {
     1 << 1 | 1 << 17 | 1 << 25 | 1 << 27 | 1 << 29
 }
 
-/// As the image starts: the first instructions, the clock, the pins.
+/// A chip after the image's start: the first instructions, the clock, the pins.
 fn started(board: &Board, fill: Option<u32>) -> Chip {
     let mut chip = Chip { family: board.chip.family, values: BTreeMap::new(), fill };
     chip.apply(&first(board));
@@ -120,8 +121,8 @@ fn started(board: &Board, fill: Option<u32>) -> Chip {
     chip
 }
 
-/// What the firmware relies on: the clock and its prescalers, power, flash, timers, serial lines, converters, DMA, sensors'
-/// interrupt lines.
+/// Registers that the firmware relies on: the clock and its prescalers, power, flash, timers, serial lines,
+/// converters, DMA, sensors' interrupt lines.
 fn relied_on(family: ChipFamily) -> Vec<u32> {
     // CR, PLLCFGR, CFGR, CIR; resets; clocks, also in sleep; SSCGR.
     let mut registers: Vec<u32> = [0x00, 0x04, 0x08, 0x0c, 0x80].map(|offset| RCC + offset).to_vec();

@@ -14,7 +14,7 @@ fn line_of(profile: &str, part: &str) -> usize {
 fn error_after(board: &str, profile: &str, from: &str, to: &str) -> Option<String> {
     let text = ferrostep_profiles::builtin_text(profile).unwrap();
     assert!(text.contains(from), "{from}");
-    // By its path, as a user's own: errors name the line of that file.
+    // The profile is a file, as a user's own: errors name the line of that file.
     // Tests run at the same time.
     static FILES: AtomicU32 = AtomicU32::new(0);
     let name = format!("ferrostep-{}-{}.toml", std::process::id(), FILES.fetch_add(1, Ordering::Relaxed));
@@ -200,7 +200,7 @@ fn a_current_is_what_the_sense_resistors_allow() {
     let expected = "drivers.x.current_ma = 1000: expected 17 to 958 mA at the 0.22 ohm of the board prusa-buddy";
     assert_eq!(error, format!("test.toml:{line}: {expected}"));
     assert_eq!(error_after("prusa-buddy", "prusa-mini", from, "current_ma = 950"), None);
-    // What is plugged into a socket has the usual resistors.
+    // A driver plugged into a socket has the usual resistors.
     assert_eq!(error_after("btt-octopus-1.1", "prusa-mini", from, to), None);
     let error = error_after("btt-octopus-1.1", "prusa-mini", from, "current_ma = 1800").unwrap();
     assert!(
@@ -338,7 +338,7 @@ fn further_motors_of_z_are_the_boards() {
     let four = lifted("z = {}\nz2 = {}\ne1 = {}\ne2 = {}\n");
     fit::check(&octopus(), &four, "test.toml").unwrap();
     assert_eq!(octopus().for_machine(&four).motor_ports(), [2, 4, 5, 6]);
-    // Lines of their own, settings of Z.
+    // Each has its own line and the settings of Z.
     let wiring: Vec<_> = fit::wiring(&octopus(), &three).into_iter().flatten().map(|wiring| wiring.line).collect();
     assert_eq!(wiring, [0, 1, 2, 3, 4, 5]);
     let error = fit::check(&load("prusa-buddy").unwrap(), &three, "test.toml").unwrap_err().to_string();
@@ -359,7 +359,7 @@ fn further_motors_of_z_are_the_boards() {
     assert!(error.contains("on 4 ports at most, not on A, C, E, F, G"), "{error}");
 }
 
-/// A driver that does not step at both edges, or not at that current, is found at a further motor, too.
+/// A further motor's driver that does not step at both edges, or not at that current, is found as well.
 #[test]
 fn further_motors_have_drivers_that_can_be_set() {
     let text = ferrostep_boards::builtin_text("btt-octopus-1.1").unwrap();
@@ -392,7 +392,7 @@ fn a_second_tools_motor_heater_and_thermistor_are_the_boards() {
     let names: Vec<&str> = board.moving_motors().map(|motor| motor.name).collect();
     assert_eq!(names, ["x", "y", "z", "e", "e1"]);
     assert!(board.further_e.iter().all(|(_, is_inverted)| *is_inverted));
-    // Its driver has a place of its own, after those that further motors of Z would have.
+    // Its driver has its own place, after those that further motors of Z would have.
     let wiring = fit::wiring(&octopus(), &two);
     assert_eq!((wiring.len(), wiring[7].unwrap().line), (8, 7));
     assert_eq!(wiring[4..7], [None; 3]);

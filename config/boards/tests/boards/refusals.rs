@@ -1,4 +1,4 @@
-//! What is wrong with a board is refused with its line, its key and what was expected.
+//! A fault of a board is refused with its line, its key and the expected value.
 
 use ferrostep_boards::{builtin_names, builtin_text, parse};
 use ferrostep_checked_toml::keys::{holder, paths};
@@ -258,7 +258,7 @@ fn each_misspelt_or_mistyped_key_is_named() {
 fn what_every_board_must_have_is_missed() {
     let table: Table = builtin_text("bench").unwrap().parse().unwrap();
     let mut required = 0;
-    // What may be left out; of a table that is there, all is needed.
+    // Tables that may be left out; a table that is present needs all its keys.
     for path in paths(&table).into_iter().filter(|path| path != "virtual_sensors" && path != "usb") {
         let mut table = table.clone();
         let (inner, last) = holder(&mut table, &path).unwrap();

@@ -1,4 +1,4 @@
-//! Whatever stands in a file, reading it ends with a board or an error of one line.
+//! Whatever a file contains, reading it ends with a board or an error of one line.
 
 use ferrostep_boards::{builtin_names, builtin_text, constants, parse};
 use proptest::prelude::*;

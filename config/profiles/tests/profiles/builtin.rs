@@ -12,7 +12,7 @@ use ferrostep_virtual_board::HeatedMass;
 
 const MM: i64 = 100_000;
 
-/// What differs between the machines, as the design document's table has it.
+/// Differences between the machines, from the design document's table.
 struct Expected {
     name: &'static str,
     kinematics: Kinematics,
@@ -207,7 +207,7 @@ fn prusa_mini_is_as_designed() {
     assert_eq!(profile.driver.inverted, 0b0011);
     let limits = |heater: HeaterSettings| (heater.max_celsius, heater.max_target_celsius);
     assert_eq!((limits(profile.nozzle), limits(profile.bed)), ((295.0, 280.0), (110.0, 100.0)));
-    // The nozzle's are ours, as the file says; the bed's are Prusa's: gains of 255 and seconds.
+    // The nozzle's gains are this project's, as the file says; the bed's are Prusa's: gains of 255 and seconds.
     let gains = profile.bed.gains;
     for (gain, prusa) in [(gains.proportional, 120.0), (gains.integral, 1.5), (gains.derivative, 600.0)] {
         assert!((gain * 255.0 - prusa).abs() < 0.002 * prusa, "{gain} for {prusa} / 255");

@@ -8,7 +8,7 @@ const FRAME: &str = "[frame.x]\nfrequency_hz = 60\nfrequency_uncertainty_hz = 1.
 const SHAPERS: &str =
     "[input_shaper]\nx = { kind = \"zv\", frequency_hz = 60 }\ny = { kind = \"zv\", frequency_hz = 50 }\n";
 
-/// The CoreXY's text with these keys before its own and these tables behind.
+/// The CoreXY's text with these keys before its own and these tables after them.
 fn text(keys: &str, tables: &str) -> String {
     format!("{keys}\n{}\n{tables}", builtin_text("corexy").unwrap())
 }
@@ -54,7 +54,7 @@ fn each_axis_accelerates_as_its_frame_and_filter_allow() {
     // Without filters the frame itself is all that there is.
     let [bare_x, bare_y] = of("0.03", FRAME);
     assert!(bare_x < 0.3 * x && bare_y < 0.3 * y, "{bare_x} {bare_y}");
-    // What is known worse is driven slower.
+    // A frame whose frequency is known worse is driven slower.
     let [unsure_x, same_y] = of("0.03", &shaped.replace("_hz = 1.2", "_hz = 6"));
     assert!(unsure_x < 0.8 * x && same_y == y, "{unsure_x} {same_y}");
     // Sharper corners leave more for the acceleration.
@@ -92,7 +92,7 @@ fn a_budget_that_nothing_keeps_is_refused_with_what_would_do() {
     let shown = error.to_string();
     assert!(shown.contains("with which y accelerates at 100 mm/s^2"), "{shown}");
     assert!(shown.contains("a smaller frame.y.frequency_uncertainty_hz, a shorter input_shaper.y"), "{shown}");
-    // What it names would do, and hardly less.
+    // The named budget would do, and hardly less.
     let least: f64 = shown.split("at least ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     let ([_, y], _) = accelerations(&format!("error_budget_mm = {least}"), &shaped).unwrap();
     assert!((100.0..=110.0).contains(&y), "{y}");

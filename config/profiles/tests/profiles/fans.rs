@@ -34,7 +34,7 @@ fn others_have_an_output_and_what_makes_them_turn() {
     let fans = with("[fans.part]\noutput = \"fan3\"\n[fans.filter]\noutput = \"part\"").unwrap();
     assert_eq!(fans[3].unwrap().rule, FanRule::Commanded { number: Some(0) });
     assert_eq!(fans[0].unwrap().rule, FanRule::Commanded { number: None });
-    // Its hot end's, too.
+    // Also its hot end's fan.
     let fans = with(
         "[fans.hotend]\noutput = \"fan4\"\nturns = \"hotend\"\n[fans.light]\noutput = \"hotend\"\nturns = \"command\"",
     )

@@ -113,7 +113,7 @@ fn others_are_refused_by_name() {
     }
 }
 
-/// T1's nozzle has a model of its own, or none, whatever controls T0's.
+/// T1's nozzle has its own model or no model, whatever controls T0's.
 #[test]
 fn the_second_nozzle_has_a_model_where_its_table_is() {
     use ferrostep_hal_shim::Heater;

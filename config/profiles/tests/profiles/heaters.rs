@@ -1,5 +1,5 @@
-//! The gains of the built-in profiles settle on the heaters they are written for: 40 W and 250 W. The MINI's are others, with
-//! tests of their own (`mini_heat.rs`).
+//! The gains of the built-in profiles settle on the heaters they are written for: 40 W and 250 W. The MINI's heaters
+//! are others, with separate tests (`mini_heat.rs`).
 //!
 //! A plain f64 simulation: one heat capacity, loss to the room, a sensor that follows with a delay of first order,
 //! and a PID at a fixed period. The derivative is that of the measurement, so that a new target gives no kick; the
@@ -12,7 +12,7 @@ const ROOM_CELSIUS: f64 = 25.0;
 /// Step of the simulated heater, s.
 const STEP_S: f64 = 0.01;
 
-/// What is heated.
+/// A heated mass.
 #[derive(Clone, Copy)]
 struct Heater {
     watts: f64,
@@ -25,12 +25,12 @@ const NOZZLE: Heater = Heater { watts: 40.0, joules_per_kelvin: 12.0, watts_per_
 
 const BED: Heater = Heater { watts: 250.0, joules_per_kelvin: 500.0, watts_per_kelvin: 1.8, sensor_delay_s: 0.0 };
 
-/// What a run looked like, from the start towards the target.
+/// Result of a run, from the start towards the target.
 #[derive(Debug)]
 struct Outcome {
     /// Furthest beyond the target, degrees.
     overshoot: f64,
-    /// When the measured temperature came within the window for good, s.
+    /// Time from which the measured temperature stayed within the window, s.
     settled_s: f64,
     /// Changes of the temperature's direction of more than a tenth of a degree.
     reversals: usize,

@@ -80,7 +80,7 @@ fn words_of_calls_are_known_and_complete() {
     let two = |call: &str| format!("[macro.AA]\ngcode = \"{call}\"\n[macro.BB]\ngcode = \"M106 S{{T}}\"\n");
     refused(&two("BB U=5"), "2: macro.AA.gcode = \"BB U=5\": expected words that BB knows: T");
     refused(&two("BB"), "2: macro.AA.gcode = \"BB\": expected T=, which BB needs");
-    // What a word makes of another macro's line is read, too.
+    // The line of another macro is read with the words of the call.
     refused(
         &two("BB T=-1"),
         "2: macro.AA.gcode = \"BB:1: M106 S-1\": expected what can be executed: S: -1 is out of range, expected 0 to 255",
@@ -146,6 +146,6 @@ fn a_macro_at_a_change_that_cannot_be_one_is_refused() {
         let error = at_change("after_change = \"WIPE\"", &macros).unwrap_err();
         assert_eq!(error, format!("tools.after_change = \"WIPE\": expected {expected}"));
     }
-    // What only names the tool does not change it.
+    // A command that only names the tool does not change it.
     at_change("before_change = \"WIPE\"", &change("M104 T1 S0\nT")).unwrap();
 }

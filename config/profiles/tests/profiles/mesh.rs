@@ -1,4 +1,4 @@
-//! How the bed is measured: the table `mesh`.
+//! Measuring of the bed: the table `mesh`.
 
 use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
@@ -82,7 +82,7 @@ fn without_a_probe_or_a_z_of_its_own_there_is_none() {
     );
 }
 
-/// Where the bed is measured changes no plan: a prepared job for one is for the other.
+/// The place of the measurement changes no plan: a prepared job for one is for the other.
 #[test]
 fn the_table_binds_no_prepared_job() {
     assert_eq!(profile("").plan_hash, profile(MESH).plan_hash);

@@ -4,7 +4,7 @@ use ferrostep_profiles::{builtin_text, parse};
 
 use crate::refusals::assert_conflict;
 
-/// What the step interrupt cannot keep is refused, with the time it needs and what to do instead.
+/// A pulse that the step interrupt cannot keep is refused, with the time it needs and what to do instead.
 #[test]
 fn a_pulse_lasts_as_long_as_the_step_interrupt_needs() {
     assert_conflict("cartesian", "pulse_width_us = 1.0", "pulse_width_us = 0.99", "driver.pulse_width_us");
@@ -14,7 +14,7 @@ fn a_pulse_lasts_as_long_as_the_step_interrupt_needs() {
     for part in ["test.toml:", "driver.pulse_width_us = 0.2", "at least 1 us", "driver.both_edges = true"] {
         assert!(error.contains(part), "{error}");
     }
-    // A direction that changes between two edges takes an event of its own.
+    // A direction that changes between two edges takes a separate event.
     assert_conflict("corexy", "direction_setup_us = 0.1", "direction_setup_us = 1.01", "driver.direction_setup_us");
 }
 
@@ -38,7 +38,7 @@ fn steps_follow_from_the_screw_and_its_microsteps() {
     // Pulleys of 16 and of 20 teeth; an extruder that was calibrated.
     assert!(mini("mm_per_turn = 32", "mm_per_turn = 40").is_err());
     assert!(mini("e = 325 }", "e = 312.5 }").is_ok());
-    // Without what a turn moves there is nothing to check, and a key that does nothing is refused.
+    // Without the travel of a turn there is nothing to check, and a key without effect is refused.
     assert!(mini("full_steps_per_turn = 200\nmm_per_turn = 4\n", "").is_ok());
     let error = mini("mm_per_turn = 4\n", "").unwrap_err();
     assert_eq!(error.key(), Some("drivers.z.full_steps_per_turn"));

@@ -78,7 +78,7 @@ fn periods_s(heater: Heater) -> (f32, f32) {
     (watch.watch_ms as f32 * 1e-3, watch.runaway_ms as f32 * 1e-3)
 }
 
-/// From a failure to the third reading that shows it, s.
+/// Time from a failure to the third reading that shows it, s.
 const MEDIAN_S: f32 = 0.03;
 
 /// Heat on its way when the heater fails: the temperature rises for so much longer, s.
@@ -132,7 +132,7 @@ fn a_dead_heater_is_noticed() {
     }
 }
 
-/// The heater goes on at full power meanwhile.
+/// The heater stays at full power meanwhile.
 #[test]
 fn a_thermistor_that_fell_out_is_noticed_before_anything_melts() {
     // The nozzle's aluminium and brass bear more than its PTFE; the bed cannot get hotter than 110 C.

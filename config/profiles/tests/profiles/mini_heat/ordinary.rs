@@ -27,7 +27,7 @@ const MATERIALS: [(f32, f32, f32); 5] =
 /// not hold 100 C in more, and in no room below 15 C.
 const DRAUGHTY_BED_CELSIUS: f32 = 90.0;
 
-/// What was run.
+/// Totals of a run.
 #[derive(Clone, Copy, Debug, Default)]
 struct Report {
     jobs: u32,
@@ -46,7 +46,7 @@ struct Life {
     targets: [f32; 2],
     reached: [bool; 2],
     dip_s: [u32; 2],
-    /// Until the draught is over, s.
+    /// Time until the draught is over, s.
     draught_s: f32,
     hysteresis: [f32; 2],
     report: Report,

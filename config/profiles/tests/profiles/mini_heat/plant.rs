@@ -41,7 +41,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
     }
 
-    /// From `low` up to `high`, evenly.
+    /// A number from `low` up to `high`, evenly distributed.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * ((self.next() >> 40) as f32 / (1_u64 << 24) as f32)
     }
@@ -83,7 +83,7 @@ impl Delay {
     }
 }
 
-/// What is around a heater, and changes.
+/// Changing surroundings of a heater.
 #[derive(Clone, Copy, Debug)]
 pub struct Weather {
     pub room_celsius: f32,
@@ -91,7 +91,7 @@ pub struct Weather {
     pub supply: [f32; 2],
     /// Loss of nozzle and bed as a share of that in still air; the fan's comes on top.
     pub draught: [f32; 2],
-    /// What filament takes from the nozzle, W.
+    /// Power that filament takes from the nozzle, W.
     pub filament_w: f32,
     /// Standard deviation of a single conversion, of 4096.
     pub noise: f32,
