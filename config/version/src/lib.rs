@@ -16,7 +16,7 @@ const COMMIT_LETTERS: &str = "--short=7";
 /// Variables that point git to another repository than the one around the sources.
 const FOREIGN_VARIABLES: [&str; 3] = ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"];
 
-/// What is being built.
+/// The version of the package that is being built.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Version {
     /// `0.1.0 (commit abcdef0)`, `0.1.0 (commit abcdef0-dirty)` or `0.1.0 (commit unknown)`.
@@ -36,7 +36,7 @@ impl Version {
         Ok(Self::of(number, root, &sources.iter().map(String::as_str).collect::<Vec<_>>()))
     }
 
-    /// As [`Self::of_package`], with the files and folders, relative to `root`, that go into it.
+    /// Describes the package with this number and these sources: files and folders relative to `root`.
     fn of(number: &str, root: &Path, sources: &[&str]) -> Self {
         let mut depends_on: Vec<PathBuf> = sources.iter().map(|source| root.join(source)).collect();
         let commit = Repository::at(root).map(|repository| {
@@ -55,7 +55,7 @@ impl Version {
     }
 }
 
-/// A repository of which a folder is the root.
+/// A repository whose root is this folder.
 struct Repository<'a> {
     root: &'a Path,
 }
@@ -68,7 +68,7 @@ impl<'a> Repository<'a> {
         (top.canonicalize().ok()? == root.canonicalize().ok()?).then_some(repository)
     }
 
-    /// What git prints, without the blanks around it.
+    /// Returns the output of git without the blanks around it; `None` if git fails.
     fn git(&self, arguments: &[&str]) -> Option<String> {
         let mut command = Command::new("git");
         command.arg("-C").arg(self.root).arg("--no-optional-locks").args(arguments);
@@ -105,7 +105,7 @@ mod tests {
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     }
 
-    /// Sources can be built where there is no git; then there is no repository to test with either.
+    /// True if git is installed: sources can be built without it, and then there is no repository to test with.
     fn has_git() -> bool {
         Command::new("git").arg("--version").output().is_ok_and(|output| output.status.success())
     }
@@ -135,7 +135,7 @@ mod tests {
         let clean = text(folder.path());
         let commit = clean.strip_prefix("1.2.3 (commit ").unwrap().strip_suffix(')').unwrap();
         assert!(commit.len() >= 7 && commit.bytes().all(|byte| byte.is_ascii_hexdigit()), "{clean}");
-        // What is no source changes nothing.
+        // A file that is not a source changes nothing.
         fs::write(folder.path().join("page.md"), "Another.").unwrap();
         assert_eq!(text(folder.path()), clean);
         for (file, content) in [("src/main.rs", "fn main() { }"), ("src/new.rs", "")] {

@@ -1,4 +1,4 @@
-//! What goes into a package: its folder and those of all packages of the repository that it is made from.
+//! The sources of a package: its folder and those of all packages of the repository that it is made from.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -6,7 +6,8 @@ use ferrostep_profiles::{ProfileError, builtin_text, parse};
 const SHAPERS: &str =
     "[input_shaper]\nx = { kind = \"mzv\", frequency_hz = 60 }\ny = { kind = \"mzv\", frequency_hz = 50 }\n";
 
-/// Methods, and the number that prepared jobs are bound to, of the CoreXY's text with these keys before its own and these tables behind.
+/// Methods, and the number that prepared jobs are bound to, of the CoreXY's text with these keys before its own and
+/// these tables after them.
 fn with(keys: &str, tables: &str) -> Result<(MotionChoice, u64), ProfileError> {
     let text = format!("{keys}\n{}\n{tables}", builtin_text("corexy").unwrap());
     parse(&text, "test.toml").map(|profile| (profile.motion, profile.plan_hash))
@@ -56,7 +57,7 @@ fn what_nothing_can_keep_is_refused_with_what_would_do() {
     let slow = SHAPERS.replace("50", "20");
     let tight = shown("path_tolerance_mm = 0.003", &slow);
     assert!(tight.contains("at least 0.0") && tight.contains("a higher input_shaper frequency_hz"), "{tight}");
-    // What it says would do does.
+    // The named tolerance works.
     let least = tight.split("at least ").nth(1).unwrap().split(' ').next().unwrap();
     assert!(with(&format!("path_tolerance_mm = {least}"), &slow).is_ok(), "{least}");
     let below = least.parse::<f64>().unwrap() - 0.0002;

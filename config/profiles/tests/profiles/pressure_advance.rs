@@ -1,4 +1,4 @@
-//! How far the extruder runs ahead of the flow.
+//! Pressure advance: the lead of the extruder ahead of the flow.
 
 use ferrostep_planner::{PressureAdvance, SecondSlope};
 use ferrostep_profiles::{ProfileError, builtin_text, parse};

@@ -120,7 +120,7 @@ fn each_value_has_a_type() {
         for bad in [Value::Boolean(true), Value::Integer(1), Value::String("?".into()), Value::Array(vec![])] {
             let mut table = table();
             let value = value(&mut table, &path);
-            // The name may be any text; numbers and flags have tests of their own.
+            // The name may be any text; numbers and flags have separate tests.
             let fits = bad.same_type(value) || (bad.is_integer() && value.is_float());
             if fits && !(bad.is_str() && path != "name") {
                 continue;
@@ -218,7 +218,7 @@ fn homing_keeps_to_the_axis_and_its_speed() {
 
 #[test]
 fn homing_by_stall_needs_a_driver_with_a_signal_and_a_fast_motor() {
-    // Z is no matter of force, and a machine without such drivers has no signal.
+    // Z does not home by a stall, and a machine without such drivers has no signal.
     assert_conflict("prusa-mini", "\"probe\"\n", "\"stall\"\n", "homing.z.sensor");
     assert_conflict("cartesian", "\"end-stop\"\n", "\"stall\"\n", "homing.x.sensor");
     assert_conflict("prusa-mini", "\"stall\"\n", "\"stall\"\ntriggers_low = true\n", "homing.x.sensor");

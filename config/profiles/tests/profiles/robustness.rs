@@ -1,4 +1,4 @@
-//! Whatever stands in a file, reading it ends with a profile or an error of one line.
+//! Whatever a file contains, reading it ends with a profile or an error of one line.
 
 use ferrostep_profiles::{builtin_names, builtin_text, parse};
 use proptest::prelude::*;

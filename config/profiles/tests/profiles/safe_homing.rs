@@ -1,4 +1,4 @@
-//! What keeps the nozzle off the bed: keys that a probe needs, and places that a machine has.
+//! Protection of the bed from the nozzle: keys that a probe needs, and places that a machine has.
 
 use ferrostep_profiles::{builtin_text, parse};
 

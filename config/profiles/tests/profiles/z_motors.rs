@@ -35,7 +35,7 @@ fn the_axis_own_motor_is_the_first() {
     assert_eq!(alignment.places_10nm, [[-10, 10], [190, 10], [90, 200], [0, 0]].map(mm));
     assert_eq!(alignment.points_10nm[..3], [[20, 20], [140, 20], [80, 160]].map(|point| Some(mm(point))));
     assert_eq!((alignment.points_10nm[3], alignment.max_correction_10nm), (None, 300_000));
-    // How many motors lift the bed changes no plan.
+    // The number of motors that lift the bed changes no plan.
     assert_eq!(mini(THREE).unwrap().plan_hash, mini("").unwrap().plan_hash);
 }
 
