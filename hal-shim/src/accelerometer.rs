@@ -1,11 +1,11 @@
 //! An accelerometer whose samples wait in its own memory until they are read.
 
-/// Why an accelerometer gives no samples.
+/// Reason why an accelerometer gives no samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AccelerometerFault {
     /// Its bus has failed.
     Bus,
-    /// What should be its identity is another number: no chip is there, or another one, or a wire is loose.
+    /// The identity register holds another number: the chip is missing or another one, or a wire is loose.
     Identity {
         /// The number that was read.
         read: u8,
@@ -20,7 +20,7 @@ pub enum AccelerometerFault {
     Silent,
 }
 
-/// What waits in an accelerometer's memory.
+/// Samples that wait in an accelerometer's memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WaitingSamples {
     /// Number of samples.
@@ -32,7 +32,7 @@ pub struct WaitingSamples {
 /// A type of accelerometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AccelerometerType {
-    /// What its maker calls it.
+    /// Name by its maker.
     pub name: &'static str,
     /// Samples a second that it can take, rising.
     pub rates_hz: &'static [u16],

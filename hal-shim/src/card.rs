@@ -4,7 +4,7 @@ use core::fmt;
 
 pub use embedded_sdmmc_types::{Block, BlockCount, BlockDevice, BlockIdx};
 
-/// Why a card could not be read or written.
+/// Reason why a card could not be read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CardError {
     /// No card is in the slot.
@@ -38,14 +38,15 @@ impl core::error::Error for CardError {}
 ///
 /// Calls return within [`MAX_BLOCK_MS`]. They may wait, so that they belong into the task of the lowest priority.
 pub trait CardSlot: BlockDevice<Error = CardError> {
-    /// Whether a card is in the slot. `true` where a board cannot tell.
+    /// Returns true if a card is in the slot, and always on a board that cannot tell.
     fn is_inserted(&self) -> bool;
     /// Starts the card that is in the slot, as after it was put in. A card that was pulled out must be started again.
     ///
     /// # Errors
     /// The slot is empty, or cannot use the card.
     fn start(&self) -> Result<(), CardError>;
-    /// Whether the card that was started last has been in the slot ever since: a card that was put in again has not.
+    /// Returns true if the card that was started last has been in the slot ever since: a card that was taken out and
+    /// put in again has not.
     fn is_still_started(&self) -> bool;
 }
 

@@ -37,7 +37,7 @@ impl Heater {
         self as usize
     }
 
-    /// Whether it is the hot end of a tool.
+    /// Returns true if it is the hot end of a tool.
     pub const fn is_nozzle(self) -> bool {
         matches!(self, Self::Nozzle | Self::Nozzle1)
     }
@@ -88,7 +88,7 @@ impl SpareConnector {
     }
 }
 
-/// Why a reading is no temperature.
+/// Reason why a reading gives no temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorError {
     /// Its circuit is open.
@@ -199,7 +199,7 @@ pub trait StepQueue {
     fn unplayed_steps(&self) -> [i32; 4];
     /// Stops all motors before their next step; [`Self::drop_all`] must follow.
     fn request_stop(&mut self);
-    /// After a stop: forgets the entries that have not been played, and returns their steps. Motion may start again.
+    /// Forgets, after a stop, the entries that have not been played, and returns their steps. Motion may start again.
     fn drop_all(&mut self) -> DroppedSteps;
     /// Updates of its timer that the interrupt has missed since the last call, because it was held up for longer than an
     /// interval. No step is lost with them: all later ones come that much later.
@@ -208,7 +208,7 @@ pub trait StepQueue {
 
 /// The sensors that axes home with: end stops, a probe, the drivers' stall signals.
 pub trait HomingSensors: StepQueue {
-    /// Whether the sensor of X (0), Y (1) or Z (2) is triggered.
+    /// Returns true if the sensor of X (0), Y (1) or Z (2) is triggered.
     fn is_sensor_triggered(&self, axis: usize) -> bool;
     /// Stops motion from now on when the sensor of this axis triggers ([`StepLink::request_sensor_stop`]); `None`: at no
     /// sensor.
@@ -222,10 +222,10 @@ pub trait HomingSensors: StepQueue {
         self.push(entry)?;
         Ok(Approach { added: Some(entry), triggered: false })
     }
-    /// Sends pulses to the probe whose pin a servo's signal moves, in the place of those that have not been sent. Without effect on a
-    /// board that has no such output: the build refuses a profile that needs it.
+    /// Sends pulses to the probe whose pin a servo's signal moves; they replace those that have not been sent.
+    /// Without effect on a board that has no such output: the build refuses a profile that needs it.
     fn send_servo_pulses(&mut self, _pulses: ServoPulses) {}
-    /// Whether all of them have been sent, the pause after the last included.
+    /// Returns true if all of them have been sent, and the pause after the last one has passed.
     fn are_servo_pulses_sent(&self) -> bool {
         true
     }
@@ -256,21 +256,22 @@ pub trait PlanningClock {
 /// Observes the motion in ticks of the motion clock. As [`StepObserver`] it sees every step as it is queued. A queue to real
 /// motors needs only the digests.
 pub trait MotionWatch: StepObserver {
-    /// Whether the filament is followed that the extruder pushes, for a sensor that sees it move.
+    /// True if the position of the pushed filament is followed, for a sensor that sees it move.
     const FOLLOWS_FILAMENT: bool = true;
 
-    /// Whether a switch may be beside that sensor.
+    /// True if a switch may accompany that sensor.
     const HAS_FILAMENT_SWITCH: bool = true;
     /// Digests of the steps so far. A board digests them as they are queued; virtual motors as they make them.
     fn digests(&self) -> StepDigests;
     /// A move was taken. `slowed_moves`: how many of all moves were slowed because the board could not keep up with them; a block is
     /// slowed when the move after it has been taken, or when it is full.
     fn move_taken(&mut self, _taken: &Move, _slowed_moves: u64) {}
-    /// After the entries added so far, a move of this source line ends at this tick.
+    /// Notes that a move of this source line ends at this tick, after the entries added so far.
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
-    /// Motion stands still, all of it has been played or dropped, and the motion clock goes on from this tick.
+    /// Notes that the motors are at rest, that all motion has been played or dropped, and that the motion clock
+    /// continues from this tick.
     fn stands_at(&mut self, _tick: u64) {}
-    /// At standstill: homing sets the motors' positions, as of this tick.
+    /// Notes, at standstill, that homing sets the motors' positions, as of this tick.
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
 }
 
@@ -278,11 +279,12 @@ pub trait MotionWatch: StepObserver {
 pub trait MotorEnable {
     /// Switches the motors in the mask on or off.
     fn set_motors_enabled(&mut self, motors: u8, enabled: bool);
-    /// Of the motors that lift Z together those in the mask make the steps to come, the others stand still; bit 0 is the axis's own. At
-    /// standstill only; after [`StepQueue::drop_all`] it is all of them again. Without effect where Z has one motor.
+    /// Selects the motors of Z that make the next steps; the others stand still. Bit 0 is the axis's first motor. At
+    /// standstill only; [`StepQueue::drop_all`] selects all of them again. Without effect where Z has one motor.
     fn step_z_motors(&mut self, _motors: u8) {}
-    /// The extruder of this tool makes the steps to come, the others stand still, with the current that they have. At standstill only;
-    /// it stays so after [`StepQueue::drop_all`]. Without effect where there is one extruder.
+    /// Selects the extruder that makes the next steps, by its tool; the others stand still, with the current that
+    /// they have. At standstill only; [`StepQueue::drop_all`] keeps the selection. Without effect with a single
+    /// extruder.
     fn step_extruder(&mut self, _tool: u8) {}
 }
 

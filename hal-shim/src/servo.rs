@@ -5,15 +5,15 @@
 pub struct ServoPulses {
     /// Width of each, microseconds: 1 to 10,000.
     pub width_us: u16,
-    /// How many.
+    /// Number of pulses.
     pub count: u16,
 }
 
 impl ServoPulses {
-    /// From the beginning of a pulse to that of the next, microseconds.
+    /// Time from the beginning of a pulse to that of the next, microseconds.
     pub const PERIOD_US: u16 = 20_000;
 
-    /// As many pulses as fill this time, rounded up; at least one.
+    /// Returns the pulses that fill this time: their number is rounded up and at least one.
     pub const fn lasting_ms(width_us: u16, ms: u16) -> Self {
         let count = ms.div_ceil(Self::PERIOD_US / 1000);
         Self { width_us, count: if count == 0 { 1 } else { count } }
@@ -24,7 +24,7 @@ impl ServoPulses {
         (self.count as u32) << 16 | self.width_us as u32
     }
 
-    /// What [`Self::word`] has made; `None`: no pulse is left.
+    /// Reads the pulses from a word of [`Self::word`]; `None` if no pulse is left.
     pub const fn from_word(word: u32) -> Option<Self> {
         match (word >> 16) as u16 {
             0 => None,

@@ -10,7 +10,7 @@ use ferrostep_boards::{chosen, constants};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The machine's profile says which level of a pin switches its supply off: the safe state needs that without the application.
     let (board, profile) = chosen::machine()?;
-    // Whether a sensor sees filament move decides what the step queue's user must know.
+    // The step queue's user follows the filament only for a sensor that sees it move.
     println!("cargo:rustc-check-cfg=cfg(follows_filament)");
     if profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some()) {
         println!("cargo:rustc-cfg=follows_filament");

@@ -18,7 +18,7 @@ pub const TYPE: AccelerometerType = AccelerometerType {
 /// Fastest clock at which samples may follow each other without a pause, Hz.
 pub const MAX_CLOCK_HZ: u32 = 1_600_000;
 
-/// In a frame's first byte: the register is read; the registers after it follow.
+/// Bits of a frame's first byte: the register is read (`READ`), and the registers after it follow (`MANY`).
 const READ: u8 = 0x80;
 const MANY: u8 = 0x40;
 
@@ -45,7 +45,7 @@ const DATA: u8 = 0x32;
 const FIFO_CONTROL: u8 = 0x38;
 const BYPASS: u8 = 0;
 const STREAM: u8 = 0b10 << 6;
-/// FIFO_STATUS: its bits with the number of samples, of which one more than 32 may wait in the output filter.
+/// FIFO_STATUS: its bits with the number of samples. One more than 32 is possible: the output filter may hold it.
 const FIFO_STATUS: u8 = 0x39;
 const ENTRIES: u8 = 0x3f;
 const MAX_ENTRIES: u8 = 33;

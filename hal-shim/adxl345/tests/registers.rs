@@ -9,7 +9,7 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use ferrostep_adxl345::Adxl345;
 use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, WaitingSamples};
 
-/// What a wire makes of a byte.
+/// Change of a byte on the wire.
 type Wire = fn(u8) -> u8;
 
 /// A chip that does as the data sheet's pages *Serial communications*, *Register map* and *FIFO* say.
@@ -111,7 +111,7 @@ fn it_is_set_up_at_rest_and_then_measures() {
     for (rate_hz, code) in [(25, 8), (50, 9), (100, 10), (200, 11), (400, 12), (800, 13), (1600, 14), (3200, 15)] {
         for (bits, format) in [(10, 0b0011), (13, 0b1011)] {
             let chip = Chip::new();
-            // It was measuring for somebody else, and its memory is not empty.
+            // It was measuring before, and its memory is not empty.
             (chip.borrow_mut().registers[0x2d], chip.borrow_mut().registers[0x38]) = (8, 0x80);
             chip.borrow_mut().sample([1, 2, 3]);
             let mut driver = Adxl345::new(Bus(&chip));
@@ -139,7 +139,7 @@ fn samples_come_oldest_first_in_millionths_of_gravity() {
     driver.begin(800, 10).unwrap();
     chip.borrow_mut().sample([32, -512, 511]);
     assert_eq!(driver.take(), Ok([1_000_000, -16_000_000, 15_968_750]));
-    // What a disturbed bus says overflows nothing.
+    // Bits from a disturbed bus overflow nothing.
     for bits in [10, 13] {
         driver.begin(800, bits).unwrap();
         chip.borrow_mut().sample([i16::MIN, i16::MAX, -1]);

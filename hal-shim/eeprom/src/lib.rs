@@ -24,18 +24,18 @@ pub const SECTOR_BYTES: usize = 1024;
 /// The slowest bus on which `MAX_ASKED` is meant, and the fastest that every 24C32 knows at 3.3 V, Hz.
 pub const BUS_HZ: u32 = 100_000;
 
-/// How often an EEPROM that does not acknowledge its address is asked: each takes at least 10 clocks, so that together they take twice
-/// the longest time of a write.
+/// Maximum number of requests to an EEPROM that does not acknowledge its address: each takes at least 10 clocks, so
+/// that together they take twice the longest time of a write.
 const MAX_ASKED: u32 = 200;
 
-/// What does not work.
+/// A fault of the EEPROM or of its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EepromFault {
     /// No acknowledge of its address for longer than a write takes.
     Silent,
     /// It does not acknowledge data.
     Protected,
-    /// The bus, a line of which stays low.
+    /// The bus: one of its lines stays low.
     Bus,
     /// No such bytes.
     Place,
@@ -77,7 +77,7 @@ impl<B: I2c> Eeprom<B> {
         Self { bus, address }
     }
 
-    /// Names a place, and goes on with an operation there: asks the chip until it has written what it was given before.
+    /// Names a place and runs an operation there: repeats the request until the chip has written its last bytes.
     #[inline(never)]
     fn at(&mut self, place: u32, operation: Operation<'_>) -> Result<(), EepromFault> {
         let [.., high, low] = place.to_be_bytes();
@@ -129,7 +129,7 @@ impl<B: I2c> NorFlash for Eeprom<B> {
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), EepromFault> {
         check_write(self, offset, bytes.len())?;
         let (mut place, mut rest) = (offset, bytes);
-        // A page at a time, of which the first may be begun in its midst.
+        // Page by page; the first part may begin inside a page.
         while !rest.is_empty() {
             let room = PAGE_BYTES - place as usize % PAGE_BYTES;
             let (page, others) = rest.split_at(room.min(rest.len()));

@@ -11,7 +11,7 @@ use ferrostep_settings::{Entry, MAX_BYTES, MAX_VALUES, RecordWriter, SLOT_BYTES,
 /// Longest write of any 24C32, s.
 const WRITE_S: f64 = 0.010;
 
-/// When the power goes.
+/// Moment at which the power fails.
 #[derive(Clone, Copy, Debug)]
 struct Cut {
     /// Pages that are still written.
@@ -241,7 +241,7 @@ fn faults_are_named_and_bounded() {
 #[test]
 fn a_cut_leaves_the_old_record_or_the_new_one() {
     let (mut cuts, mut news, mut seed) = (0_u32, 0_u32, 1);
-    // What a chip has contained before, such as Marlin's settings, does not matter.
+    // Earlier contents of a chip, such as Marlin's settings, do not matter.
     let mut bytes: Vec<u8> = (0..BYTES).map(|at| (at * at) as u8).collect();
     for number in 0..240 {
         let chip = RefCell::new(Chip::new(bytes.clone()));

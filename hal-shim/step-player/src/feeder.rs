@@ -41,7 +41,7 @@ impl Signals {
     }
 }
 
-/// Why an entry was not taken; the queue is unchanged.
+/// Reason why an entry was not taken; the queue is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FeedError {
     /// The ring is full.
@@ -89,7 +89,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             filled: player.next_number(),
             newest: Newest {
                 numbering: Numbering::from(M::EVENTS_A_STEP, player.number_before(player.next_number())),
-                // What is low is to be set.
+                // All pins are low: the next edge of each sets it.
                 turning: [0xffff; PORTS],
                 held: [0; PORTS],
             },
@@ -108,8 +108,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         })
     }
 
-    /// From the next entry on these pins do not step: of several motors of an axis, those that stand still while the others move. Without
-    /// any, all step again. At standstill only, and after a stop not before [`Self::drop_all`].
+    /// Excludes the step signals of these pins from the next entry on, so that some motors of an axis stand still
+    /// while the others move. An empty list lets all step again. At standstill only, and after a stop only once
+    /// [`Self::drop_all`] has been called.
     pub fn step_without(&mut self, pins: impl Iterator<Item = Pin>) {
         self.words = Self::step_words(&pins.fold(self.pins, PinMap::without_steps));
     }
@@ -149,7 +150,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.filled.wrapping_sub(self.player.next_number())
     }
 
-    /// Whether the newest event changes any pin.
+    /// True if the newest event changes a pin.
     fn is_held(&self) -> bool {
         self.newest.held != [0; PORTS]
     }
@@ -195,8 +196,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         Ok(())
     }
 
-    /// Adds entries as long as they are usual, there is room for them, and the ring goes on in a row.
-    /// The first that was not added.
+    /// Adds entries as long as they are usual, there is room for them, and the ring does not wrap. Returns the first
+    /// that was not added.
     #[inline(always)]
     fn push_usual(&mut self, entries: &mut impl Iterator<Item = StepEntry>) -> Option<StepEntry> {
         let lead_ticks = self.lead_ticks().wrapping_add(1);
@@ -217,7 +218,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         unusual
     }
 
-    /// By how much an interval is longer than the gap after an event.
+    /// Time by which an interval is longer than the gap after an event, ticks: a pulse, or 0 where both edges step.
     #[inline(always)]
     fn lead_ticks(&self) -> u32 {
         if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 }
@@ -260,12 +261,12 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         Ok(())
     }
 
-    /// The words for the direction signals as they stand, or are to stand before the first motion.
+    /// Returns the words for the direction signals as they are, or must be before the first motion.
     pub fn direction_words(&self) -> [u32; PORTS] {
         self.pins.directions(self.directions)
     }
 
-    /// From the next step on the direction signals are these; `None`: as they are now.
+    /// Sets the direction signals of the next step; `None` leaves them as they are.
     fn turn(&mut self, directions: Option<u8>) {
         self.turning = directions;
         self.usual_above_ticks = match directions {
@@ -281,7 +282,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
     }
 
-    /// Whether slots wait and the player stands still: then [`StepPlayer::start_or_end`] must be called.
+    /// Starts the player if slots wait and it is idle. Returns true then, and the caller must call
+    /// [`StepPlayer::start_or_end`].
     pub fn start(&mut self) -> bool {
         let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
         if idle {
@@ -291,8 +293,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         idle
     }
 
-    /// How many updates of the timer the interrupt has missed, because it was held up for longer than an interval: by
-    /// how much the hardware's count of updates, modulo 2^15, is ahead of the events played. Those events are owed.
+    /// Number of the timer's updates that the interrupt has missed, because it was held up for longer than an
+    /// interval: the lead of the hardware's count of updates, modulo 2^15, over the events played. Those events are
+    /// owed.
     pub fn missed_updates(&self, update_count: u16) -> u16 {
         // One word, so that both are of the same moment.
         let left = self.player.left();
@@ -300,7 +303,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             return 0;
         }
         let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MAX_EVENTS;
-        // A count behind the events: the board has no such count, or the interrupt came between the two reads.
+        // A count less than the events: the board has no such count, or the interrupt came between the two reads.
         if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
     }
 
@@ -310,7 +313,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.left().dropped.signed
     }
 
-    /// After a stop, while the interrupt is masked: drops everything that has not been played.
+    /// Drops everything that has not been played, after a stop and while the interrupt is masked.
     ///
     /// Afterwards the caller stores [`Self::rest_words`] to the ports, and the interrupt may run again.
     pub fn drop_all(&mut self) -> DroppedSteps {
@@ -404,7 +407,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if self.turning.is_none() {
             return levels;
         }
-        // With pulses the direction changes at the end of the pulse before; else in an event of its own.
+        // With pulses the direction changes at the end of the pulse before; else in a separate event.
         let before = if M::EVENTS_A_STEP == 2 { pulse_ticks } else { MIN_GAP_TICKS };
         levels.max(before.saturating_add(direction_setup_ticks))
     }
@@ -426,7 +429,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.pulses(interval_ticks, 1, axes ^ added);
     }
 
-    /// Both edges: `count` events, of which the last is held back.
+    /// Fills slots for steps at both edges: `count` events, the last of which is held back.
     fn edges(&mut self, interval_ticks: u32, mut count: u16, axes: u8, added: u8) {
         while count > MAX_EVENTS {
             self.edges_in_a_slot(interval_ticks, MAX_EVENTS, axes, 0);
@@ -441,7 +444,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.fill(interval_ticks, then, count, held);
     }
 
-    /// `count` pulses, of which the last one's end is held back.
+    /// Fills slots for `count` pulses; the end of the last one is held back.
     fn pulses(&mut self, interval_ticks: u32, mut count: u16, axes: u8) {
         let rise = self.words_of(axes);
         let held = rise.map(PinMap::<PORTS>::turned);
@@ -470,7 +473,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             self.stair(interval_ticks, count, axes, added);
             return;
         }
-        // An event of its own, half way or as late as the set-up time allows.
+        // A separate event, half way or as late as the set-up time allows.
         let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks);
         self.fill(before, [0; PORTS], 1, words);
         let rest = interval_ticks - before;

@@ -12,7 +12,7 @@ use super::slot::{Filling, Numbering, Slot};
 /// The state that every slot changes. Small enough to stay in registers while many are filled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Newest<const PORTS: usize> {
-    /// Of the events in the slots filled so far.
+    /// Number of the events in the slots filled so far.
     pub(super) numbering: Numbering,
     /// Both edges: the words that would turn every pin of the ports to its other level after the newest event.
     pub(super) turning: [u32; PORTS],
@@ -27,14 +27,14 @@ pub(super) struct Following<const PORTS: usize> {
     pub(super) reload: u32,
     /// The words of the first of them.
     pub(super) then: [u32; PORTS],
-    /// How many there are.
+    /// Number of events.
     pub(super) events: u32,
     /// The words of the last of them, which the slot leaves to the next one.
     pub(super) held: [u32; PORTS],
 }
 
-/// For each set of motors the words that step them: with pulses they raise the signals, with both edges they
-/// select from [`Newest::turning`].
+/// Words that step each set of motors: with pulses they raise the signals, with both edges they select from
+/// [`Newest::turning`].
 pub(super) type StepWords<const PORTS: usize> = [[u32; PORTS]; 16];
 
 /// The state that is constant while the directions are.
@@ -42,7 +42,7 @@ pub(super) struct Usual<'a, M, const PORTS: usize> {
     pub(super) words: &'a StepWords<PORTS>,
     /// Intervals above this are usual.
     pub(super) above_ticks: u32,
-    /// From an interval to a reload value.
+    /// Difference between an interval and its reload value.
     pub(super) lead_ticks: u32,
     pub(super) stepping: PhantomData<M>,
 }
@@ -86,7 +86,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
         None
     }
 
-    /// Pulses: the last of a stair may be another one, in a slot of its own.
+    /// Adds pulses: the last of a stair may be another one and then takes a separate slot.
     #[inline(always)]
     fn push_pulses(
         &self,
@@ -162,7 +162,8 @@ impl<const PORTS: usize> Newest<PORTS> {
         (then, self.turn(last))
     }
 
-    /// Fills a slot with the event that was held back, and with a step of which `held` is the end.
+    /// Fills a slot with the event that was held back and with a step, whose end `held` is the next event to be held
+    /// back.
     #[inline(always)]
     fn fill_step<M: Stepping>(&mut self, slot: &Slot<PORTS>, reload: u32, then: [u32; PORTS], held: [u32; PORTS]) {
         self.numbering.advance(M::EVENTS_A_STEP);

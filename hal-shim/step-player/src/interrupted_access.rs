@@ -1,9 +1,9 @@
-//! For tests: what happens between any two accesses of the planner task to shared memory.
+//! A hook for tests, called between any two accesses of the planner task to shared memory.
 
 use std::cell::RefCell;
 
 thread_local! {
-    /// What happens at each access of the task to shared memory; taken out while it runs, for the interrupt's own
+    /// The hook of each access of the task to shared memory; taken out while it runs, because the interrupt's own
     /// accesses are not interrupted.
     static INTERRUPT: RefCell<Option<Box<dyn FnMut()>>> = const { RefCell::new(None) };
 }

@@ -1,4 +1,5 @@
-//! From step entries to edges: the queue between planner and step interrupt, and the interrupt's code, without registers.
+//! The queue of step entries between planner and step interrupt, and the interrupt's code that turns them into edges,
+//! without registers.
 //!
 //! It has two halves. The [`StepFeeder`] belongs to the planner task: it turns entries into *slots* that hold
 //! the very words to store to the ports. The [`StepPlayer`] belongs to the step interrupt: at each update of its timer

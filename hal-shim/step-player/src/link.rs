@@ -20,7 +20,7 @@ impl Default for StepLink {
 }
 
 impl StepLink {
-    /// Flags while the player stands still.
+    /// Flags of a player at rest.
     pub const fn new() -> Self {
         Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0), requested: WordU8::new(0) }
     }
@@ -30,7 +30,7 @@ impl StepLink {
         self.run.store(1);
     }
 
-    /// Whether the player takes slots.
+    /// Returns true if the player takes slots.
     #[inline(always)]
     pub fn is_running(&self) -> bool {
         self.run.load() != 0
@@ -43,7 +43,7 @@ impl StepLink {
         self.ran_dry.store(1);
     }
 
-    /// Whether the player has found no slot since the last call.
+    /// Returns true if the player has found no slot since the last call.
     pub fn take_ran_dry(&self) -> bool {
         Self::take(&self.ran_dry)
     }
@@ -55,12 +55,12 @@ impl StepLink {
         self.stop.store(1);
     }
 
-    /// As [`Self::request_stop`], for the sensor that an axis seeks.
+    /// Requests a stop as [`Self::request_stop`] does, for the sensor that an axis seeks.
     pub fn request_sensor_stop(&self) {
         self.stop.store(1);
     }
 
-    /// Whether a stop has been asked for and not been taken note of.
+    /// Returns true from a request to stop until the planner task has taken note of it.
     pub fn is_stopping(&self) -> bool {
         self.stop.load() != 0
     }

@@ -1,5 +1,5 @@
-//! What the ring tells of the past: the slots that were played last, those that a stop or a reset has kept from being played, and
-//! the words beside the ring by which it can be read.
+//! Record of past motion in the ring: the slots that were played last, those that a stop or a reset has kept from
+//! being played, and the words beside the ring by which it can be read.
 //!
 //! A slot keeps its words and the number of its last event when it has been played, until it is filled again. So a ring in memory that
 //! no start of the program fills holds the last motion after a reset, without a store more in the step interrupt.
@@ -7,7 +7,7 @@
 use super::shared_word::WordU32;
 use super::slot::Head;
 
-/// In memory that a program has set up as a ring. At power-on the word is random.
+/// Mark of memory that a program has set up as a ring. At power-on the word is random.
 const MARKER: u32 = 0x7bb0_c5a1;
 
 /// A slot, by motors (bit i = motor i).
@@ -23,14 +23,15 @@ pub struct PastSlot {
     pub backwards: u8,
     /// Reload value of the timer for the gaps after the events; of pulses, for those after a pulse.
     pub reload: u32,
-    /// How many events, 1 to [`MAX_EVENTS`](super::MAX_EVENTS).
+    /// Number of events, 1 to [`MAX_EVENTS`](super::MAX_EVENTS).
     pub events: u16,
 }
 
-/// Where the motors stand at a place in the queue.
+/// Position of the motors at a place in the queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PositionMark {
-    /// Slots filled at that time, modulo 2^32. The motors stand there when these have been played, and the event that was held back then.
+    /// Slots filled at that time, modulo 2^32. The motors are there when these have been played, and the event that
+    /// was held back then.
     pub filled: u32,
     /// The next slot to be begun at that time.
     pub next: u32,
@@ -40,7 +41,7 @@ pub struct PositionMark {
     pub motor_steps: [i32; 4],
 }
 
-/// What can be read of a ring.
+/// Readable contents of a ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Past {
     /// Number of the oldest slot, modulo 2^32.
@@ -73,7 +74,7 @@ pub(super) struct Marks {
     filled: WordU32,
     kept_directions: WordU32,
     positions: [Position; 2],
-    /// Which of the two is written next.
+    /// Index of the position that is written next, the older one.
     older: WordU32,
 }
 
@@ -115,7 +116,7 @@ impl Position {
     }
 }
 
-/// Not 0 for zeros.
+/// Returns the check word of these values; it is not 0 for zeros.
 fn sum(values: [u32; 7]) -> u32 {
     values.into_iter().fold(MARKER, |sum, value| sum.rotate_left(5) ^ value)
 }
@@ -137,7 +138,7 @@ impl Marks {
         }
     }
 
-    /// Of an empty ring.
+    /// Sets the words to those of an empty ring.
     pub(super) fn reset(&self) {
         for word in [&self.motions, &self.oldest, &self.directions, &self.kept, &self.older] {
             word.store(0);
@@ -189,7 +190,8 @@ impl Marks {
         if self.are_kept() {
             return;
         }
-        // Without a slot since, the other stays: at the queue's very end an event may be held back of which the slots say nothing.
+        // Without a slot since, the other note stays: at the queue's very end an event may be held back that no slot
+        // has.
         let older = self.older.load() & 1;
         let is_same = |place: u32| {
             let newest = self.positions.get(place as usize).and_then(Position::load);
@@ -215,7 +217,7 @@ impl Marks {
         let most = slots as u32 - 1;
         let oldest = self.oldest.load();
         let oldest = if end.wrapping_sub(oldest) > most { end.wrapping_sub(most) } else { oldest };
-        // Of words that have not outlived a reset nothing is read.
+        // Words that did not survive a reset are ignored.
         let oldest = if filled.wrapping_sub(oldest) > most { filled } else { oldest };
         let [first, second] = self.positions.each_ref().map(Position::load);
         let positions = if self.older.load() & 1 == 0 { [second, first] } else { [first, second] };

@@ -1,12 +1,12 @@
 //! The motors' pins, as words for the ports.
 
-/// In a port's word the upper half resets what the lower half sets (RM0090 8.4.7, BSRR).
+/// Shift to the upper half of a port's word, which resets the pins that the lower half sets (RM0090 8.4.7, BSRR).
 const RESET_SHIFT: u32 = 16;
 
 /// A pin of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pin {
-    /// Which of the board's motor ports, by index.
+    /// Index of the board's motor port.
     pub port: usize,
     /// Number within the port, 0 to 15.
     pub number: u8,
@@ -104,7 +104,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(self)
     }
 
-    /// The same pins, but for the step signal of a motor that stands still while the others of its axis move.
+    /// The same pins without this step signal, for a motor that stands still while the others of its axis move.
     pub const fn without_steps(mut self, pin: Pin) -> Self {
         let mut axes = 0;
         while axes < 16 && pin.port < PORTS {
@@ -163,7 +163,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         motors_of(&self.direction, self.crossed(words).map(|word| word & 0xffff))
     }
 
-    /// Whether these words change pins of motors only.
+    /// Returns true if these words change pins of motors only.
     pub fn are_motors(&self, words: [u32; PORTS]) -> bool {
         let pins = self.step.iter().zip(&self.direction).map(|(step, direction)| step[15] | direction[15]);
         pins.zip(words).all(|(pins, word)| (word | word >> RESET_SHIFT) as u16 & !pins == 0)

@@ -16,7 +16,8 @@ use super::slot::{Head, MAX_EVENTS, Slot};
 /// pulses at least as long.
 pub const MIN_GAP_TICKS: u32 = 84;
 
-/// How often the player looks for the first entry of a motion, ticks: a motion starts at most twice this late.
+/// Interval at which the player looks for the first entry of a motion, ticks: a motion starts at most twice this
+/// late.
 pub const IDLE_TICKS: u32 = 21_000;
 
 /// Attempts to set the hardware's count of updates at the start of a motion. A second one is needed only if an update falls
@@ -27,9 +28,9 @@ const COUNT_ATTEMPTS: u32 = 4;
 pub trait UpdateTimer {
     /// Clears the update's flag.
     fn clear_update(&self);
-    /// Whether there was an update since.
+    /// Returns true if there was an update since the flag was cleared.
     fn is_update_due(&self) -> bool;
-    /// From the update after the next one on, an update every `reload` + 1 ticks.
+    /// Sets the interval from the update after the next one on: an update every `reload` + 1 ticks.
     fn set_reload(&self, reload: u32);
     /// Sets the hardware's count of updates, modulo 2^15.
     fn set_update_count(&self, count: u16);
@@ -50,7 +51,7 @@ pub trait OutputPorts<const PORTS: usize> {
     fn write(&self, port: usize, word: u32);
 }
 
-/// How step signals step.
+/// Edges of a step signal that step.
 pub trait Stepping {
     /// Events that a step takes: one, or one for each edge of its pulse.
     const EVENTS_A_STEP: u32;
@@ -59,7 +60,7 @@ pub trait Stepping {
 /// Each edge of the signal is a step (TMC drivers, `dedge`).
 #[derive(Clone, Copy, Debug)]
 pub struct BothEdges;
-/// The rising edge is a step; the pulse ends in an event of its own, so that no code waits for it.
+/// Steps at the rising edge; the pulse ends in a separate event, so that no code waits for it.
 #[derive(Clone, Copy, Debug)]
 pub struct Pulses;
 
@@ -97,11 +98,11 @@ pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
     left: WordI32,
     /// Number of the next slot, modulo 2^32; its place is the remainder by `N`.
     next: WordU32,
-    /// For pulses: the reload values of the gap after a pulse, and of the pulse.
+    /// Reload values of pulses: that of the gap after a pulse, and that of the pulse.
     reloads: [WordU32; 2],
     link: StepLink,
     slots: [Slot<PORTS>; N],
-    /// What is needed to read the ring after a stop or a reset. The interrupt does not touch it.
+    /// Words that are needed to read the ring after a stop or a reset. The interrupt does not touch them.
     marks: Marks,
     stepping: PhantomData<M>,
 }
@@ -175,8 +176,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
 
     /// The start of a motion, and its end when the last event is out and the ring is empty.
     ///
-    /// An interrupt of its own, so that the usual one needs no more registers than it has for free; it comes right after
-    /// that one, before the next update is served.
+    /// It runs in a separate interrupt, so that the usual one needs no more registers than it has for free; that
+    /// interrupt comes right after the usual one, before the next update is served.
     #[inline(always)]
     pub fn start_or_end<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
         if self.left() != Head::EMPTY {
@@ -218,7 +219,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         timer.forget_served();
         // Last, because whatever follows delays the first event.
         timer.unmask();
-        // Once more: QEMU's timer stands still after an update while it is masked, until it gets an interval.
+        // Once more: QEMU's timer is stopped after an update while it is masked, until it gets an interval.
         timer.set_reload(reload);
     }
 
@@ -272,45 +273,45 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         &self.slots[number as usize & (N - 1)]
     }
 
-    /// For the producer: a slot by its number.
+    /// Slot by its number, for the producer.
     pub(super) fn slot_of(&self, number: u32) -> &Slot<PORTS> {
         self.slot(number)
     }
 
-    /// For the producer: the slots from this number on to the end of the ring.
+    /// Slots from this number on to the end of the ring, for the producer.
     #[inline(always)]
     pub(super) fn slots_from(&self, number: u32) -> &[Slot<PORTS>] {
         self.slots.get(number as usize & (N - 1)..).unwrap_or_default()
     }
 
-    /// For the producer: the number of the next slot to be begun, modulo 2^32.
+    /// Number of the next slot to be begun, modulo 2^32, for the producer.
     pub(super) fn next_number(&self) -> u32 {
         self.next.load()
     }
 
-    /// For the producer: what is left of the slot in play.
+    /// Remainder of the slot in play, for the producer.
     pub(super) fn left(&self) -> Head {
         Head(self.left.load())
     }
 
-    /// For the producer, before the interrupt runs: how long a pulse is.
+    /// Sets the length of a pulse, for the producer, before the interrupt runs.
     pub(super) fn set_pulse_reload(&self, reload: u32) {
         self.reloads[1].store(reload);
     }
 
-    /// For the producer: the motors' directions from the newest event on; bit i = motor i runs backwards.
+    /// Notes the motors' directions from the newest event on, for the producer; bit i = motor i runs backwards.
     pub(super) fn note_directions(&self, directions: u8) {
         self.marks.note_directions(directions);
     }
 
-    /// For the producer, at standstill, with slots to play: a motion begins, after which what a stop or a reset has left is
-    /// overwritten.
+    /// Notes that a motion begins, for the producer, at standstill and with slots to play: from then on the slots
+    /// that a stop or a reset has left are overwritten.
     pub(super) fn motion_begins(&self) {
         self.marks.motion_begins(self.next.load());
     }
 
-    /// For the producer, while the interrupt is masked: drops all slots up to the one that it fills next. Whether more
-    /// than a sensor has asked for the stop.
+    /// Drops all slots up to the one that the producer fills next, while the interrupt is masked. Returns true if
+    /// more than a sensor has asked for the stop.
     pub(super) fn forget(&self, filled: u32) -> bool {
         self.keep(filled);
         self.clear_unplayed(filled);
@@ -339,9 +340,9 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
 
 /// The past: what a ring still holds that outlived a stop, or a reset in memory that the start leaves alone.
 impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
-    /// To be called once, before the interrupt runs and before there is a feeder, on a player in memory that the start of the
-    /// program does not fill: nothing is left to play. The slots stay to be read, if `is_trusted` (the supply has lasted) and the
-    /// ring was one before; otherwise it is emptied.
+    /// Prepares a player in memory that the start of the program does not fill: no slot is left to play. If
+    /// `is_trusted` (the supply has lasted) and the memory was a ring before, the slots stay readable; otherwise the
+    /// ring is emptied. To be called once, before the interrupt runs and before there is a feeder.
     pub fn restart(&self, is_trusted: bool) {
         if is_trusted && self.marks.are_valid() {
             self.finish_begun();
@@ -390,18 +391,18 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.marks.forget(self.next.load());
     }
 
-    /// How many motions have begun, modulo 2^32.
+    /// Number of motions that have begun, modulo 2^32.
     pub fn motions(&self) -> u32 {
         self.marks.motions()
     }
 
-    /// Notes where the motors will stand at the end of the queue, of which this many slots were filled; not while a stop or a reset has
-    /// left something to be read.
+    /// Notes the position of the motors at the end of the queue, with `filled` slots filled so far; without effect
+    /// while the remains of a stop or a reset are to be read.
     pub fn note_position(&self, filled: u32, motor_steps: [i32; 4], now_ms: u32) {
         self.marks.note_position(PositionMark { filled, next: self.next.load(), now_ms, motor_steps });
     }
 
-    /// What the ring holds: since the last stop or reset, or as that has left it. At standstill only.
+    /// Returns the contents of the ring: since the last stop or reset, or as that has left it. At standstill only.
     pub fn past(&self) -> Past {
         self.marks.past(self.next.load(), N)
     }

@@ -27,9 +27,10 @@ pub struct Replayed {
     pub backwards: u8,
 }
 
-/// Plays slots as the board has: `both_edges` as [`BothEdges`], else [`Pulses`] of this many ticks. `directions` are those after the
-/// last slot (bit i = motor i runs backwards). `events` ends the replay after that many events, whether they step or not. Slots
-/// after the first [`MAX_REPLAYED_SLOTS`] are not played, nor is what no feeder fills: no events, or a reload value of 0.
+/// Plays slots as the board has: `both_edges` as [`BothEdges`], else [`Pulses`] of `pulse_ticks`. `directions` are
+/// those after the last slot (bit i = motor i runs backwards). The replay ends after `events` events, whether they
+/// step or not. It skips slots after the first [`MAX_REPLAYED_SLOTS`] and contents that no feeder writes: no events,
+/// or a reload value of 0.
 pub fn replay(
     slots: &[PastSlot],
     both_edges: bool,

@@ -6,7 +6,8 @@
 
 use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering};
 
-/// Before publishing: a reader that sees a later store also sees all earlier ones.
+/// Orders all earlier stores before a later one: a reader that sees the later store also sees the earlier ones. To be
+/// called before publishing.
 #[inline(always)]
 pub fn publish() {
     #[cfg(target_os = "none")]
@@ -15,7 +16,7 @@ pub fn publish() {
     core::sync::atomic::fence(Ordering::Release);
 }
 
-/// After reading a published value: what belongs to it is read after it.
+/// Orders later loads after that of a published value. To be called after reading it.
 #[inline(always)]
 pub fn acquire() {
     #[cfg(target_os = "none")]

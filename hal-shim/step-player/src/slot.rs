@@ -24,13 +24,13 @@ pub struct Slot<const PORTS: usize> {
 /// A slot's contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filling<const PORTS: usize> {
-    /// See [`Slot::first`].
+    /// Value of [`Slot::first`].
     pub first: [u32; PORTS],
-    /// See [`Slot::then`].
+    /// Value of [`Slot::then`].
     pub then: [u32; PORTS],
-    /// See [`Slot::reload`].
+    /// Value of [`Slot::reload`].
     pub reload: u32,
-    /// See [`Slot::head`].
+    /// Value of [`Slot::head`].
     pub head: Head,
 }
 
@@ -42,10 +42,10 @@ impl Head {
     /// An event in a head.
     pub const EVENT: i32 = 1 << 16;
 
-    /// When no slot is being played.
+    /// Head while no slot is being played.
     pub const EMPTY: Self = Self(0);
 
-    /// Whether there are events.
+    /// Returns true if there are events.
     #[inline(always)]
     pub fn is_filled(self) -> bool {
         self.0 < 0
@@ -68,7 +68,7 @@ impl Head {
 pub struct Numbering(u32);
 
 impl Numbering {
-    /// Where the number begins.
+    /// Lowest bit of the number.
     const SHIFT: u32 = 17;
 
     /// No events yet, for steps of this many events.
@@ -76,7 +76,7 @@ impl Numbering {
         Self((events_a_step << 16).wrapping_neg() >> 15)
     }
 
-    /// As [`Self::new`], after this many events, modulo 2^15.
+    /// The numbering of [`Self::new`] after this many events, modulo 2^15.
     pub const fn from(events_a_step: u32, number: u16) -> Self {
         Self(Self::new(events_a_step).0.wrapping_add((number as u32) << Self::SHIFT))
     }
@@ -111,7 +111,7 @@ impl<const PORTS: usize> Slot<PORTS> {
         }
     }
 
-    /// For the producer: fills an empty slot; the interrupt may take it at once.
+    /// Fills an empty slot, for the producer; the interrupt may take it at once.
     #[inline(always)]
     pub fn fill(&self, filling: &Filling<PORTS>) {
         for (word, value) in self.first.iter().zip(filling.first) {
@@ -125,7 +125,7 @@ impl<const PORTS: usize> Slot<PORTS> {
         self.head.store(filling.head.0);
     }
 
-    /// How many events, and how near.
+    /// Number of its events, and their distance.
     #[inline(always)]
     pub fn head(&self) -> Head {
         let head = self.head.load();

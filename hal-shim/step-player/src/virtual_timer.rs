@@ -19,7 +19,7 @@ pub struct VirtualUpdateTimer {
     updates: Cell<u16>,
     latched: Cell<bool>,
     count_is_wired: Cell<bool>,
-    /// What an access costs, cycles.
+    /// Cost of an access, cycles.
     access_cycles: Cell<u64>,
     turning: Cell<bool>,
     masked: Cell<bool>,
@@ -50,12 +50,12 @@ impl VirtualUpdateTimer {
         self.now.get()
     }
 
-    /// What every access of the interrupt to the timer costs, cycles: stands for the instructions around it.
+    /// Sets the cost of every access of the interrupt to the timer, cycles: it represents the instructions around it.
     pub fn set_access_cycles(&self, cycles: u64) {
         self.access_cycles.set(cycles);
     }
 
-    /// Whether a second timer counts the updates.
+    /// Connects or disconnects a second timer that counts the updates.
     pub fn wire_update_count(&self, wired: bool) {
         self.count_is_wired.set(wired);
     }
@@ -65,7 +65,7 @@ impl VirtualUpdateTimer {
         if self.count_is_wired.get() { self.updates.get() } else { 0 }
     }
 
-    /// When the next update comes, cycles.
+    /// Time of the next update, cycles.
     pub fn next_at(&self) -> u64 {
         self.period_start.get() + (u64::from(self.active.get()) + 1) * CYCLES_A_TICK
     }
@@ -100,12 +100,12 @@ impl VirtualUpdateTimer {
         }
     }
 
-    /// Whether the interrupt is called.
+    /// Returns true if the interrupt is called.
     pub fn is_called(&self) -> bool {
         self.latched.get() && !self.masked.get()
     }
 
-    /// Whether the interrupt is masked.
+    /// Returns true if the interrupt is masked.
     pub fn is_masked(&self) -> bool {
         self.masked.get()
     }

@@ -69,7 +69,7 @@ fn extruder_step_pin(tool: usize) -> Option<Pin> {
     further.unwrap_or_else(|| MOTORS.get(E).map(|pins| pins.step))
 }
 
-/// In BSRR the upper half resets what the lower half sets.
+/// Shift to the upper half of BSRR, which resets the pins that the lower half sets.
 const RESET_SHIFT: u32 = 16;
 
 /// All ports that a board may have pins on.
@@ -107,7 +107,7 @@ impl BoardPins {
     }
 }
 
-/// Whether a sensor that no axis homes with is triggered. Its pin is set up by [`BoardPins::new`].
+/// Returns true if a sensor that no axis homes with is triggered. Its pin is set up by [`BoardPins::new`].
 pub fn is_triggered(pin: SensorPin) -> bool {
     // SAFETY: a port is only read.
     pin.is_triggered(&mut unsafe { Volatile::new() })
@@ -164,7 +164,8 @@ impl Motors<MOTOR_PORTS> for BoardPins {
     }
 }
 
-/// For the panic and fault handlers: heaters off, then motors off, then the fans full and off the USB bus.
+/// Switches all off, for the panic and fault handlers: heaters off, then motors off, then the fans full and off the
+/// USB bus.
 pub(crate) fn all_off() {
     // SAFETY: pins of heaters, motors and fans, and the USB controller: all states are allowed; no other code runs any more.
     unsafe { stores::apply(&ALL_OFF) };

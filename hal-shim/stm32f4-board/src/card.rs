@@ -11,7 +11,7 @@ use crate::volatile::Volatile;
 /// The board's slot.
 pub type Slot = SdioSlot<Volatile, fn() -> u32>;
 
-/// Where DMA lays blocks: in RAM that it reaches.
+/// Memory for the blocks that DMA moves: in RAM that it reaches.
 static MEMORY: BlockMemory = BlockMemory::new();
 
 /// The motion clock, which measures the waits.

@@ -61,7 +61,7 @@ pub fn set_systick_priority(scb: &mut SCB, priority: u8) {
     unsafe { scb.set_priority(SystemHandler::SysTick, hardware) };
 }
 
-/// Whether a flag comes up within [`MAX_LOOKS`].
+/// Returns true if a flag comes up within [`MAX_LOOKS`].
 pub fn comes_true(mut flag: impl FnMut() -> bool) -> bool {
     (0..MAX_LOOKS).any(|_| flag())
 }

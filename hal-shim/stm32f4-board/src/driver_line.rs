@@ -17,7 +17,7 @@ use crate::volatile::Volatile;
 #[unsafe(no_mangle)]
 pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111_1111);
 
-/// The peripheral behind a board's lines. Its interrupt is USART2's or TIM7's.
+/// The peripheral of a board's driver lines. Its interrupt is USART2's or TIM7's.
 pub trait DriverLine: SingleWireUart {
     /// Their speed.
     const BAUD: u32;
@@ -54,8 +54,8 @@ impl DriverLine for SharedLine {
 pub type OwnLines<const N: usize> = PinLines<Volatile, N>;
 
 impl<const N: usize> DriverLine for OwnLines<N> {
-    /// As fast as a timer's interrupt can sample it without much of the processor's time: 76,800 interrupts a second while
-    /// a line is in use.
+    /// The fastest rate that a timer's interrupt can sample without much of the processor's time: 76,800 interrupts a
+    /// second while a line is in use.
     const BAUD: u32 = 19_200;
 
     fn start(_: (USART2, TIM7), clock: &Clock, pins: &[(u8, u8)]) -> Self {

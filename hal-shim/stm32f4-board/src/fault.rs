@@ -8,14 +8,15 @@ use cortex_m::peripheral::SCB;
 use crate::board::RAM;
 use crate::safe_state;
 
-/// Where the program counter stands in the eight words that the core pushes.
+/// Offset of the program counter in the eight words that the core pushes, bytes.
 const PROGRAM_COUNTER: u32 = 24;
 
 /// UNDEFINSTR of the configurable fault status register: the core met an instruction that it does not know (PM0214, 4.4.10).
 const UNDEFINED_INSTRUCTION: u32 = 1 << 16;
 
 /// The exception's entry. After a stack overflow the stack pointer is below RAM, and the first push of an ordinary
-/// handler would lock the core up, heaters on: so this one begins with a stack of its own, the same one anew.
+/// handler would lock the core up, heaters on: so this one first sets the stack pointer back to the start of the
+/// stack.
 ///
 /// # Safety
 /// For the vector table only.
@@ -29,7 +30,7 @@ pub unsafe extern "C" fn HardFault() -> ! {
 extern "C" fn handle(frame: u32) -> ! {
     safe_state::enter();
     let at = frame.wrapping_add(PROGRAM_COUNTER);
-    // In RAM, that is: elsewhere there is no frame.
+    // Only in RAM: elsewhere there is no frame.
     if frame.is_multiple_of(4) && RAM.contains(&frame) && RAM.contains(&(at + 3)) {
         // SAFETY: an aligned word of RAM that is not written any more.
         let address = unsafe { core::ptr::read_volatile(at as *const u32) };
@@ -44,7 +45,7 @@ extern "C" fn handle(frame: u32) -> ! {
     safe_state::rest()
 }
 
-/// To the host, and for after the reset.
+/// Reports to the host, and keeps the text for after the reset.
 fn tell(what: fmt::Arguments<'_>) {
     safe_state::tell(format_args!("firmware {what}"), what);
 }

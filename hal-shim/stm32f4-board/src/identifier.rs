@@ -1,6 +1,6 @@
 //! The chip's own number.
 
-/// Where it is, three words (RM0090 39.1, RM0390 34.1).
+/// Address of the identifier, three words (RM0090 39.1, RM0390 34.1).
 const IDENTIFIER: *const [u32; 3] = 0x1fff_7a10 as *const [u32; 3];
 
 /// The chip's unique identifier, 96 bits.

@@ -1,4 +1,4 @@
-//! How long steps and planning take, measured while the machine prints; it costs nothing when it is switched off.
+//! Times of steps and planning, measured while the machine prints; no cost while switched off.
 //!
 //! The step interrupt is measured from outside: while it is on, its vector leads to [`step_interrupt_measured`], which
 //! calls the handler proper. Planning is measured by [`PlanningMeter`].
@@ -36,14 +36,14 @@ pub struct Measured {
     pub summary: Summary,
 }
 
-/// Whether times are measured.
+/// Returns true if times are measured.
 pub fn is_on() -> bool {
     IS_ON.load(Ordering::Relaxed)
 }
 
 /// The histograms.
 pub fn all() -> [Measured; 3] {
-    // Where the core counts no cycles, a timer stands in.
+    // A timer replaces the core's counter of cycles where that does not count.
     let unit = if COUNTER_IS_OF_CORE.load(Ordering::Relaxed) { "cycles" } else { "ticks" };
     [
         Measured { name: "step_latency", unit: "ticks", summary: STEP_LATENCY.summary() },
@@ -89,8 +89,8 @@ impl Switch {
     /// Switches the measurement on or off. The histograms stay.
     pub fn set(&mut self, on: bool) {
         if on {
-            // SAFETY: it calls the handler that it replaces and else only reads two counters and adds to histograms
-            // of its own; the counter was found in `new`.
+            // SAFETY: it calls the handler that it replaces and else only reads two counters and adds to its
+            // histograms; the counter was found in `new`.
             unsafe { self.vectors.replace(Interrupt::TIM2, step_interrupt_measured) };
         } else {
             self.vectors.restore();
@@ -110,8 +110,8 @@ unsafe fn now() -> u32 {
     unsafe { counter.read_volatile() }
 }
 
-/// In the place of the step interrupt's handler while times are measured. The step timer counts from 0 at each update:
-/// what it shows here is how late the interrupt is.
+/// Replaces the step interrupt's handler while times are measured. The step timer counts from 0 at each update: its
+/// count here is the delay of the interrupt.
 unsafe extern "C" fn step_interrupt_measured() {
     unsafe extern "C" {
         /// The handler proper: by its name, because a look into the vector table would delay its reload value.
@@ -132,7 +132,7 @@ unsafe extern "C" fn step_interrupt_measured() {
 /// Measures the planner's work for one move after the other, interrupts included.
 #[derive(Debug, Default)]
 pub struct PlanningMeter {
-    /// When the present portion began, if it is measured.
+    /// Start of the present portion, if it is measured.
     began: Option<u32>,
     /// Time spent on the present move before that.
     spent: u32,
@@ -154,7 +154,7 @@ impl PlanningMeter {
         self.is_planned = true;
     }
 
-    /// The portion has ended. A move of which some was not measured is not counted.
+    /// Ends the portion. A move that was measured only in part is not counted.
     #[inline]
     pub fn end(&mut self) {
         let is_planned = core::mem::take(&mut self.is_planned);

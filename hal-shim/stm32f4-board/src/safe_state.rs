@@ -25,8 +25,9 @@ pub fn enter() {
     board::all_off();
 }
 
-/// Whether the crystal has stopped, for which the core calls the interrupt that cannot be masked. The chip has gone over to its
-/// internal oscillator by itself, buses divided as before; then the host's line gets its speed back. After [`enter`] only.
+/// Returns true if the crystal has stopped, for which the core calls the interrupt that cannot be masked. The chip
+/// has gone over to its internal oscillator by itself, buses divided as before; then the host's line gets its speed
+/// back. After [`enter`] only.
 pub fn crystal_has_stopped() -> bool {
     // SAFETY: a register is only read.
     let has_stopped = clock_setup::crystal_has_stopped(&mut unsafe { Volatile::new() });
@@ -49,8 +50,9 @@ pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
     let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
 }
 
-/// Rests until someone resets the board: a machine that starts again on its own might start heating, or go on with a print from
-/// a wrong position. The watchdog, which would reset it, is fed. A probe's pin is called in, again and again.
+/// Rests until someone resets the board: a machine that starts again on its own might start heating, or continue a
+/// print from a wrong position. The watchdog, which would reset it, is fed. A probe's pin is called in, again and
+/// again.
 pub fn rest() -> ! {
     loop {
         supervision::feed_at_the_end();

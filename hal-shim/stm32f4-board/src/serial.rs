@@ -7,7 +7,7 @@ use fugit::HertzU32 as Hertz;
 /// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would take all there are.
 const BYTES_AT_ONCE: usize = 16;
 
-/// Whether there is more to send.
+/// State of the transmitter after a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transmit {
     /// All has been handed over.
@@ -41,7 +41,7 @@ impl Serial {
     #[inline]
     pub fn receive(&mut self) -> Option<u8> {
         let status = self.usart.sr().read();
-        // Reading status and data clears the overrun, which would otherwise interrupt for ever.
+        // Reading status and data clears the overrun, which would otherwise interrupt endlessly.
         let (has_byte, overrun) = (status.rxne().bit_is_set(), status.ore().bit_is_set());
         let byte = (has_byte || overrun).then(|| self.usart.dr().read().dr().bits() as u8);
         byte.filter(|_| has_byte)

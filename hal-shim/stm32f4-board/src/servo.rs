@@ -12,7 +12,7 @@ use crate::handlers::complete_stores;
 use crate::pac::{Interrupt, TIM6};
 use crate::volatile::Volatile;
 
-/// What is left to send ([`ServoPulses::word`]).
+/// Pulses left to send ([`ServoPulses::word`]).
 static PULSES: AtomicU32 = AtomicU32::new(0);
 
 /// The width that calls a probe's pin in, microseconds: `ferrostep_gcode::PinCommand::IN_US`, which this crate does not know.
@@ -62,7 +62,7 @@ pub(crate) fn pin_in_at_the_end() -> bool {
     true
 }
 
-/// Whether all pulses have been sent.
+/// Returns true if all pulses have been sent.
 pub fn are_sent() -> bool {
     PULSES.load(Ordering::Relaxed) == 0
 }

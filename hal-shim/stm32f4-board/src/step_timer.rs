@@ -16,9 +16,9 @@ use crate::servo;
 
 /// A board's motors.
 pub trait Motors<const PORTS: usize> {
-    /// As [`MotionWatch::FOLLOWS_FILAMENT`].
+    /// Constant of [`MotionWatch::FOLLOWS_FILAMENT`].
     const FOLLOWS_FILAMENT: bool = false;
-    /// As [`MotionWatch::HAS_FILAMENT_SWITCH`].
+    /// Constant of [`MotionWatch::HAS_FILAMENT_SWITCH`].
     const HAS_FILAMENT_SWITCH: bool = false;
     /// Number of motors that lift Z.
     const Z_MOTORS: usize = 1;
@@ -26,7 +26,7 @@ pub trait Motors<const PORTS: usize> {
     fn z_step_pin(_motor: usize) -> Option<Pin> {
         None
     }
-    /// Number of extruders, of which one steps at a time.
+    /// Number of extruders; one of them steps at a time.
     const EXTRUDERS: usize = 1;
     /// The step pin of a tool's extruder.
     fn extruder_step_pin(_tool: usize) -> Option<Pin> {
@@ -37,18 +37,18 @@ pub trait Motors<const PORTS: usize> {
     /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
     fn enable(&self, on: u8);
 
-    /// As [`HomingSensors::is_sensor_triggered`].
+    /// Reads a sensor as [`HomingSensors::is_sensor_triggered`] does.
     fn is_sensor_triggered(&self, _axis: usize) -> bool {
         false
     }
-    /// As [`HomingSensors::watch_sensor`].
+    /// Watches a sensor as [`HomingSensors::watch_sensor`] does.
     fn watch_sensor(&self, _axis: Option<usize>) {}
 }
 
 /// A port that carries step and direction signals.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorPort {
-    /// Where its BSRR is: one store sets and resets pins, without a read.
+    /// Address of its BSRR: one store sets and resets pins, without a read.
     bsrr: *mut u32,
 }
 
@@ -232,7 +232,7 @@ pub fn stop(link: &StepLink) {
     link.request_stop();
 }
 
-/// As [`stop`], for the sensor that an axis seeks.
+/// Stops all motors as [`stop`] does, for the sensor that an axis seeks.
 pub(crate) fn stop_at_sensor(link: &StepLink) {
     halt();
     link.request_sensor_stop();
@@ -253,7 +253,7 @@ pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     meter: PlanningMeter,
     clock: Option<MotionClock>,
     enabled: u8,
-    /// Whose extruder steps.
+    /// Tool whose extruder steps.
     tool: u8,
     /// Missed updates of this motion that have been reported.
     counted_missed: u16,
@@ -284,7 +284,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
-    /// Of Z's motors those outside the mask stand still, and the extruders of all tools but the selected one.
+    /// Excludes the motors of Z outside the mask from stepping, and the extruders of all tools but the selected one.
     fn rest(&mut self, z_motors: u8) {
         let of_z = (0..B::Z_MOTORS).filter(|motor| z_motors >> motor & 1 == 0).filter_map(B::z_step_pin);
         let extruders = if B::EXTRUDERS > 1 { B::EXTRUDERS } else { 0 };
@@ -292,12 +292,13 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
         self.feeder.step_without(of_z.chain(others));
     }
 
-    /// Whether TIM9 is there, which counts the updates: an emulator has none.
+    /// Returns true if TIM9, which counts the updates, is there: an emulator has none.
     pub fn has_update_count(&self) -> bool {
         has_count()
     }
 
-    /// How many updates the interrupt has missed in this motion; `None` where updates come faster than both sides are read.
+    /// Number of updates that the interrupt has missed in this motion; `None` if updates come faster than both sides
+    /// are read.
     fn missed(&self) -> Option<u16> {
         if !has_count() {
             return Some(0);
@@ -324,7 +325,7 @@ impl<B, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS,
     }
 }
 
-/// Whether there is a TIM9.
+/// Returns true if there is a TIM9.
 fn has_count() -> bool {
     // SAFETY: a register is read that is written at the start only.
     unsafe { &*TIM9::ptr() }.arr().read().bits() == u32::from(MAX_EVENTS)

@@ -13,7 +13,7 @@ use crate::volatile::Volatile;
 #[unsafe(link_section = ".uninit.last_words")]
 static LAST_WORDS: CrashMessage = CrashMessage::new();
 
-/// Why the chip was last reset; asked a second time, it is unknown.
+/// Cause of the chip's last reset; unknown from the second call on.
 pub fn reset_cause(_rcc: &RCC) -> ResetCause {
     // SAFETY: a register of the RCC, which is the caller's.
     ResetCause::take(&mut unsafe { Volatile::new() })

@@ -14,13 +14,13 @@ use crate::volatile::Volatile;
 /// The board's heaters.
 pub type Heaters = BoardHeaters<Volatile>;
 
-/// Where DMA lays conversions: in RAM that it reaches.
+/// Memory for the conversions that DMA stores: in RAM that it reaches.
 static MEMORY: [AtomicU16; THERMISTORS * CONVERSIONS] = [const { AtomicU16::new(0) }; THERMISTORS * CONVERSIONS];
 
 /// Pulses of the fans' tachometers.
 static PULSES: PulseCounts = [const { AtomicU16::new(0) }; FanOutput::COUNT];
 
-/// What measures.
+/// The peripherals that measure.
 pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
 
 /// Starts converter and timers, all heaters and fans off; `None` on a board without heaters. Fans that the machine does not use stay
@@ -31,10 +31,10 @@ pub fn start(used_fans: [bool; FanOutput::COUNT], _converters: Converters, clock
         *fan = fan.filter(|_| is_used);
     }
     let clocks = PwmClocks { slow_hz: clock.slow_timers.raw(), fast_hz: clock.fast_timers.raw() };
-    // SAFETY: the converters and the stream were given up to this. The timers are those that the board's file gives to
-    // heaters and fans, which are none that the firmware uses otherwise (`config/boards/src/signals.rs`); their pins are
-    // theirs alone. Clocks are switched on before any task runs. The panic and fault handlers take the pins away when
-    // nothing else runs any more.
+    // SAFETY: the converters and the stream were given up to this. The timers are those that the board's file gives
+    // to heaters and fans, and the firmware uses none of them otherwise (`config/boards/src/signals.rs`); their pins
+    // are theirs alone. Clocks are switched on before any task runs. The panic and fault handlers take the pins away
+    // when no other code runs any more.
     let registers = unsafe { Volatile::new() };
     // Addresses have 32 bits here.
     let address = MEMORY.as_ptr() as u32;

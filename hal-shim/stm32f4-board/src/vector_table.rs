@@ -52,7 +52,7 @@ pub fn original(interrupt: Interrupt) -> Option<Handler> {
 /// The core's vector table register.
 pub struct VectorTable {
     scb: SCB,
-    /// Where the image's table is: cortex-m-rt has told the core, whatever a boot loader had told it.
+    /// Address of the image's table: cortex-m-rt has told the core, whatever a boot loader had told it.
     of_image: u32,
 }
 
@@ -63,13 +63,13 @@ impl VectorTable {
         Self { scb, of_image }
     }
 
-    /// From now on `handler` is called at an interrupt. Replaces at most one; the last one counts.
+    /// Makes the core call `handler` at an interrupt from now on. Replaces at most one; the last one counts.
     ///
     /// # Safety
     /// `handler` must be sound to run at any moment at which the interrupt may come, at its priority, and do all that
     /// the handler it replaces is relied on for.
     pub unsafe fn replace(&mut self, interrupt: Interrupt, handler: Handler) {
-        // SAFETY: as in `original`; read as words, of which each is valid.
+        // SAFETY: as in `original`; read as words, each of which is valid.
         let image = unsafe { &*(&raw const __vector_table).cast::<[u32; ENTRIES]>() };
         for (entry, (copy, &word)) in COPY.0.iter().zip(image).enumerate() {
             let is_replaced = entry == EXCEPTIONS.wrapping_add(interrupt as usize);

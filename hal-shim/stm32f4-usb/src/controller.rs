@@ -45,7 +45,7 @@ pub type Bus = synopsys_usb_otg::UsbBus<Controller>;
 /// The controller's registers, all of them.
 pub type Registers = (OTG_FS_GLOBAL, OTG_FS_DEVICE, OTG_FS_PWRCLK);
 
-/// Why there is no USB.
+/// Reason why there is no USB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoUsb {
     /// The board has no plug for it.

@@ -1,6 +1,6 @@
 //! The USB port on the STM32F4's full-speed controller: the device of `ferrostep-usb`, with its rings.
 //!
-//! A crate of its own because it is optimised for size, as the root's `Cargo.toml` says: generic code is compiled where
+//! A separate crate because it is optimised for size, as the root's `Cargo.toml` says: generic code is compiled where
 //! its types are known, and that is here. A packet comes every 50 us at most, a step every 10 us.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
@@ -33,7 +33,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Nothing yet.
+    /// Memory before the start, with no port in it.
     pub const fn new() -> Self {
         Self {
             packets: [0; PACKET_WORDS],

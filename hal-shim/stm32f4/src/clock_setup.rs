@@ -66,7 +66,7 @@ pub struct ClockSettings {
     pub family: ChipFamily,
     /// RCC_PLLCFGR with the crystal, and with the internal oscillator.
     pub pll: [u32; 2],
-    /// How RCC_CFGR codes the slow bus's divider while the PLL runs.
+    /// Code of RCC_CFGR for the slow bus's divider while the PLL runs.
     pub apb1_code: u8,
     /// The same of the fast bus.
     pub apb2_code: u8,
@@ -136,7 +136,7 @@ impl<R: Registers> ClockRegisters<R> {
         registers.write(CFGR, 0);
     }
 
-    /// Whether the PLL runs with these numbers, at the voltage for it.
+    /// Starts the PLL with these numbers, at the voltage for it. Returns true if it runs.
     fn lock_pll(&mut self, factors: u32) -> bool {
         let registers = &mut self.registers;
         registers.modify(CR, PLLON, 0);
@@ -146,16 +146,16 @@ impl<R: Registers> ClockRegisters<R> {
         registers.comes_to(CR, PLLRDY, true, MAX_LOOKS) && registers.comes_to(PWR_CSR, VOSRDY, true, MAX_LOOKS)
     }
 
-    /// Whether flash waits as long as it must, before the core speeds up (RM0090 3.5.1, RM0390 3.4.1: to be read back);
-    /// caches hide most of the wait states.
+    /// Sets the flash's wait states before the core speeds up, and returns true if they read back (RM0090 3.5.1,
+    /// RM0390 3.4.1); caches hide most of them.
     fn slow_flash_down(&mut self) -> bool {
         let wait_states = u32::from(self.settings.flash_wait_states);
         self.registers.write(FLASH_ACR, wait_states | PRFTEN | CACHES_ON);
         (0..MAX_LOOKS).any(|_| self.registers.read(FLASH_ACR) & LATENCY == wait_states)
     }
 
-    /// Whether the PLL has become the core's clock. The dividers come first and by a store of their own: they take effect up
-    /// to 16 cycles late, and until then the buses would run at the core's frequency.
+    /// Makes the PLL the core's clock and returns true if it has become that. A separate store sets the dividers
+    /// first: they take effect up to 16 cycles late, and until then the buses would run at the core's frequency.
     fn use_pll(&mut self) -> bool {
         let dividers = self.settings.dividers();
         let registers = &mut self.registers;
@@ -200,8 +200,8 @@ impl<R: Registers> ClockTree for ClockRegisters<R> {
     }
 }
 
-/// Whether the crystal has stopped while it was watched ([`ClockTree::watch_crystal`]): the cause of the non-maskable
-/// interrupt. The chip runs on its internal oscillator by then, and PLL and crystal are off.
+/// Returns true if the crystal has stopped while it was watched ([`ClockTree::watch_crystal`]): the cause of the
+/// non-maskable interrupt. The chip runs on its internal oscillator by then, and PLL and crystal are off.
 pub fn crystal_has_stopped(registers: &mut impl Registers) -> bool {
     const CSSF: u32 = 1 << 7;
     registers.read(CIR) & CSSF != 0

@@ -1,11 +1,11 @@
-//! Which clock a board runs on: the best one that starts.
+//! Choice of a board's clock: the best one that starts.
 
 use core::fmt;
 
 use ferrostep_planner::TICKS_PER_SECOND;
 use fugit::HertzU32 as Hertz;
 
-/// Where the clock comes from.
+/// Source of the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockSource {
     /// The crystal, multiplied by the PLL.
@@ -25,12 +25,12 @@ pub trait ClockTree {
     /// Runs the chip from the PLL, fed by the crystal or the internal oscillator; if that fails (`false`) the chip runs
     /// from the internal oscillator.
     fn start_pll(&mut self, source: PllSource) -> bool;
-    /// Makes the chip watch the crystal from now on, with a non-maskable interrupt when it stops: otherwise the
-    /// PLL would drift, and heaters, steps and time go on at a wrong pace.
+    /// Makes the chip watch the crystal from now on, with a non-maskable interrupt when it stops: otherwise the PLL
+    /// would drift, and heaters, steps and time would continue at a wrong pace.
     fn watch_crystal(&mut self);
 }
 
-/// What feeds the PLL.
+/// Source of the PLL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PllSource {
     /// The crystal.
@@ -52,22 +52,22 @@ pub fn start_best(tree: &mut impl ClockTree) -> ClockSource {
 /// A clock that runs. Its text is for the host: `HSI 16 MHz, time stretched 5.25 times`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
-    /// Where it comes from.
+    /// Its source.
     pub source: ClockSource,
-    /// Of the core and of its SysTick.
+    /// Frequency of the core and of its SysTick.
     pub core: Hertz,
-    /// Of the slow bus, APB1.
+    /// Frequency of the slow bus, APB1.
     pub slow_bus: Hertz,
-    /// Of the timers on the slow bus, which count the ticks of the motion clock.
+    /// Frequency of the timers on the slow bus, which count the ticks of the motion clock.
     pub slow_timers: Hertz,
-    /// Of the fast bus, APB2, which feeds the host's line.
+    /// Frequency of the fast bus, APB2, which feeds the host's line.
     pub fast_bus: Hertz,
-    /// Of the timers on the fast bus.
+    /// Frequency of the timers on the fast bus.
     pub fast_timers: Hertz,
 }
 
 impl Clock {
-    /// By how much time is stretched against the nominal time base, in hundredths: 100 is not at all.
+    /// Length of a tick in hundredths of the nominal one: 100 is exact.
     pub const fn stretch_percent(&self) -> u32 {
         let timers_hz = if self.slow_timers.raw() == 0 { 1 } else { self.slow_timers.raw() };
         (TICKS_PER_SECOND as u64 * 100 / timers_hz as u64) as u32
@@ -93,7 +93,7 @@ impl fmt::Display for Clock {
 mod tests {
     use super::*;
 
-    /// A chip of which some parts work.
+    /// A chip whose crystal and PLL may fail.
     #[derive(Default)]
     struct Chip {
         crystal_works: bool,

@@ -115,15 +115,16 @@ impl ConverterNumber {
 /// A conversion is 492 cycles of 10.5 MHz, 46.9 us: with five sensors a reading of each is new every 3.7 ms. On the bare
 /// internal oscillator, 16 MHz, it is every 9.8 ms.
 ///
-/// **A reading that stands still is noticed.** A conversion that has been taken is marked in memory, so that the next
-/// reading knows which are new. When they are not for 80 ms, or the chip says that a transfer failed, the reading becomes that
-/// of an open circuit, which is a fault of the heater, and the converter is started again, in case that helps.
+/// **A reading that no longer changes is noticed.** A conversion that has been taken is marked in memory, so that the
+/// next reading knows which are new. When they are not for 80 ms, or the chip says that a transfer failed, the
+/// reading becomes that of an open circuit, which is a fault of the heater, and the converter is started again, in
+/// case that helps.
 #[derive(Debug)]
 pub struct Converter {
     number: ConverterNumber,
     /// The converter's channels in their turn, at most 16.
     channels: &'static [u8],
-    /// Where DMA lays conversions: one of each channel in turn, [`CONVERSIONS`] times.
+    /// Memory to which DMA stores conversions: one of each channel in turn, [`CONVERSIONS`] times.
     memory: &'static [AtomicU16],
     /// Its address, as DMA knows it.
     memory_address: u32,
@@ -217,7 +218,7 @@ impl Converter {
             let value = conversion.load(Ordering::Relaxed);
             conversion.store(TAKEN, Ordering::Relaxed);
             all_new &= value != TAKEN;
-            // 16 times 12 bits fit, but for what is told apart here.
+            // 16 times 12 bits fit, except for the marks that are sorted out here.
             sum = sum.wrapping_add(value);
         }
         let failed = registers.read(self.number.base() + SR) & OVR != 0 || registers.read(LISR) & STREAM_ERRORS != 0;
@@ -250,7 +251,7 @@ mod tests {
     use super::*;
     use crate::registers::recorder::Recorder;
 
-    /// The bed's, the nozzle's and another channel of ADC3, as they stand on the Octopus.
+    /// The bed's, the nozzle's and another channel of ADC3, as on the Octopus.
     const CHANNELS: [u8; 3] = [9, 14, 4];
     const MEMORY_ADDRESS: u32 = 0x2000_7700;
 
@@ -261,7 +262,7 @@ mod tests {
     }
 
     impl Bench {
-        /// On the PLL.
+        /// A converter started on the PLL.
         fn start(number: ConverterNumber, channels: &'static [u8]) -> Self {
             Self::start_with(Recorder::default().with(0x4002_3808, 0b10 << 2), number, channels)
         }
@@ -274,7 +275,7 @@ mod tests {
             Self { converter, registers, memory }
         }
 
-        /// What the hardware does: a conversion of each channel, 16 times.
+        /// Does the hardware's work: a conversion of each channel, 16 times.
         fn convert(&self, value: impl Fn(usize, usize) -> u16) {
             let channels = self.converter.channels.len();
             for (place, conversion) in self.memory.iter().enumerate() {
@@ -306,8 +307,8 @@ mod tests {
         assert_eq!(registers.stores.last(), Some(&(0x4001_2208, 0x4000_0303)));
     }
 
-    /// By what was stored: the converter's clock within its limit, and a reading of each sensor in every sample of 10 ms,
-    /// on the bare internal oscillator too.
+    /// The stores keep the converter's clock within its limit, and give a reading of each sensor in every sample of
+    /// 10 ms, on the bare internal oscillator as well.
     #[test]
     fn every_sensor_is_read_a_hundred_times_a_second() {
         for (clock_source, bus_hz, readings) in [(0b10, 84_000_000, 266), (0b00, 16_000_000, 101)] {

@@ -24,7 +24,7 @@ impl CrashMessage {
         Self { check: AtomicU32::new(0), length: AtomicU32::new(0), bytes: [const { AtomicU8::new(0) }; MAX_BYTES] }
     }
 
-    /// Keeps a text in the place of the one before. Line ends and other characters than ASCII become spaces.
+    /// Keeps a text; it replaces the one before. Line ends and other characters than ASCII become spaces.
     pub fn keep(&self, text: fmt::Arguments<'_>) {
         self.length.store(0, Ordering::Relaxed);
         // Cut where it is too long.

@@ -1,8 +1,8 @@
-//! Where the ports' registers are (RM0090 2.3 and 8.4, RM0390 2.2 and 7.4; alike on all chips of the family).
+//! Addresses of the ports' registers (RM0090 2.3 and 8.4, RM0390 2.2 and 7.4; alike on all chips of the family).
 
 /// Port A's first register.
 pub const GPIO: u32 = 0x4002_0000;
-/// From a port to the next.
+/// Distance from a port to the next.
 pub const GPIO_STRIDE: u32 = 0x400;
 /// Offset of the modes: two bits a pin.
 pub const MODER: u32 = 0x00;
@@ -19,13 +19,13 @@ pub const BSRR: u32 = 0x18;
 /// Offset of the alternate functions: four bits a pin, in two registers.
 pub const AFRL: u32 = 0x20;
 
-/// In MODER: output.
+/// Output, in MODER.
 pub const OUTPUT: u32 = 0b01;
-/// In MODER: the alternate function.
+/// Alternate function, in MODER.
 pub const ALTERNATE: u32 = 0b10;
-/// In MODER: analogue.
+/// Analogue, in MODER.
 pub const ANALOGUE: u32 = 0b11;
-/// In PUPDR: pulled up.
+/// Pull-up, in PUPDR.
 pub const PULL_UP: u32 = 0b01;
 
 /// Address of a port's first register; 0 is A.

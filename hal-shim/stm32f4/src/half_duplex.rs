@@ -59,7 +59,7 @@ impl<R: Registers> HalfDuplexLine<R> {
     /// that is lost, or damaged, shows in the datagram's checksum.
     pub fn interrupt(&mut self) {
         let status = self.registers.read(USART2_SR);
-        // Reading status and data clears the overrun, which would otherwise interrupt for ever.
+        // Reading status and data clears the overrun, which would otherwise interrupt endlessly.
         if status & (RECEIVED | OVERRUN) != 0 {
             self.bytes.keep(self.registers.read(USART2_DR) as u8);
         }

@@ -16,13 +16,13 @@ pub struct ThermalPins {
     pub converter: ConverterNumber,
     /// Its channels in their turn.
     pub channels: &'static [u8],
-    /// Which of them, by its place, watches which heater; `None` for a heater that the machine does not have.
+    /// Place of each heater's sensor among the channels; `None` for a heater that the machine does not have.
     pub sensors: [Option<u8>; Heater::COUNT],
     /// The heaters' outputs; a chamber may have a thermometer and no heater.
     pub heaters: [Option<OutputPin>; Heater::COUNT],
     /// The fans by their outputs.
     pub fans: [Option<FanPins>; FanOutput::COUNT],
-    /// What switches the power supply of all these, if the machine's can be switched.
+    /// The pin that switches the power supply of all these, if the machine's can be switched.
     pub supply: Option<SupplyPin>,
 }
 
@@ -40,7 +40,7 @@ pub struct SupplyPin {
 /// A fan's pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FanPins {
-    /// What switches it.
+    /// The output that switches it.
     pub power: OutputPin,
     /// Port and number of its tachometer's input.
     pub tachometer: Option<(u8, u8)>,
@@ -56,15 +56,15 @@ pub struct BoardHeaters<R> {
     fans: [Option<PwmOutput>; FanOutput::COUNT],
     /// The fans' last powers; heaters are set in each sample.
     fan_powers: [u8; FanOutput::COUNT],
-    /// Which fans have a tachometer, and its pulses.
+    /// True for a fan with a tachometer, whose edges `pulses` counts.
     has_tachometer: [bool; FanOutput::COUNT],
     pulses: &'static PulseCounts,
     supply: Option<SupplyPin>,
 }
 
 impl<R: Registers> BoardHeaters<R> {
-    /// All off. The pins are low outputs and analogue inputs already; `memory`, of which the address is `memory_address`,
-    /// is as [`Converter::start`] wants it.
+    /// All off. The pins are low outputs and analogue inputs already; `memory`, at `memory_address`, is as
+    /// [`Converter::start`] wants it.
     pub fn start(
         pins: &ThermalPins,
         memory: &'static [AtomicU16],
@@ -84,7 +84,7 @@ impl<R: Registers> BoardHeaters<R> {
         Self { registers, converter, sensors, heaters, fans, fan_powers, has_tachometer, pulses, supply }
     }
 
-    /// To be called every 10 ms, for pins without a timer.
+    /// Sets the pins without a timer. To be called every 10 ms.
     pub fn tick(&mut self) {
         self.heaters
             .iter_mut()

@@ -12,7 +12,7 @@ const BUCKETS: usize = 64;
 /// A histogram of times in any unit, with half-octave buckets: 0 to 1, 2, 3, 4 to 5, 6 to 7, 8 to 11, 12 to 15 and so on.
 #[derive(Debug)]
 pub struct Histogram {
-    /// How many values fell into each; they stay at their greatest count instead of wrapping.
+    /// Number of values that fell into each; they stay at their greatest count instead of wrapping.
     buckets: [AtomicU32; BUCKETS],
     max: AtomicU32,
 }
@@ -20,7 +20,7 @@ pub struct Histogram {
 /// The summary of a histogram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Summary {
-    /// How many values there were.
+    /// Number of values.
     pub count: u32,
     /// Upper limit of the bucket below or in which half of them are.
     pub p50: u32,

@@ -1,4 +1,4 @@
-//! Whether every task is alive: the watchdog is fed only then.
+//! Signs of life from every task: the watchdog is fed only while all are alive.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
@@ -21,7 +21,7 @@ impl Task {
         1 << self as u8
     }
 
-    /// How long it may be silent, ms.
+    /// Maximum time without a sign of life, ms.
     ///
     /// The planner runs every 2 ms for some ms at a time. The lowest task, every 100 ms, waits for a command at
     /// work (arithmetic of a line, or a long reply that waits for a slow host, 0.2 s), and for the planner while
@@ -34,12 +34,12 @@ impl Task {
     }
 }
 
-/// Which tasks have shown life of late.
+/// Tasks that have shown life of late.
 #[derive(Debug, Default)]
 pub struct LifeSigns(AtomicU8);
 
 impl LifeSigns {
-    /// None has.
+    /// No signs yet.
     pub const fn new() -> Self {
         Self(AtomicU8::new(0))
     }
@@ -57,8 +57,8 @@ pub struct Vigil {
 }
 
 impl Vigil {
-    /// After `passed_ms` more: whether no task has been silent for too long. A task that shows life again
-    /// counts as alive again.
+    /// Counts `passed_ms` more, and returns true if no task has been silent for too long. A task that shows life
+    /// again counts as alive again.
     pub fn all_alive(&mut self, signs: &LifeSigns, passed_ms: u32) -> bool {
         let seen = signs.0.swap(0, Ordering::Relaxed);
         for (silent_ms, task) in self.silent_ms.iter_mut().zip(Task::ALL) {

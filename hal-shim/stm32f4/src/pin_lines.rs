@@ -31,7 +31,7 @@ pub struct PinLines<R, const N: usize = 4> {
 }
 
 impl<R: Registers, const N: usize> PinLines<R, N> {
-    /// Pins with pull-ups, and a timer that stands still. `timer_hz` is the clock of the timers on APB1.
+    /// Pins with pull-ups, and a stopped timer. `timer_hz` is the clock of the timers on APB1.
     pub fn start(mut registers: R, pins: [(u8, u8); N], timer_hz: u32, baud: u32) -> Self {
         registers.switch_clocks_on(RCC_APB1ENR, TIM7_CLOCK);
         registers.write(TIM7_CR1, 0);
@@ -168,7 +168,7 @@ mod tests {
 
     const PORTS: std::ops::Range<u32> = GPIO..GPIO + 8 * GPIO_STRIDE;
 
-    /// Wires with a chip on each, which has a port of its own; a quarter of a bit at a time.
+    /// Wires with a chip on each, at its own port; a quarter of a bit at a time.
     #[derive(Default)]
     struct Wires {
         recorder: Recorder,

@@ -41,7 +41,7 @@ pub struct TimerChannel {
     pub function: u8,
     /// Bit of the timer's clock in its bus's switches.
     pub clock_bit: u8,
-    /// On the fast bus (APB2).
+    /// True on the fast bus (APB2).
     pub is_fast: bool,
     /// It has a switch for all its outputs (TIM1 and TIM8).
     pub has_main_switch: bool,
@@ -106,9 +106,9 @@ impl OutputPin {
 /// Frequencies of the timers, Hz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PwmClocks {
-    /// Of those on the slow bus.
+    /// Clock of those on the slow bus, Hz.
     pub slow_hz: u32,
-    /// Of those on the fast bus.
+    /// Clock of those on the fast bus, Hz.
     pub fast_hz: u32,
 }
 
@@ -117,7 +117,7 @@ pub struct PwmClocks {
 pub struct PwmOutput {
     pin: OutputPin,
     software: SoftwarePwm,
-    /// As the software has last set it.
+    /// Level that the software has last set.
     is_high: bool,
 }
 
@@ -197,7 +197,7 @@ mod tests {
         OutputPin { port, number, channel: TimerChannel::named(channel) }
     }
 
-    /// What the timer does with its clock: pulses a second, and ticks high of each.
+    /// Output of a timer: pulses a second, and the part of each that is high.
     fn pulses(registers: &Recorder, timer: u32, compare: u32, clock_hz: u32) -> (f64, f64) {
         let ticks = f64::from(registers.value(timer + ARR) + 1);
         let hz = f64::from(clock_hz) / f64::from(registers.value(timer + PSC) + 1) / ticks;
@@ -248,8 +248,8 @@ mod tests {
         }
     }
 
-    /// From the first store to the last of each set-up the pin is low: the timer's compare value is 0 before its output is
-    /// switched on, and the pin is the timer's after all of that.
+    /// The pin is low from the first store to the last of each set-up: the timer's compare value is 0 before its
+    /// output is switched on, and the pin is the timer's after all of that.
     #[test]
     fn nothing_is_high_while_a_timer_is_set_up() {
         for (name, _, _, _, _) in TIMERS {

@@ -4,23 +4,23 @@ use crate::registers::Registers;
 
 /// The first register, RCC_CR.
 pub const RCC: u32 = 0x4002_3800;
-/// What the core's clock comes from, and the buses' dividers.
+/// Source of the core's clock, and the buses' dividers.
 pub const RCC_CFGR: u32 = RCC + 0x08;
-/// In [`RCC_CFGR`]: what the core's clock comes from; the internal oscillator is 0.
+/// Bits of [`RCC_CFGR`] with the source of the core's clock; the internal oscillator is 0.
 pub const SWS: u32 = 0b11 << 2;
 const SWS_PLL: u32 = 0b10 << 2;
-/// Of the ports and DMA: port A is bit 0.
+/// Clocks of the ports and DMA: port A is bit 0.
 pub const RCC_AHB1ENR: u32 = 0x4002_3830;
-/// Of AHB2, with the USB controller.
+/// Clocks of AHB2, with the USB controller.
 pub const RCC_AHB2ENR: u32 = 0x4002_3834;
-/// Of the parts on the slow bus.
+/// Clocks of the parts on the slow bus.
 pub const RCC_APB1ENR: u32 = 0x4002_3840;
-/// Of the parts on the fast bus.
+/// Clocks of the parts on the fast bus.
 pub const RCC_APB2ENR: u32 = 0x4002_3844;
-/// In [`RCC_APB1ENR`]: the power control.
+/// Clock of the power control, in [`RCC_APB1ENR`].
 pub const POWER_CLOCK: u32 = 1 << 28;
 
-/// Whether the core's clock comes from the PLL.
+/// Returns true if the core's clock comes from the PLL.
 pub fn is_on_pll(registers: &mut impl Registers) -> bool {
     registers.read(RCC_CFGR) & SWS == SWS_PLL
 }

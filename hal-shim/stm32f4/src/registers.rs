@@ -22,7 +22,7 @@ pub trait Registers {
         let _switched_on = self.read(address);
     }
 
-    /// Whether some bits of a register all become `level` within `max_looks` looks.
+    /// Returns true if some bits of a register all become `level` within `max_looks` looks.
     #[inline(never)]
     fn comes_to(&mut self, address: u32, bits: u32, level: bool, max_looks: u32) -> bool {
         let wanted = if level { bits } else { 0 };

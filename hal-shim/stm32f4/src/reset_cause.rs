@@ -1,4 +1,4 @@
-//! Why the chip was reset.
+//! Cause of the chip's last reset.
 
 use core::fmt;
 

@@ -1,7 +1,7 @@
 //! A memory card at the SDIO: commands, and blocks by DMA.
 //!
-//! stm32f4xx-hal's driver moves blocks by the processor and waits without bounds: step interrupts would make it lose bytes, and a
-//! card that stays busy would stop it for ever. Here DMA2's stream 3 moves them, and every wait ends.
+//! stm32f4xx-hal's driver moves blocks by the processor and waits without bounds: step interrupts would make it lose
+//! bytes, and a card that stays busy would block it endlessly. Here DMA2's stream 3 moves them, and every wait ends.
 //!
 //! Registers: RM0090 31.9 and RM0390 29.8. Commands and answers: SD Physical Layer Simplified Specification 4.7 and 4.9.
 
@@ -156,8 +156,8 @@ struct Inner<R, T> {
 pub struct SdioSlot<R, T>(RefCell<Inner<R, T>>);
 
 impl<R: Registers, T: Fn() -> u32> SdioSlot<R, T> {
-    /// Switches the SDIO on, with the card still off. `memory_address` is where DMA finds `memory`; `detect` is the port (0 for A)
-    /// and number of a pin that a card pulls low, `None` where there is none.
+    /// Switches the SDIO on, with the card still off. DMA finds `memory` at `memory_address`; `detect` is the port (0
+    /// for A) and number of a pin that a card pulls low, `None` without such a pin.
     pub fn new(
         mut registers: R,
         now: T,
@@ -338,7 +338,7 @@ impl<R: Registers, T: Fn() -> u32> Inner<R, T> {
         Ok(())
     }
 
-    /// Ends a failed transfer. A card that cannot go on, or is gone, must be started anew.
+    /// Ends a failed transfer. A card that cannot continue, or is gone, must be started anew.
     fn give_up(&mut self) {
         self.registers.write(DCTRL, 0);
         let _ = self.stop_stream();

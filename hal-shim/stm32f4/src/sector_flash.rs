@@ -1,9 +1,9 @@
 //! Sectors of the chip's own flash as a memory that is written while the program runs.
 //!
-//! The chip has one bank: while it erases or writes, every fetch of an instruction waits, so the processor stands still, interrupts
-//! included. A word takes 16 us, at most 100 us; a sector of 128 KiB 1 s, at most 2 s (DS8626, flash memory, program parallelism of 32
-//! bits, which the supply allows: [`crate::brown_out`]). The watchdog waits longer meanwhile. The caller sees to it that nothing moves and
-//! nothing heats.
+//! The chip has one bank: while it erases or writes, every fetch of an instruction waits, so the processor is
+//! stopped, interrupts included. A word takes 16 us, at most 100 us; a sector of 128 KiB 1 s, at most 2 s (DS8626,
+//! flash memory, program parallelism of 32 bits, which the supply allows: [`crate::brown_out`]). The watchdog waits
+//! longer meanwhile. The caller sees to it that nothing moves and nothing heats.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -15,7 +15,7 @@ use crate::watchdog;
 /// Length of the sectors that may be used, bytes: all but the first five of a chip (RM0090, table 5).
 pub const SECTOR_BYTES: usize = 128 * 1024;
 
-/// Where flash begins.
+/// First address of flash.
 const FLASH: u32 = 0x0800_0000;
 
 // RM0090, 3.9.
@@ -36,7 +36,7 @@ const WORDS: u32 = 0b10 << 8;
 const STRT: u32 = 1 << 16;
 const LOCK: u32 = 1 << 31;
 
-/// Looks at the flag: some seconds, of which the core stands still for most.
+/// Maximum number of looks at the flag: some seconds, during most of which the core is stopped.
 const MAX_LOOKS: u32 = 50_000_000;
 
 /// The flash has not done what was asked, or would not have.
@@ -187,7 +187,7 @@ mod tests {
         keys: Vec<u32>,
         looks: u32,
         erased: Vec<u32>,
-        /// What a cache would return.
+        /// True while a cache would return old contents.
         stale: bool,
         is_dead: bool,
         reload_in_erasure: Vec<u32>,

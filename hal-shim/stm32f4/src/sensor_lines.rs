@@ -1,4 +1,4 @@
-//! The pins of the sensors that axes home with, and the interrupt lines (EXTI) behind them.
+//! The pins of the sensors that axes home with, and their interrupt lines (EXTI).
 //!
 //! One line at a time is open, and only while its axis seeks its home. Addresses and bits: RM0090 2.3 (memory map), 7.3.10
 //! and 7.3.14 (RCC), 8.4 (GPIO), 9.2 (SYSCFG), 12.3 (EXTI); RM0390 is the same in all of it.
@@ -46,7 +46,7 @@ impl SensorPin {
         registers.modify(self.of_port(MODER), 0b11 << (2 * line), 0);
     }
 
-    /// Whether the sensor is triggered now, by several samples that all agree: a spike does not count.
+    /// Returns true if the sensor is triggered now, by several samples that all agree: a spike does not count.
     pub fn is_triggered(self, registers: &mut impl Registers) -> bool {
         (0..LOOKS).all(|_| {
             let is_high = registers.read(self.of_port(IDR)) & self.bit() != 0;
@@ -84,8 +84,8 @@ impl SensorLines {
         Self { pins }
     }
 
-    /// Whether the sensor of an axis is triggered now, by as many samples as in the interrupt, so that a spike does not end an
-    /// approach before it begins. `false` without a sensor.
+    /// Returns true if the sensor of an axis is triggered now, by as many samples as in the interrupt, so that a
+    /// spike does not end an approach before it begins. `false` without a sensor.
     pub fn is_triggered(&self, axis: usize, registers: &mut impl Registers) -> bool {
         self.pins.get(axis).copied().flatten().is_some_and(|pin| pin.is_triggered(registers))
     }
@@ -154,7 +154,7 @@ mod tests {
         // EXTICR1 has lines 0 to 3: E is 4; line 8 is the first of EXTICR3: A is 0.
         assert_eq!(registers.value(SYSCFG_EXTICR1), 0xf44f);
         assert_eq!(registers.value(SYSCFG_EXTICR1 + 8), 0);
-        // High triggers at the rising edge alone, low at the falling one alone; what is not ours stays.
+        // High triggers at the rising edge alone, low at the falling one alone; other lines stay unchanged.
         assert_eq!(registers.value(EXTI_RTSR), 1 << 1 | 1 << 2 | 1 << 12);
         assert_eq!(registers.value(EXTI_FTSR), 1 << 8);
         assert_eq!(registers.value(0x4002_1000), !(0b1111 << 2));
@@ -187,7 +187,7 @@ mod tests {
         registers.stores.clear();
         assert!(lines.interrupt(&mut registers));
         assert_eq!(registers.stores, [(EXTI_PR, 1 << 2), (EXTI_IMR, 0)]);
-        // With all lines closed there is nothing to be told.
+        // With all lines closed there is no report.
         assert!(!lines.interrupt(&mut registers));
         lines.open(1, &mut registers);
         lines.close(&mut registers);

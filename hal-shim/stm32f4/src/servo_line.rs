@@ -1,8 +1,8 @@
 //! A servo's signal at any pin, by TIM6: its interrupt sets the pin at the beginning of a pulse and clears it at its end.
 //!
-//! A basic timer has neither channels nor pins, so no fan or heater can need it. It counts microseconds and stands still while
-//! there is nothing to send. Both edges come late by the entry of the interrupt, so a pulse is wrong only by the difference of two
-//! entries.
+//! A basic timer has neither channels nor pins, so no fan or heater can need it. It counts microseconds and is
+//! stopped without pulses to send. Both edges come late by the entry of the interrupt, so a pulse is wrong only by
+//! the difference of two entries.
 //!
 //! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 20.4 (TIM6 and TIM7); RM0390 is the same.
 
@@ -22,10 +22,10 @@ const TIM6_EGR: u32 = 0x4000_1014;
 const TIM6_PSC: u32 = 0x4000_1028;
 const TIM6_ARR: u32 = 0x4000_102c;
 
-/// What the signal does now.
+/// Present phase of the signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// The timer stands still.
+    /// The timer is stopped.
     Rest,
     /// The pin is high, for the rest of this width, microseconds.
     Pulse(u16),
@@ -42,12 +42,12 @@ pub struct ServoLine<R> {
     phase: Phase,
 }
 
-/// Sets TIM6 up, which then stands still. `timer_hz` is the clock of the timers on APB1.
+/// Sets TIM6 up and leaves it stopped. `timer_hz` is the clock of the timers on APB1.
 pub fn start(registers: &mut impl Registers, timer_hz: u32) {
     registers.switch_clocks_on(RCC_APB1ENR, TIM6_CLOCK);
     registers.write(TIM6_CR1, 0);
     registers.write(TIM6_PSC, (timer_hz / 1_000_000).saturating_sub(1));
-    // The prescaler takes effect with an update, whose flag is no end of a phase.
+    // The prescaler takes effect with an update, whose flag does not end a phase.
     registers.write(TIM6_EGR, 1);
     registers.write(TIM6_SR, 0);
     registers.write(TIM6_DIER, 1);

@@ -1,10 +1,10 @@
 //! I2C by software, on any two pins: for a part that is asked seldom.
 //!
-//! The waits of stm32f4xx-hal's I2C have no bound, so that a line that stays low would stop the task for ever. Here every wait has one.
-//! The lines are open drain: a pin pulls low or releases, and resistors pull high. Levels are set by BSRR, one store for one pin, so
-//! that a task that is interrupted inside a byte changes no other pin; a clock that stands still meanwhile does no harm.
-//! From the bus's specification (NXP UM10204, 3.1): conditions, bytes and acknowledges 3.1.4 to 3.1.6, a part that holds the clock
-//! 3.1.9, a stuck bus 3.1.16.
+//! The waits of stm32f4xx-hal's I2C have no bound, so that a line that stays low would block the task endlessly. Here
+//! every wait has one. The lines are open drain: a pin pulls low or releases, and resistors pull high. Levels are set
+//! by BSRR, one store for one pin, so that a task that is interrupted inside a byte changes no other pin; a clock
+//! that pauses meanwhile does no harm. From the bus's specification (NXP UM10204, 3.1): conditions, bytes and
+//! acknowledges 3.1.4 to 3.1.6, a part that holds the clock 3.1.9, a stuck bus 3.1.16.
 
 use embedded_hal::i2c::{Error, ErrorKind, ErrorType, I2c, NoAcknowledgeSource, Operation};
 
@@ -21,7 +21,7 @@ pub struct I2cPins {
     pub sda: (u8, u8),
 }
 
-/// Why a transfer has ended early.
+/// Reason why a transfer has ended early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum I2cFault {
     /// A line that this bus has released stays low.

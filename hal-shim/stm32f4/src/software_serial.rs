@@ -1,14 +1,15 @@
 //! A serial line of one wire by software: the bit machine, without registers.
 //!
 //! A timer calls [`SoftwareSerial::tick`] [`TICKS_A_BIT`] times a bit, passes the level of the pin, and drives the
-//! pin as it returns. 8 bits, no parity, one stop bit, lowest bit first; the line is high at rest. While nothing is sent or
-//! awaited the timer may stand still ([`SoftwareSerial::is_quiet`]).
+//! pin as it returns. 8 bits, no parity, one stop bit, lowest bit first; the line is high at rest. While no byte is
+//! sent or awaited the timer may be stopped ([`SoftwareSerial::is_quiet`]).
 //!
-//! A bit is what two of three samples around its middle say, so that a disturbance shorter than a sample's interval does
-//! no harm. Every byte is timed from its own start bit, which is found to within a quarter of a bit: the last sample of
-//! a byte may drift by half a bit less that quarter in ten bits, 2.5 %, before a bit is read wrongly (1.8 % if the timer
-//! itself is a tenth of its interval early or late). The chip replies at the speed that it measured in the request (TMC2209
-//! data sheet, section 4.1), so the remaining error is its clock's resolution, 1/625 of a bit at 19,200 baud.
+//! Two of three samples around the middle of a bit decide its value, so that a disturbance shorter than a sample's
+//! interval does no harm. Every byte is timed from its own start bit, which is found to within a quarter of a bit:
+//! the last sample of a byte may drift by half a bit less that quarter in ten bits, 2.5 %, before a bit is read
+//! wrongly (1.8 % if the timer itself is a tenth of its interval early or late). The chip replies at the speed that
+//! it measured in the request (TMC2209 data sheet, section 4.1), so the remaining error is its clock's resolution,
+//! 1/625 of a bit at 19,200 baud.
 
 use ferrostep_tmc2209::{LineBusy, LineBytes, SingleWireUart};
 
@@ -18,7 +19,7 @@ pub const TICKS_A_BIT: u8 = 4;
 /// Bits of a byte: start, eight, stop.
 const BITS: u8 = 10;
 
-/// How to drive the pin until the next tick.
+/// Drive of the pin until the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PinAction {
     /// Drive it low.
@@ -132,19 +133,19 @@ impl SoftwareSerial {
         if level >> bit & 1 == 1 { PinAction::High } else { PinAction::Low }
     }
 
-    /// Whether something is being sent.
+    /// Returns true while something is being sent.
     #[must_use]
     pub const fn is_sending(&self) -> bool {
         self.bytes.has_more()
     }
 
-    /// Whether nothing is being sent or received at this moment.
+    /// Returns true if nothing is being sent or received at this moment.
     #[must_use]
     pub const fn is_quiet(&self) -> bool {
         !self.is_sending() && self.receiver.ticks.is_none()
     }
 
-    /// Which line is in use: whose pin is to be sampled and driven.
+    /// Line in use, whose pin is to be sampled and driven.
     #[must_use]
     pub const fn line(&self) -> u8 {
         self.line
@@ -268,7 +269,8 @@ mod tests {
             for tick in 0..520_u16 {
                 let level = level_at(&bytes, 3.0, 1.0, f64::from(tick) / 4.0 + 0.01);
                 let inside = tick >= 12 && tick < 12 + bytes.len() as u16 * 40;
-                // What falls right before a start bit is taken for its edge, which only a clean start bit makes good.
+                // A wrong sample right before a start bit is taken for its edge, which only a clean start bit makes
+                // good.
                 let before_start = (tick - tick.min(12)) % 40 == 39;
                 let disturbed = inside && tick % 4 == 1 + wrong[usize::from(tick / 4)] && !before_start;
                 serial.tick(level ^ disturbed);

@@ -17,9 +17,9 @@ use crate::registers::Registers;
 pub struct SpiPins {
     /// The clock.
     pub sck: (u8, u8),
-    /// What the part says.
+    /// Data from the part.
     pub miso: (u8, u8),
-    /// What the part hears.
+    /// Data to the part.
     pub mosi: (u8, u8),
     /// Low while the part is asked.
     pub cs: (u8, u8),
@@ -117,7 +117,7 @@ mod tests {
         answer: u8,
         says: bool,
         bits: u32,
-        /// What happened, each with the halves of a period that had passed.
+        /// Edges in their order, each with the halves of a period that had passed.
         edges: Vec<(char, bool, u32)>,
         bytes: Vec<u8>,
     }
@@ -178,7 +178,7 @@ mod tests {
         }
     }
 
-    /// What a transaction makes of a part, which rests with the clock high.
+    /// State of a part after a transaction; the part rests with the clock high.
     fn after(act: impl FnOnce(&mut SoftwareSpi<Wires<'_>, Halves<'_>>)) -> Part {
         let part = RefCell::new(Part { outputs: [1 << 15, 1 << 3], ..Part::default() });
         let halves = Cell::new(0);

@@ -67,7 +67,7 @@ mod tests {
         };
         let seen = [true, false, false, true, true, false, true, false].map(&mut look);
         assert_eq!(seen, [0, 1, 1, 1, 1, 2, 2, 3]);
-        // An input with a pull-up: a line that nothing pulls low is no pulse.
+        // An input with a pull-up: a line that nothing pulls low gives no pulse.
         assert_eq!(registers.value(0x4002_100c) >> 20 & 0b11, 0b01);
         assert_eq!(registers.value(0x4002_1000) >> 20 & 0b11, 0b00);
     }

@@ -9,7 +9,7 @@ pub const CLOCK: u32 = 1 << 7;
 
 /// Device control.
 pub const DCTL: u32 = 0x5000_0804;
-/// In [`DCTL`]: off the bus, as if the cable had been pulled (SDIS).
+/// Bit of [`DCTL`] that leaves the bus, as if the cable had been pulled (SDIS).
 pub const SOFT_DISCONNECT: u32 = 1 << 1;
 
 const GAHBCFG: u32 = 0x5000_0008;
@@ -22,7 +22,7 @@ const DSTS: u32 = 0x5000_0808;
 /// DSTS: the speed; 11 is full speed, and the only one that this controller has.
 const ENUMSPD: u32 = 0b11 << 1;
 
-/// Whether the controller reports another speed than its own after a bus reset. Its driver panics at such a
+/// Returns true if the controller reports another speed than its own after a bus reset. Its driver panics at such a
 /// value.
 pub fn has_wrong_speed(registers: &mut impl Registers) -> bool {
     registers.read(GINTSTS) & ENUMDNE != 0 && registers.read(DSTS) & ENUMSPD != ENUMSPD

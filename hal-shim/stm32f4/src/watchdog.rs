@@ -1,4 +1,4 @@
-//! The independent watchdog: a counter with an oscillator of its own that resets the chip unless it is fed.
+//! The independent watchdog: a counter with a separate oscillator that resets the chip unless it is fed.
 
 use crate::registers::Registers;
 
@@ -12,8 +12,8 @@ const UNLOCK: u32 = 0x5555;
 const FEED: u32 = 0xaaaa;
 /// SR: divider and reload value are on their way to the other clock, five of its periods.
 const UPDATING: u32 = 0b11;
-/// DBGMCU_APB1_FZ (RM0090, 38.16.4): it stands still while a debugger has halted the core. Only power-on resets the
-/// register, so an earlier debugger may have set it.
+/// DBGMCU_APB1_FZ (RM0090, 38.16.4), whose bit pauses the watchdog while a debugger has halted the core. Only
+/// power-on resets the register, so an earlier debugger may have set it.
 const DEBUG_FREEZE: u32 = 0xe004_2008;
 const FREEZE_WATCHDOG: u32 = 1 << 12;
 
@@ -37,13 +37,13 @@ pub const SLOWEST_TIMEOUT_MS: u32 = (COUNT * DIVIDER * 1000).div_ceil(SLOWEST_HZ
 /// Looks at a flag, more than five periods of the slowest oscillator divided by 256 at 168 MHz.
 const MAX_LOOKS: u32 = 1_000_000;
 
-/// What the watchdog does while a debugger has halted the core.
+/// Behaviour of the watchdog while a debugger has halted the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnderDebugger {
     /// It resets the chip: on a board with heaters. The timers keep the heaters at their last power, so
     /// a halted core would let a bed heat without limit.
     Runs,
-    /// It stands still as well: on a board without.
+    /// It is paused as well: on a board without heaters.
     StandsStill,
 }
 

@@ -1,4 +1,4 @@
-//! The bank over [`SoftwareSerial`] and a wire, level by level, to chips with clocks of their own.
+//! The bank over [`SoftwareSerial`] and a wire, level by level, to chips with separate clocks.
 #![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
@@ -27,8 +27,8 @@ const NS_A_BIT: f64 = 1e9 / BAUD as f64;
 
 const TIMING: LineTiming = LineTiming::new(1_000_000, BAUD);
 
-/// A chip's own serial port: it samples far more often than ours, measures the speed in the synchronisation nibble
-/// (data sheet, section 4.1), and replies at that speed.
+/// A chip's own serial port: it samples far more often than the software's, measures the speed in the synchronisation
+/// nibble (data sheet, section 4.1), and replies at that speed.
 struct ChipPort {
     chip: DriverChip,
     /// Since when the line has been at its level, and the edges of the present datagram, ns.
@@ -43,7 +43,7 @@ impl ChipPort {
         Self { chip: DriverChip::new(address), level: true, edges: Vec::new(), last_edge: 0.0, reply: None }
     }
 
-    /// Whether it holds the line low.
+    /// Returns true while it holds the line low.
     fn pulls(&self, now: f64) -> bool {
         let Some((start, bit, bytes)) = self.reply else { return false };
         let index = (now - start) / bit;

@@ -10,14 +10,14 @@ use ferrostep_hal_shim::SensorError;
 /// Conversions that a reading is the sum of.
 pub const CONVERSIONS_A_READING: u16 = 16;
 
-/// What a reading would be at the reference voltage: 16 conversions of 4096 steps.
+/// Reading at the reference voltage: 16 conversions of 4096 steps.
 const FULL_SCALE: f32 = 65_536.0;
 
 /// A reading as near to an end of the range as this has no temperature: 12 steps of the converter, more than
 /// twice the STM32F405's largest total error of 5 (data sheet DS8626, ADC accuracy).
 const BLIND_END: u16 = 12 * CONVERSIONS_A_READING;
 
-/// From here on the circuit is open.
+/// Lowest reading of an open circuit.
 const OPEN: u16 = u16::MAX - BLIND_END;
 
 /// 0 degrees Celsius, K.
@@ -162,7 +162,7 @@ impl SteinhartHart {
 /// A sensor on its pull-up resistor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thermistor {
-    /// Which.
+    /// Its type.
     pub kind: ThermistorType,
     /// The resistor from the sensor to the reference voltage, ohms.
     pub pull_up_ohm: f32,
@@ -195,8 +195,8 @@ impl Thermistor {
         (FULL_SCALE * (ohm / (ohm + self.pull_up_ohm)) + 0.5) as u16
     }
 
-    /// Whether it can measure a temperature: within its limit, with a reading unlike those of an open or a shorted
-    /// circuit.
+    /// Returns true if it can measure a temperature: within its limit, with a reading unlike those of an open or a
+    /// shorted circuit.
     pub fn can_tell(&self, celsius: f32) -> bool {
         let apart = BLIND_END + 1..OPEN;
         celsius <= self.kind.highest_celsius() && apart.contains(&self.reading(celsius))

@@ -22,9 +22,9 @@ const REST_BITS: u32 = 16;
 pub struct LineTiming {
     /// A bit, rounded up.
     pub bit_ticks: u32,
-    /// From one look at a driver in service to the next.
+    /// Time from one look at a driver in service to the next.
     pub look_ticks: u32,
-    /// From a failed set-up to the next attempt.
+    /// Time from a failed set-up to the next attempt.
     pub retry_ticks: u32,
 }
 
@@ -45,18 +45,18 @@ impl LineTiming {
 #[derive(Clone, Debug)]
 pub struct DriverBank<const N: usize = MOTORS> {
     drivers: [Option<Driver>; N],
-    /// When each is looked at next.
+    /// Time of the next look at each.
     looks_at: [u32; N],
     timing: LineTiming,
     /// The datagram under way, and whose it is.
     exchange: Option<(usize, Exchange)>,
-    /// Its answer is no longer needed, but the line is busy until it ends.
+    /// True if its answer is no longer needed, but the line is busy until it ends.
     is_stale: bool,
-    /// Until when the line rests.
+    /// End of the line's rest.
     rests_until: Option<u32>,
     /// The next driver to be set to reply late; none is asked before all have been.
     to_quieten: usize,
-    /// Whose turn it is.
+    /// Motor whose turn it is.
     turn: usize,
     /// Drivers whose impossible settings have not been reported yet.
     to_tell: u8,
@@ -89,7 +89,7 @@ impl<const N: usize> DriverBank<N> {
         }
     }
 
-    /// Whether a driver can be relied on; `None` for a motor without one.
+    /// Returns the state of a motor's driver, whether it can be relied on; `None` for a motor without one.
     #[must_use]
     pub fn state(&self, motor: usize) -> Option<DriverState> {
         self.driver(motor).map(Driver::state)
@@ -125,7 +125,7 @@ impl<const N: usize> DriverBank<N> {
     /// The chip cannot do that with this board's sense resistors; nothing has changed.
     pub fn set(&mut self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
         if N > MOTORS {
-            // Of several none has changed then.
+            // An error leaves all drivers unchanged.
             self.check(motor, &settings)?;
         }
         for motor in self.set_with(motor) {
@@ -273,7 +273,7 @@ impl<const N: usize> DriverBank<N> {
     }
 }
 
-/// Whether a moment has come, on a clock that wraps.
+/// Returns true if a moment has come, on a clock that wraps.
 const fn is_past(moment: u32, now_ticks: u32) -> bool {
     now_ticks.wrapping_sub(moment) as i32 >= 0
 }

@@ -5,7 +5,7 @@ use core::fmt;
 /// Full-scale voltage across the sense resistor with vsense = 0 and 1, mV (section 9, table of VFS).
 const FULL_SCALE_MV: [u64; 2] = [325, 180];
 
-/// What the chip and its leads add to the sense resistor, milliohm (section 9, the formula's 20 milliohm).
+/// Resistance that the chip and its leads add to the sense resistor, milliohm (section 9, the formula's 20 milliohm).
 const INNER_MILLIOHM: u64 = 20;
 
 /// 32 times the square root of 2, in millionths: from the effective current to the scale.
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The formula of section 9 as it stands there.
+    /// The formula of section 9 as written there.
     fn formula_ma(scale: u8, full_scale_v: f64, sense_ohm: f64) -> f64 {
         (f64::from(scale) + 1.0) / 32.0 * full_scale_v / (sense_ohm + 0.020) / 2.0_f64.sqrt() * 1000.0
     }

@@ -10,7 +10,7 @@ const SYNC: u8 = 0x05;
 /// Whom a reply is for.
 const MASTER_ADDRESS: u8 = 0xff;
 
-/// In the register's byte: this is a write.
+/// Bit of the register's byte that makes a write.
 const WRITE: u8 = 0x80;
 
 /// Bytes of a read request.
@@ -63,12 +63,12 @@ pub fn read_request(address: u8, register: Register) -> [u8; READ_REQUEST_BYTES]
     [sync, address, register, crc8(&head)]
 }
 
-/// Why bytes are not the reply that was asked for.
+/// Reason why bytes are not the expected reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplyError {
     /// There are fewer than a reply has.
     Short {
-        /// How many there are.
+        /// Number of bytes.
         received: usize,
     },
     /// The checksum is wrong.

@@ -6,14 +6,14 @@ use super::exchange::{ExchangeError, Request};
 use super::registers::{DriverStatus, GlobalStatus, Register, VERSION};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
 
-/// How often a datagram is tried. On a line that garbles one byte in a hundred, a read fails with a chance of one in
-/// nine, and this many in a row with one in 20 million.
+/// Number of tries of a datagram. On a line that garbles one byte in a hundred, a read fails with a chance of one in
+/// nine, and all of the tries in a row with one in 20 million.
 pub(super) const TRIES: u8 = 8;
 
-/// How often a set-up is begun before the driver has failed.
+/// Number of set-ups that are begun before the driver has failed.
 pub(super) const ATTEMPTS: u8 = 3;
 
-/// Whether a driver can be relied on.
+/// Reliability of a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverState {
     /// It is being set up.
@@ -44,7 +44,7 @@ enum Step {
     ReadBack(usize),
     /// GSTAT at the end of the set-up.
     StillSet,
-    /// In service.
+    /// GSTAT of a driver in service; its status and its load follow.
     ReadReset,
     ReadStatus,
     ReadLoad,
@@ -55,7 +55,7 @@ enum Step {
 /// A driver's state in a report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriverReport {
-    /// Whether it can be relied on.
+    /// Reliability of the driver.
     pub state: DriverState,
     /// Its settings.
     pub settings: DriverSettings,
@@ -79,7 +79,7 @@ pub(super) struct Driver {
     image: Option<RegisterImage>,
     state: DriverState,
     step: Step,
-    /// Of the present datagram, and of the present set-up.
+    /// Tries of the present datagram; `attempts` counts those of the present set-up.
     tries: u8,
     attempts: u8,
     count: u8,
@@ -131,7 +131,7 @@ impl Driver {
         self.settings
     }
 
-    /// Whether it wants the line now.
+    /// Returns true if it wants the line now.
     pub(super) fn is_busy(&self) -> bool {
         self.step != Step::Idle
     }
@@ -158,7 +158,7 @@ impl Driver {
         Ok(())
     }
 
-    /// When its time has come: reads its chip's state, or sets it up again.
+    /// Reads its chip's state, or sets it up again. To be called when its time has come.
     pub(super) fn look(&mut self) {
         match self.state {
             DriverState::Confirmed => self.go(Step::ReadReset),
@@ -222,7 +222,7 @@ impl Driver {
             }
             // The chip's count shows whether a write has arrived, even if its echo was garbled.
             (Step::Write(index), _) => {
-                // The tries go on: they are of the write and its count together.
+                // The tries continue: they are of the write and its count together.
                 self.step = Step::Counted(index);
                 None
             }

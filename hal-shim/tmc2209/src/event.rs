@@ -16,7 +16,7 @@ const NAMES: [&str; 8] = ["X", "Y", "Z", "E", "Z2", "Z3", "Z4", "E1"];
 /// The second extruder's motor.
 pub const SECOND_EXTRUDER: usize = NAMES.len() - 1;
 
-/// Why a driver is not confirmed.
+/// Reason why a driver is not confirmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
     /// Datagrams fail.
@@ -43,7 +43,7 @@ pub enum Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            // What the board sends comes back by the same line, whether or not a driver listens.
+            // The board's own bytes come back by the same line, whether or not a driver listens.
             Self::Line(ExchangeError::GarbledEcho) => out.write_str(
                 "does not answer: what is sent comes back garbled on its serial line, or not at all; is the line shorted, or its pin another?",
             ),
@@ -61,7 +61,7 @@ impl fmt::Display for Failure {
     }
 }
 
-/// What has happened.
+/// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverEventKind {
     /// It is set up, and has confirmed it.
@@ -85,12 +85,12 @@ pub enum DriverEventKind {
 pub struct DriverEvent {
     /// The motor's number.
     pub motor: usize,
-    /// What has happened.
+    /// Its kind.
     pub kind: DriverEventKind,
 }
 
 impl DriverEvent {
-    /// Whether the motor may not be where its steps say, so that motion must stop.
+    /// Returns true if the motor's position may differ from its steps, so that motion must stop.
     #[must_use]
     pub const fn stops_motion(&self) -> bool {
         !matches!(self.kind, DriverEventKind::Confirmed | DriverEventKind::Warning(_))
@@ -106,7 +106,7 @@ impl DriverEvent {
         }
     }
 
-    /// Whether a person should be told.
+    /// Returns true if a person should be informed.
     #[must_use]
     pub const fn is_notable(&self) -> bool {
         !matches!(self.kind, DriverEventKind::Confirmed)

@@ -26,10 +26,10 @@ pub(super) enum Request {
     Write(Register, u32),
 }
 
-/// Why a datagram failed.
+/// Reason why a datagram failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExchangeError {
-    /// Not even the sent bytes came back: the line is held, or not connected to the receiver.
+    /// The sent bytes did not come back: the line is held, or not connected to the receiver.
     NoEcho,
     /// The bytes that came back differ from those sent.
     GarbledEcho,
@@ -58,9 +58,9 @@ pub(super) struct Exchange {
     sent: [u8; WRITE_BYTES],
     received: [u8; READ_REQUEST_BYTES + REPLY_BYTES],
     count: usize,
-    /// From when on no more is waited for; `None` before it was sent.
+    /// End of the wait for the reply; `None` before it was sent.
     deadline: Option<u32>,
-    /// From when on a line that is busy has failed.
+    /// Time from which on a busy line has failed.
     busy_until: Option<u32>,
 }
 

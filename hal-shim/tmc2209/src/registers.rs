@@ -13,9 +13,9 @@ pub enum Register {
     Gconf = 0x00,
     /// Global status, read; a bit is cleared by writing 1.
     Gstat = 0x01,
-    /// How many writes the chip has accepted, modulo 256; read only.
+    /// Number of writes that the chip has accepted, modulo 256; read only.
     Ifcnt = 0x02,
-    /// How long the chip waits before it replies (NODECONF, in older revisions SLAVECONF); write only.
+    /// Delay of the chip before it replies (NODECONF, in older revisions SLAVECONF); write only.
     NodeConf = 0x03,
     /// Levels of the pins, and the version; read only.
     Ioin = 0x06,
@@ -73,19 +73,19 @@ impl Register {
         self as u8
     }
 
-    /// Whether what was written can be read back.
+    /// Returns true if a written value can be read back.
     #[must_use]
     pub const fn reads_back(self) -> bool {
         matches!(self, Self::Gconf | Self::ChopConf | Self::PwmConf)
     }
 
-    /// Whether the chip accepts a write.
+    /// Returns true if the chip accepts a write.
     #[must_use]
     pub const fn is_writable(self) -> bool {
         !matches!(self, Self::Ifcnt | Self::Ioin | Self::Tstep | Self::SgResult | Self::Mscnt | Self::DrvStatus)
     }
 
-    /// Whether its value can be read.
+    /// Returns true if its value can be read.
     #[must_use]
     pub const fn is_readable(self) -> bool {
         self.reads_back() || !self.is_writable() || matches!(self, Self::Gstat)
@@ -164,7 +164,7 @@ impl GlobalStatus {
     /// The value that clears all flags when it is written.
     pub const CLEAR_ALL: u32 = 0b111;
 
-    /// From the register's value.
+    /// Reads the flags from the register's value.
     #[must_use]
     pub const fn from_bits(bits: u32) -> Self {
         Self { reset: bits & 1 != 0, driver_error: bits & 2 != 0, charge_pump_low: bits & 4 != 0 }
@@ -180,9 +180,9 @@ impl GlobalStatus {
 /// IHOLD_IRUN (section 5.2): currents as shares of 1/32 of the full scale, less one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HoldRun {
-    /// At standstill, 0 to 31.
+    /// Current at standstill, 0 to 31.
     pub hold: u8,
-    /// In motion, 0 to 31.
+    /// Current in motion, 0 to 31.
     pub run: u8,
     /// Time of each step down from run to hold, 2^18 clocks (22 ms), 0 to 15.
     pub hold_delay: u8,
@@ -201,7 +201,7 @@ impl HoldRun {
 pub struct MicrostepResolution(u8);
 
 impl MicrostepResolution {
-    /// For 1, 2, 4 ... 256 microsteps.
+    /// Code of 1, 2, 4 ... 256 microsteps; `None` for another number.
     #[must_use]
     pub const fn from_microsteps(microsteps: u16) -> Option<Self> {
         if microsteps.is_power_of_two() && microsteps <= 256 {
@@ -279,7 +279,7 @@ impl DriverStatus {
         (1 << 7, "open load at coil B"),
     ];
 
-    /// From the register's value.
+    /// Reads the status from the register's value.
     #[must_use]
     pub const fn from_bits(bits: u32) -> Self {
         Self(bits)
@@ -303,13 +303,13 @@ impl DriverStatus {
         (self.0 >> 16 & 31) as u8
     }
 
-    /// Whether stealthChop drives the motor.
+    /// Returns true if stealthChop drives the motor.
     #[must_use]
     pub const fn is_stealth_chop(self) -> bool {
         self.0 >> 30 & 1 == 1
     }
 
-    /// Whether the motor stands still.
+    /// Returns true if the motor is at rest.
     #[must_use]
     pub const fn is_standing(self) -> bool {
         self.0 >> 31 == 1

@@ -18,8 +18,8 @@ pub const TSTEP_MICROSTEPS: u32 = 256;
 /// (section 11.4).
 pub const STALL_FULL_STEPS_PER_S: u32 = 200;
 
-/// TCOOLTHRS, below which speed there is no stall signal: three quarters of [`STALL_FULL_STEPS_PER_S`], so that the chip's
-/// clock may be off by some percent.
+/// TCOOLTHRS, the speed below which there is no stall signal: three quarters of [`STALL_FULL_STEPS_PER_S`], so that
+/// the chip's clock may be off by some percent.
 const STALL_CLOCKS: u32 = CLOCK_HZ / (STALL_FULL_STEPS_PER_S * 3 / 4 * TSTEP_MICROSTEPS);
 
 /// NODECONF: the chip waits 3 times 8 bit times before it replies. Less is not allowed where several share a line
@@ -48,7 +48,7 @@ pub struct DriverSettings {
     pub interpolate: bool,
     /// stealthChop; else spreadCycle at all speeds.
     pub stealth_chop: bool,
-    /// With stealthChop: the speed at which spreadCycle takes over, mm/s; 0 = none.
+    /// Speed at which spreadCycle takes over from stealthChop, mm/s; 0: never.
     pub spread_cycle_above_mm_per_s: u16,
     /// The motor's steps for each mm, from which that speed's time between two steps follows: the profile's, whatever M92 says.
     pub steps_per_mm: f32,
@@ -70,7 +70,7 @@ pub struct DriverWiring {
 }
 
 impl DriverSettings {
-    /// Whether spreadCycle has taken over from stealthChop at this speed, mm/s.
+    /// Returns true if spreadCycle has taken over from stealthChop at this speed, mm/s.
     #[must_use]
     pub fn leaves_stealth_chop_at(&self, mm_per_s: f64) -> bool {
         self.spread_cycle_above_mm_per_s != 0 && f64::from(self.spread_cycle_above_mm_per_s) <= mm_per_s
@@ -113,7 +113,8 @@ impl fmt::Display for SettingsError {
 /// All registers that are written, and the currents that they mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RegisterImage {
-    /// In the order of writing. NODECONF comes first: before it, replies may disturb others on the line.
+    /// Registers and values in the order of writing. NODECONF comes first: before it, replies may disturb others on
+    /// the line.
     pub writes: [(Register, u32); 10],
     /// Effective current in motion, mA.
     pub run_ma: u16,

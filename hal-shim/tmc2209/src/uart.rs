@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineBusy;
 
-/// Serial lines of one wire each, of which one is in use at a time: 8 bits, no parity, one stop bit, lowest bit first. On
+/// Serial lines of one wire each, one of them in use at a time: 8 bits, no parity, one stop bit, lowest bit first. On
 /// one wire the sender hears itself, so that sent bytes come back before any reply.
 ///
 /// No call waits. `now_ticks` is the clock of the caller, modulo 2^32; hardware need not look at it.
@@ -38,13 +38,13 @@ pub struct LineBytes {
 }
 
 impl LineBytes {
-    /// None.
+    /// No bytes.
     #[must_use]
     pub const fn new() -> Self {
         Self { to_send: [0; SENT], length: 0, sent: 0, received: [0; RECEIVED], first: 0, waiting: 0 }
     }
 
-    /// Begins with a datagram, of which at most eight bytes are taken, and forgets everything else.
+    /// Begins with a datagram, at most its first eight bytes, and forgets everything else.
     pub fn begin(&mut self, bytes: &[u8]) {
         *self = Self::new();
         for (to, from) in self.to_send.iter_mut().zip(bytes) {
@@ -53,7 +53,7 @@ impl LineBytes {
         }
     }
 
-    /// Whether there are bytes to send.
+    /// Returns true if there are bytes to send.
     #[must_use]
     pub const fn has_more(&self) -> bool {
         self.sent < self.length

@@ -60,7 +60,7 @@ impl Bench {
         (0..MOTORS).all(|motor| self.bank.state(motor) == Some(DriverState::Confirmed))
     }
 
-    /// Whether a chip holds all that was to be written.
+    /// Returns true if a chip holds all values that had to be written.
     fn holds(&mut self, motor: usize) -> bool {
         let settings = self.bank.settings(motor).unwrap();
         let image = RegisterImage::new(&settings, &VIRTUAL_WIRING[motor]).unwrap();
@@ -84,7 +84,7 @@ fn all_are_set_up_and_confirmed() {
     assert_eq!(bench.bank.take_moved(), 0);
     let report = bench.bank.report(0).unwrap();
     assert_eq!((report.run_ma, report.repeated, report.load), (612, 0, 100));
-    // In service nothing more is told, and each is looked at twice a second: three datagrams.
+    // In service no more is reported, and each is looked at twice a second: three datagrams.
     let before = bench.lines.datagrams();
     assert_eq!(bench.pass(10_000_000), []);
     let looks = bench.lines.datagrams() - before;

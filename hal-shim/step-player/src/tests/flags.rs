@@ -22,7 +22,7 @@ fn steps<M: Stepping>(board: &Board<M>) -> usize {
     board.ports[0].changes().len() / M::EVENTS_A_STEP as usize
 }
 
-/// After a stop, whenever it comes and whatever the flags were, none is left, and the next motion is whole.
+/// No flag is left after a stop, whenever it comes and whatever the flags were, and the next motion is whole.
 fn assert_no_flag_is_left<M: Stepping + 'static>() {
     for updates in 0..30 {
         for sensor in [false, true] {
@@ -86,7 +86,7 @@ fn a_sensor_does_not_hide_a_stop() {
     }
 }
 
-/// What each flag says of itself.
+/// Each flag reports what happened, once.
 #[test]
 fn flags_are_taken_once() {
     let link = StepLink::default();

@@ -1,4 +1,4 @@
-//! The count of updates against the events played: what the interrupt has missed, and nothing else.
+//! The count of updates against the events played: exactly the updates that the interrupt has missed.
 
 use super::model::{Interrupt, SIGNALS};
 use crate::*;
@@ -33,7 +33,8 @@ fn play<M: Stepping>(board: &Board<M>, feeder: &mut StepFeeder<'_, M, 1, 64>) ->
     most
 }
 
-/// From the start on, whatever the count was before, over several motions and past the count's end.
+/// No update is missed on time from the start on, whatever the count was before, over several motions and past the
+/// count's end.
 fn assert_none_missed_on_time<M: Stepping + 'static>() {
     for updates_before in [0, 1, 5, 1_000] {
         let (board, mut feeder) = board::<M>(updates_before);
@@ -86,7 +87,8 @@ fn missed_updates_are_counted_and_lose_no_event() {
     assert_missed_are_counted::<Pulses>();
 }
 
-/// A count lower than that of the events played is no fault: no timer counts, or the interrupt came between two looks.
+/// A count lower than that of the events played is not a fault: no timer counts, or the interrupt came between two
+/// looks.
 #[test]
 fn a_count_behind_the_events_is_nothing_missed() {
     let (board, mut feeder) = board::<BothEdges>(0);
@@ -105,7 +107,7 @@ fn a_count_behind_the_events_is_nothing_missed() {
     assert_eq!((at(half), at(half + 1)), (MAX_EVENTS / 2, 0));
 }
 
-/// When all was played nothing is missed, though the count goes on.
+/// No update is missed once all events were played, though the count continues.
 #[test]
 fn after_the_last_event_nothing_is_missed() {
     let (board, mut feeder) = board::<BothEdges>(0);

@@ -88,7 +88,7 @@ fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry],
     let (past, slots, _) = run.past();
     // A quarter of the ring is of the past, as soon as so much was played.
     assert!(past.oldest == 0 || past.next - past.oldest >= RING as u32 / 4, "{past:?}");
-    // Of the two notes one is from before the newest slots, unless that was the first.
+    // One of the two notes is from before the newest slots, unless that was the first.
     let places = past.positions.map(|mark| mark.map(|mark| mark.filled));
     assert!(places[0].is_some() && places[0] != places[1], "{places:?}");
     // Nothing that was played and not overwritten is missing.

@@ -33,7 +33,7 @@ pub fn any_entry() -> impl Strategy<Value = StepEntry> {
     ]
 }
 
-/// What the step pins of all ports did: tick, motors that stepped, their directions.
+/// The edges of the step pins of all ports: tick, motors that stepped, their directions.
 pub fn seen<M: Stepping, const PORTS: usize>(ports: &[Edges; PORTS]) -> Vec<(u64, u8, u8)> {
     let mut times: Vec<u64> = ports.iter().flat_map(Edges::levels).map(|(now, _)| now).collect();
     times.sort_unstable();
@@ -198,7 +198,7 @@ fn what_cannot_be_played_is_refused_and_changes_nothing() {
     assert_eq!(feeder.push(StepEntry::stair(168, 1, 1, 0).unwrap()), Err(FeedError::Full));
     // The newest is held back.
     assert_eq!(feeder.waiting(), taken + 1);
-    // The direction changes in an event of its own, at least as far from the others as events may be.
+    // The direction changes in a separate event, at least as far from the others as events may be.
     let set_up = Signals { pulse_ticks: 2, direction_setup_ticks: 100 };
     let board = Interrupt::<BothEdges, 1, 8>::leaked();
     let mut feeder = board.feeder(set_up);

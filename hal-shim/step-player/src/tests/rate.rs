@@ -1,4 +1,4 @@
-//! How near events may follow each other, with the interrupt's own time, its latency, and whatever holds it up.
+//! Shortest distance of events, with the interrupt's own time, its latency, and whatever holds it up.
 //!
 //! A late reload value repeats a gap, so the intervals here change all the time, and every edge is held against its plan.
 
@@ -23,7 +23,7 @@ impl Random {
     }
 }
 
-/// When the steps are due, ticks from the start.
+/// Planned times of the steps, ticks from the start.
 #[derive(Default)]
 struct Due(Vec<u64>);
 
@@ -33,7 +33,7 @@ impl StepObserver for Due {
     }
 }
 
-/// What delays the interrupt.
+/// Delays of the interrupt.
 #[derive(Clone, Copy)]
 struct Delays {
     /// Cycles from an update to the interrupt's first instruction, at the most.
@@ -45,7 +45,7 @@ struct Delays {
 }
 
 struct Outcome {
-    /// How much later than planned the steps came, cycles, in their order.
+    /// Delays of the steps after their planned times, cycles, in their order.
     late: Vec<i64>,
     /// The shortest time between two edges of the signal, cycles.
     shortest_level: u64,

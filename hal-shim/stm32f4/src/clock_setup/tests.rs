@@ -38,7 +38,7 @@ struct Chip {
 }
 
 impl Chip {
-    /// As reset leaves it, or with every register full of ones: on a PLL, prescalers at their largest.
+    /// A chip as reset leaves it, or with every register full of ones: on a PLL, prescalers at their largest.
     fn new(fill: Option<u32>) -> Self {
         let recorder = STATED.into_iter().fold(Recorder::default(), |recorder, register| {
             let at_reset = match register {
@@ -52,7 +52,7 @@ impl Chip {
         Self { recorder, ..Self::default() }
     }
 
-    /// What the core's clock comes from, as CFGR codes it.
+    /// Source of the core's clock, as CFGR codes it.
     fn switched_to(&self) -> u32 {
         self.recorder.value(CFGR) & SW
     }
@@ -109,7 +109,7 @@ fn start(mut chip: Chip, settings: ClockSettings) -> (ClockSource, Chip) {
     (source, chip)
 }
 
-/// As the registers that both chips have, and those of an STM32F446 there.
+/// The registers that both chips have, with those that an STM32F446 has besides.
 fn stated(settings: ClockSettings) -> impl Iterator<Item = u32> {
     let is_its =
         move |register: &u32| settings.family == ChipFamily::F446 || ![DCKCFGR, CKGATENR, DCKCFGR2].contains(register);
@@ -160,8 +160,8 @@ fn registers_have_the_values_of_the_manual() {
     }
 }
 
-/// CSSON follows the switch to the PLL and is set with the crystal only: with the internal oscillator there is nothing to
-/// look after, and a fault would be called at once.
+/// CSSON follows the switch to the PLL and is set with the crystal only: the internal oscillator is not watched, and
+/// a fault would be called at once.
 #[test]
 fn the_crystal_is_watched_once_the_core_runs_from_it() {
     let (source, chip) = start(Chip::new(None), SETTINGS[0]);
@@ -183,7 +183,8 @@ fn a_stopped_crystal_is_known_by_its_flag() {
     assert!(crystal_has_stopped(&mut registers));
 }
 
-/// Without the read-back the store to PWR_CR, and with it the voltage's scale, would be lost.
+/// PWR_CR is read back after its clock is switched on; otherwise its store, and with it the voltage's scale, would be
+/// lost.
 #[test]
 fn the_voltage_is_chosen_also_where_clocks_start_late() {
     for settings in SETTINGS {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::Registers;
 use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 
-/// Memory in the place of a chip: loads return the last store, or a fixed value.
+/// Memory that replaces a chip: loads return the last store, or a fixed value.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     values: BTreeMap<u32, u32>,
@@ -36,7 +36,7 @@ impl Recorder {
         self.stores.iter().filter(|(to, _)| *to == address).map(|(_, value)| *value).collect()
     }
 
-    /// Where the first store to a register stands that has these bits.
+    /// Place of the first store to a register with these bits.
     pub fn position(&self, address: u32, bits: u32) -> Option<usize> {
         self.stores.iter().position(|(to, value)| *to == address && value & bits == bits)
     }
@@ -52,25 +52,24 @@ impl Registers for Recorder {
         self.stores.push((address, value));
     }
 }
-/// Registers of which the first one that is reached after a clock was switched on is not there yet, unless the switch was
-/// read back.
+/// Registers that lose the first access after a clock was switched on, unless the switch was read back.
 #[derive(Clone, Debug)]
 pub struct Sluggish<R> {
     /// The registers.
     pub registers: R,
     /// The switch that was stored to last.
     switched: Option<u32>,
-    /// How many loads and stores were lost.
+    /// Number of lost loads and stores.
     pub lost: u32,
 }
 
 impl<R: Registers> Sluggish<R> {
-    /// With these registers.
+    /// A sluggish view of these registers.
     pub fn new(registers: R) -> Self {
         Self { registers, switched: None, lost: 0 }
     }
 
-    /// Whether this load or store is lost.
+    /// Returns true if this load or store is lost.
     fn loses(&mut self, address: u32) -> bool {
         let is_lost = self.switched.take().is_some_and(|switch| switch != address);
         self.lost += u32::from(is_lost);

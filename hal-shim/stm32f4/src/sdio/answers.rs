@@ -14,7 +14,8 @@ pub struct Capacity {
     pub blocks: u32,
 }
 
-/// From the upper 96 bits of the register CSD, the highest first; `None` for a layout that does not exist yet.
+/// Reads the capacity from the upper 96 bits of the register CSD, the highest first; `None` for a layout that does
+/// not exist yet.
 pub fn capacity([high, middle, low]: [u32; 3]) -> Option<Capacity> {
     match high >> 30 {
         0 => {
@@ -27,20 +28,20 @@ pub fn capacity([high, middle, low]: [u32; 3]) -> Option<Capacity> {
         }
         1 => {
             let size = (middle & 0x3f) << 16 | low >> 16;
-            // Of the largest possible, 2 TiB, the last block has no number.
+            // The last block of the largest possible card, 2 TiB, has no number.
             Some(Capacity { blocks: (size + 1).saturating_mul(1024) })
         }
         _ => None,
     }
 }
 
-/// Whether the card's state says that the next block may come.
+/// Returns true if the card's state says that the next block may come.
 pub fn is_ready_for_transfer(state: u32) -> bool {
     let is_ready = state >> 8 & 1 == 1;
     is_ready && state >> 9 & 0xf == TRANSFER_STATE
 }
 
-/// Whether the card sends a block or expects one.
+/// Returns true if the card sends a block or expects one.
 pub fn is_in_transfer(state: u32) -> bool {
     matches!(state >> 9 & 0xf, SENDING_STATE | RECEIVING_STATE)
 }

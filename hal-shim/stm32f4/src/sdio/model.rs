@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 
 use super::*;
 
-/// What goes wrong.
+/// Faults of a card or of its transfers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
     /// No card is in the slot.
@@ -32,7 +32,7 @@ pub struct Model {
     pub faults: Rc<Cell<Faults>>,
     memory: &'static BlockMemory,
     is_version_2: bool,
-    /// After CMD55.
+    /// True after CMD55.
     application: bool,
     polls: u32,
     selected: bool,

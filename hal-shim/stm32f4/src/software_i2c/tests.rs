@@ -7,7 +7,7 @@ use crate::gpio::{GPIO, GPIO_STRIDE};
 /// The Octopus's, and a bus on two ports.
 const PINS: [I2cPins; 2] = [I2cPins { scl: (1, 8), sda: (1, 9) }, I2cPins { scl: (2, 0), sda: (0, 15) }];
 
-/// What the wires carried.
+/// An event on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Said {
     Start,
@@ -20,12 +20,12 @@ use Said::{Byte, Start, Stop};
 /// Two wires with pull-ups, and a part at 0x50 that answers reads with 1, 2, 3, and so on. It listens to the levels only.
 struct Wires {
     pins: I2cPins,
-    /// What the chip does: released or pulled low.
+    /// The chip's outputs: released (true) or pulled low.
     master: [bool; 2],
     part_sda: bool,
     said: Vec<Said>,
     bits: Vec<bool>,
-    /// What it sends when the clock falls next.
+    /// Byte that it sends when the clock falls next.
     sends: Option<u8>,
     next: u8,
     acknowledges: usize,
@@ -37,7 +37,7 @@ struct Wires {
     holds: u32,
     held_until: u32,
     halves: u32,
-    /// Of each edge of a line the halves of a period since the edge before.
+    /// Shortest distance of two edges of the clock, halves of a period.
     closest_clock_edges: u32,
     last_clock_edge: u32,
 }
@@ -161,7 +161,7 @@ impl BusPace for Halves<'_> {
 
 type Bus<'a> = SoftwareI2c<Ports<'a>, Halves<'a>>;
 
-/// What an action makes of the wires, and its result.
+/// Runs an action on wires, and returns its result with the events on the wires.
 fn after<T>(change: impl Fn(&mut Wires), act: impl Fn(&mut Bus<'_>) -> T) -> (T, Vec<Said>) {
     let mut results = PINS.map(|pins| {
         let wires = RefCell::new(Wires::new(pins));
