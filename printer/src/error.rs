@@ -1,4 +1,4 @@
-//! Why a command was refused.
+//! Reasons why a command was refused.
 
 pub(crate) mod advance_refusal;
 mod mesh_refusal;
@@ -23,8 +23,8 @@ use crate::heat::report::HeatFault;
 use crate::job::tower::TowerRefusal;
 use crate::motion::fault::{MotionError, MotionFault};
 
-/// Why a command was not executed. It has had no effect then; a command that was stopped on its way
-/// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
+/// Reason why a command was not executed. It has had no effect then; a command that was stopped on its way
+/// ([`CommandError::Stopped`]) leaves the machine at the position that it reports.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +65,7 @@ pub enum CommandError {
         celsius: f64,
         /// Highest allowed.
         maximum_celsius: f32,
-        /// That is not allowed itself.
+        /// True if the maximum is excluded: the target must be below it.
         below: bool,
     },
     /// A word is outside its range.
@@ -83,7 +83,7 @@ pub enum CommandError {
     HomingFailed {
         /// Index of the axis.
         axis: usize,
-        /// How far the first approach went, units of 10 nm.
+        /// Length of the first approach, units of 10 nm.
         searched_10nm: i64,
         /// The axis whose sensor triggered instead.
         swapped: Option<usize>,
@@ -92,9 +92,10 @@ pub enum CommandError {
     HomingDisagrees {
         /// Index of the axis.
         axis: usize,
-        /// How much farther up the axis the second was, units of 10 nm; `None`: it did not meet it.
+        /// Distance of the second place from the first, up the axis, units of 10 nm; `None`: the second approach did
+        /// not meet the sensor.
         apart_10nm: Option<i64>,
-        /// How far apart they may be.
+        /// Maximum distance, units of 10 nm.
         agree_10nm: i64,
     },
     /// Z homes at one place of the bed, and an axis of the plane is not homed.
@@ -102,7 +103,7 @@ pub enum CommandError {
         /// Index of the axis that is not homed.
         axis: usize,
     },
-    /// A paused print cannot go on: an axis has lost its home meanwhile.
+    /// A paused print cannot be resumed: an axis has lost its home meanwhile.
     PausedUnhomed {
         /// Index of the axis.
         axis: usize,
@@ -113,7 +114,7 @@ pub enum CommandError {
     HeaterControl(&'static str),
     /// M290 has shifted Z, and a prepared job brings its own heights.
     Shifted {
-        /// By how much, units of 10 nm.
+        /// The shift, units of 10 nm.
         shift_10nm: i64,
     },
     /// Z follows the bed, or shall, and a prepared job brings its own heights.
@@ -122,7 +123,7 @@ pub enum CommandError {
     SkewAndJob,
     /// Axes may not be that far off their right angle.
     TooSkew(SkewRefusal),
-    /// M425 names play of an axis whose motors move another axis, too.
+    /// M425 names play of an axis whose motors also move another axis.
     SharedPlay {
         /// Index of the axis.
         axis: usize,
@@ -167,14 +168,14 @@ pub enum CommandError {
     Driver {
         /// The motor, 0 to 3.
         motor: usize,
-        /// Why.
+        /// The failure.
         failure: DriverFailure,
     },
     /// A motor's driver does not have this setting.
     DriverSettings {
         /// The motor, 0 to 3.
         motor: usize,
-        /// Why.
+        /// The fault of the setting.
         error: SettingsError,
     },
     /// This board does not have what the command needs: `heaters`, `thermometers`, `end stops`, `fan`, `black box`.
@@ -195,7 +196,7 @@ pub enum CommandError {
     CardPrints,
     /// M796 asked for methods that this machine cannot use.
     MotionChoice(ChoiceError),
-    /// M593 and SET_INPUT_SHAPER: there is no filter of this name.
+    /// M593 and SET_INPUT_SHAPER: no filter has this name.
     UnknownShaper(ShortText),
     /// The filter that was asked for cannot be made.
     Shaper(ShaperRefusal),
@@ -203,7 +204,7 @@ pub enum CommandError {
     Shaping(ChoiceError),
     /// The advance that was asked for is out of range.
     Advance(AdvanceRefusal),
-    /// There is no such tower (TUNING_TOWER).
+    /// TUNING_TOWER: this tower is not possible.
     Tower(TowerRefusal),
     /// The job is for another nozzle (M862.1).
     OtherNozzle {
@@ -216,7 +217,7 @@ pub enum CommandError {
     OtherModel(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
-    /// Of a machine with several tools: why one cannot be selected, or what is for another.
+    /// A machine with several tools cannot select one of them, or the command is for another: the reason.
     Tool(&'static str),
     /// M112 or a heater fault has halted the machine, during this command or before; only M999 ends that.
     Halted,
@@ -228,11 +229,11 @@ pub enum CommandError {
     Stopped,
     /// The firmware has found a fault in its own motion and stopped it.
     MotionFault(MotionFault),
-    /// A prepared job goes on at another place than the motors'.
+    /// A prepared job continues at another place than the motors'.
     OtherPlace {
-        /// Where the job goes on, units of 10 nm.
+        /// Place where the job continues, units of 10 nm.
         job_10nm: [i32; 3],
-        /// Where the machine stands, units of 10 nm.
+        /// Place of the machine, units of 10 nm.
         machine_10nm: [i32; 3],
     },
     /// A prepared move goes beyond the machine's travel.
@@ -249,12 +250,13 @@ pub enum CommandError {
 }
 
 impl CommandError {
-    /// Whether it has stopped the machine, not only the line.
+    /// Returns true if it has stopped the machine, not only the line.
     pub(crate) const fn stops(&self) -> bool {
         matches!(self, Self::Stopped | Self::Halted | Self::NeedsReset(_) | Self::MotionFault(_))
     }
 
-    /// Whether a person can mend the reason beside the line, so that the line is worth a second try: by heat, homing, power or the limits.
+    /// Returns true if a person can mend the reason beside the line, so that the line is worth a second try: by heat,
+    /// homing, power or the limits.
     pub(crate) const fn is_mendable(&self) -> bool {
         self.fails_homing()
             || matches!(
@@ -274,7 +276,7 @@ impl CommandError {
             )
     }
 
-    /// Whether an axis is not where the print needs it, because its homing has failed.
+    /// Returns true if an axis is not where the print needs it, because its homing has failed.
     pub(crate) const fn fails_homing(&self) -> bool {
         matches!(
             self,
@@ -288,9 +290,9 @@ impl CommandError {
         )
     }
 
-    /// A prepared job goes on at one position, the machine stands at another; units of 10 nm.
+    /// The error for a prepared job that continues at one position while the machine is at another; units of 10 nm.
     pub(crate) fn other_place(job_10nm: [i64; 3], machine_10nm: [i64; 3]) -> Self {
-        // What a hostile job says may be beyond any range.
+        // Positions of a hostile job may be beyond any range.
         let shown = |length_10nm: i64| length_10nm.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
         Self::OtherPlace { job_10nm: job_10nm.map(shown), machine_10nm: machine_10nm.map(shown) }
     }
@@ -309,7 +311,7 @@ impl From<MotionError> for CommandError {
     }
 }
 
-/// Why a line was not executed.
+/// Reason why a line was not executed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Failure {
     /// It cannot be read.

@@ -11,11 +11,11 @@ use crate::job::macros::{Call, MacroLine};
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::{Answer, Printer};
 
-/// How long the answer to the first refused line after a halt waits, ms, so that the halt is reported first.
+/// Delay of the answer to the first refused line after a halt, ms, so that the halt is reported first.
 const TELL_HALT_MS: u32 = 2;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether a line calls a macro of the profile.
+    /// Returns true if a line calls a macro of the profile.
     pub fn is_macro(&self, text: &str) -> bool {
         macros::call(self.profile.macros, text).is_some()
     }
@@ -78,12 +78,12 @@ impl<P: Ports> Printer<'_, P> {
             }
             let failure = match &parsed {
                 Ok(command) => match self.may_execute(line, card_start, command) {
-                    // A macro goes on after it.
+                    // A macro continues after it.
                     Ok(Answer::Given) if call.is_some() => continue,
                     Ok(Answer::Given) => return Ok(Answer::Given),
                     Ok(Answer::Ok) if self.begins_change(&mut changes, command) => continue,
                     Ok(Answer::Ok) => match self.command_with_signs_of_life(command).await {
-                        // Between the lines of a macro, too, a stop is one of all that is at work.
+                        // A stop between the lines of a macro stops all that is at work, and the macro with it.
                         Ok(_) if matches!(command, Command::QuickStop) && call.is_some() => {
                             stops = self.motion.stops();
                             continue;
@@ -113,8 +113,8 @@ impl<P: Ports> Printer<'_, P> {
         Err((failure, is_stop))
     }
 
-    /// Whether a command may be executed now, by its source: a host's beside a print from the card, or the card's own. It has been
-    /// [answered](Answer::Given) if nothing is left to do.
+    /// Decides by the source whether a command may be executed now: a host's beside a print from the card, or the
+    /// card's own. It has been [answered](Answer::Given) if nothing is left to do.
     fn may_execute(
         &mut self,
         line: u32,
@@ -145,7 +145,7 @@ impl<P: Ports> Printer<'_, P> {
     fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
         match error {
             CommandError::Halted | CommandError::NeedsReset(_) => {
-                // The answer to M112 has told it already, and M999 is no line of a print.
+                // The answer to M112 has reported it already, and M999 does not belong to a print.
                 if !is_stop {
                     self.replies.send(Reply::Killed);
                     // Printrun's word.

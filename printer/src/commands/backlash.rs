@@ -14,7 +14,7 @@ use crate::settings::bounds::in_range;
 const MM: f64 = 100_000.0;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether the drives may have play that is taken up.
+    /// Returns true if the drives may have play that is taken up.
     pub(crate) const fn has_backlash(&self) -> bool {
         <P::Motion as Motion>::Backlash::PRESENT && self.profile.backlash.is_some()
     }

@@ -34,12 +34,12 @@ const UM: i64 = 100;
 /// The greatest height of a point, either way, units of 10 nm.
 pub(crate) const MAX_HEIGHT_10NM: i64 = 1_000_000;
 
-/// How often M48 probes without P, and at least: Marlin's numbers.
+/// Number of M48's probings without P; the least is `MIN_SAMPLES`. Marlin's numbers.
 const SAMPLES: u8 = 10;
 const MIN_SAMPLES: u8 = 4;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether the bed can be measured and followed.
+    /// Returns true if the bed can be measured and followed.
     pub fn has_bed(&self) -> bool {
         P::Motion::HAS_BED && self.profile.mesh.is_some()
     }
@@ -129,7 +129,8 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(|mesh| mesh.begin(&MeshGrid::NONE, MeshInterpolation::Bilinear));
     }
 
-    /// M420, and G29 A. A missing mesh is reported and nothing else happens, as in Marlin: slicers write M420 S1 for those that were stored.
+    /// Executes M420 and G29 A. A missing mesh is only reported, as in Marlin: slicers write M420 S1 for stored
+    /// meshes.
     #[inline(never)]
     fn follow(&mut self, on: Option<bool>, fade: Option<Decimal>, reports: bool) -> Result<(), CommandError> {
         let follows = self.interpreter.modal.follows_bed;
@@ -195,7 +196,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// G29: measures the points of a grid, row by row there and back. Without all of them there is no mesh.
+    /// Executes G29: measures the points of a grid, row by row there and back. One missing point discards the mesh.
     async fn measure(&mut self, grid: &MeshGrid, settings: &MeshSettings) -> Result<(), CommandError> {
         self.forget_mesh();
         self.motion.mesh(|mesh| mesh.begin(grid, settings.interpolation));
@@ -236,7 +237,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Probes a place of the bed, apart from the mesh: if Z follows that, it does so afterwards, too.
+    /// Probes a place of the bed, apart from the mesh: if Z follows that, it does so again afterwards.
     async fn probe_apart(
         &mut self,
         place_10nm: [i64; 2],
@@ -282,7 +283,7 @@ impl<P: Ports> Printer<'_, P> {
             match homing.probe_bed(settings.depth_10nm).await {
                 Ok(found_10nm) => {
                     heights.add(found_10nm - home_10nm);
-                    // Where the bed is higher than at home the nozzle goes on at as much above it.
+                    // Where the bed is higher than at home, the nozzle continues at the same distance above it.
                     lift_10nm = lift_10nm.max(found_10nm + settings.lift_10nm);
                 }
                 Err(error) => {
@@ -302,7 +303,7 @@ impl<P: Ports> Printer<'_, P> {
         outcome
     }
 
-    /// After probing: the G-code's position is that of the motors, and the time of homing has ended.
+    /// Makes the G-code's position that of the motors, after probing; the time of homing has ended.
     fn follow_probing(&mut self) {
         let position_10nm = self.motion.position_10nm();
         self.motion.set_position(position_10nm);
@@ -318,7 +319,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Where the nozzle is when the probe is at a place.
+    /// Position of the nozzle when the probe is at a place.
     fn nozzle_at(&self, place_10nm: [i64; 2]) -> Result<[i64; 2], CommandError> {
         let mut nozzle_10nm = place_10nm;
         for (axis, nozzle) in nozzle_10nm.iter_mut().enumerate() {
@@ -365,7 +366,7 @@ struct Heights {
     count: u16,
     first_10nm: i64,
     sum_10nm: i64,
-    /// Of the squares of the differences from the first, units of 10 nm.
+    /// Sum of the squares of the differences from the first, units of 10 nm.
     squares: i64,
     least_10nm: i64,
     most_10nm: i64,

@@ -19,7 +19,7 @@ impl<P: Ports> Printer<'_, P> {
     pub(crate) async fn probe_pin(&mut self, command: PinCommand) -> Result<(), CommandError> {
         let Some(pin) = self.pin() else { return Ok(()) };
         self.motion.finish().await?;
-        // What was told by hand before may have been anything.
+        // Commands sent by hand before may have put the pin anywhere.
         self.interpreter.modal.z.pin_is_in = false;
         let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
         Homing { motion, interpreter, drivers: self.fitted.drivers, line: self.lines.number }

@@ -10,7 +10,7 @@ use crate::ports::{Ports, ToolsPart};
 use crate::printer::Printer;
 use crate::settings::profile::tools::MAX_TOOLS;
 
-/// How the macros are called, by the number of the new tool. A third tool needs words of its own.
+/// Words with which the macros are called, by the number of the new tool. A third tool needs other words.
 const WORDS: [&str; MAX_TOOLS] = ["FROM=1 TO=0", "FROM=0 TO=1"];
 
 impl<P: Ports> Printer<'_, P> {
@@ -19,7 +19,7 @@ impl<P: Ports> Printer<'_, P> {
         ToolsPart::<P>::of(None)
     }
 
-    /// Whether a change is at work.
+    /// Returns true while a change is at work.
     pub(crate) fn is_changing(changes: &Changes<P>) -> bool {
         ToolsPart::<P>::get(changes).is_some_and(|change| change.as_ref().is_some_and(|change| !change.has_ended))
     }
@@ -91,8 +91,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(NextOfChange::Line)
     }
 
-    /// After a failure within a change: the line of its macro, and the tool that is selected. The room then has the line that changes
-    /// the tool.
+    /// Reports the line of a change's macro after a failure within it, and the selected tool. The room then has the
+    /// line that changes the tool.
     pub(crate) fn tell_failed_change(&self, line: u32, changes: &Changes<P>, room: &mut MacroLine) {
         if !Self::is_changing(changes) {
             return;

@@ -1,4 +1,4 @@
-//! Which command goes where.
+//! Dispatches commands to their handlers.
 
 use ferrostep_gcode::{
     AdvanceWords, ArcForm, AxisFlags, AxisWords, BacklashWords, BedCommand, CardCommand, Command, Decimal, PinCommand,
@@ -93,11 +93,11 @@ enum Waiting<'a> {
         number: u32,
         stays: bool,
     },
-    /// Until motion has ended.
+    /// Waits until motion has ended.
     Finish(Then<'a>),
 }
 
-/// What comes at a standstill.
+/// Action at a standstill.
 enum Then<'a> {
     Nothing,
     /// M500 to M502.
@@ -119,7 +119,7 @@ enum Then<'a> {
     },
 }
 
-/// What stops motion at once.
+/// A command that stops motion at once.
 enum Stop {
     /// M410.
     Quick,
@@ -129,7 +129,7 @@ enum Stop {
     Restart,
 }
 
-/// What became of a command that was looked at.
+/// Result of a first look at a command.
 enum Dispatched<'a> {
     Done(Answer),
     Waiting(Waiting<'a>),
@@ -242,8 +242,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(Answer::Ok)
     }
 
-    /// Executes a command that never waits, and names the others: one line for each. A function of its own, because in a future the
-    /// compiler keeps every value in memory.
+    /// Executes a command that never waits, and names the others: one line for each. A separate function, because in
+    /// a future the compiler keeps every value in memory.
     #[inline(never)]
     fn dispatch_at_once<'c>(&mut self, command: &'c Command<'_>) -> Result<Dispatched<'c>, CommandError> {
         let waiting = |waiting| Ok(Dispatched::Waiting(waiting));

@@ -13,7 +13,7 @@ use crate::part::Part;
 use crate::ports::{MotorDrivers, Ports, Replies, ToolsPart};
 use crate::printer::Printer;
 
-/// How often a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
+/// Interval at which a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
 
 /// Reports what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
@@ -40,7 +40,7 @@ impl<P: Ports> Printer<'_, P> {
                 match drivers.state(motor) {
                     Some(DriverState::Failed(failure)) => {
                         let error = CommandError::Driver { motor, failure };
-                        // Hosts end a print at this word: without motion it must not go on heating.
+                        // Hosts end a print at this word: without motion it must not keep heating.
                         self.replies.say(format_args!("Error:{error}"));
                         return Err(error);
                     }
@@ -59,8 +59,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// The drivers' part of a command, if it has one. `true`: the command goes on when all drivers have confirmed their
-    /// settings.
+    /// Executes the drivers' part of a command, if it has one. `true`: the command continues when all drivers have
+    /// confirmed their settings.
     // Not inlined: in the future of the commands that wait it would take much room.
     #[inline(never)]
     pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
@@ -70,7 +70,7 @@ impl<P: Ports> Printer<'_, P> {
             {
                 return Ok(false);
             }
-            // M17 too: until its driver is set, a motor's current is what the chip has after a reset.
+            // Also M17: until its driver is set, a motor's current is what the chip has after a reset.
             Command::Linear { .. }
             | Command::Arc { .. }
             | Command::Retract
@@ -104,7 +104,7 @@ impl<P: Ports> Printer<'_, P> {
             change(drivers, setting, values, extruder.unwrap_or(FIRST_EXTRUDER), self.replies)?;
         } else {
             for motor in 0..MOST_MOTORS {
-                // What Z has, all its motors have.
+                // A setting of Z is that of all its motors.
                 let of = if motor == SECOND_EXTRUDER { FIRST_EXTRUDER } else { 2 };
                 let is_named = values.get(motor).or(values.get(of)).is_some_and(Option::is_some);
                 let is_other =
@@ -138,7 +138,7 @@ enum Shown {
     Setting(DriverSetting),
 }
 
-/// For each motor: `None` if the command does not name it, else the value to set, or `None` for a query.
+/// Value of each motor: `None` if the command does not name it, else the value to set, or `None` for a query.
 type Values = [Option<Option<u16>>; 4];
 
 /// The motor of the first extruder.
@@ -146,13 +146,13 @@ const FIRST_EXTRUDER: usize = 3;
 
 const ALL_MOTORS: Values = [Some(None); 4];
 
-/// Without words a command asks for all motors, with T alone for that extruder's.
+/// Values that a command names; without words it asks for all motors, with T alone for that extruder's.
 fn values(words: DriverWords) -> Values {
     let all = words.all();
     if all == [None; 4] { queried(words.tool) } else { all.map(|value| value.map(Some)) }
 }
 
-/// What a query without motors asks for.
+/// Motors of a query without words for motors.
 fn queried(tool: Option<u8>) -> Values {
     if tool.is_some() { [None, None, None, Some(None)] } else { ALL_MOTORS }
 }
@@ -191,7 +191,7 @@ fn change(
     Ok(())
 }
 
-/// How a driver switches its motor's current, and from which speed on.
+/// Text on a driver's switching of its motor's current, with the speed from which on it changes.
 struct Chopper<'a>(&'a DriverSettings);
 
 impl fmt::Display for Chopper<'_> {

@@ -1,4 +1,5 @@
-//! A command, and what it entails: a paused print goes on, a tower sets its value, filament that has run out is changed.
+//! Actions that a command entails: a paused print is resumed, a tower sets its value, filament that has run out is
+//! changed.
 
 use core::pin::pin;
 
@@ -25,7 +26,7 @@ impl core::fmt::Display for Letter {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// If its reader did not wait, the next move or mode of a print resumes it.
+    /// Resumes a paused print before its next move or mode, if its reader did not wait, and dispatches the command.
     pub(crate) async fn go_on_and_dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let is_of_print = match self.lines.source {
             Source::Host { is_numbered } => is_numbered && !self.prints_from_card(),
@@ -40,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
         {
             return Err(CommandError::FailedHome { axis });
         }
-        // A mode too: set while the print is paused, it would be undone when the print goes on.
+        // A mode resumes the print as well: set while the print is paused, it would be undone when the print resumes.
         if is_of_print && self.is_paused() && (moves(command) || sets_modes(command)) {
             self.resume().await?;
         }

@@ -65,11 +65,11 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Takes over the settings in force where a frame begins: limits, percentages, the fan, E, G92, the lift of a retraction and
-    /// the feed. The machine must stand there. The caller sets the heaters.
+    /// Takes over the settings in force where a frame begins: limits, percentages, the fan, E, G92, the lift of a
+    /// retraction and the feed. The machine must be there. The caller sets the heaters.
     ///
     /// # Errors
-    /// The machine stands elsewhere, the frame's values are out of range, or motion was stopped.
+    /// The machine is elsewhere, the frame's values are out of range, or motion was stopped.
     pub async fn enter_prepared(&mut self, state: &FrameState) -> Result<(), CommandError> {
         self.needs_right_angles()?;
         let modal = &state.modal;

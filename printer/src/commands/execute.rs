@@ -47,7 +47,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         self.log_line(text).await;
         let outcome = self.answer(line, text).await;
-        // A paused print keeps them on, too, because it must know its position.
+        // A paused print keeps them on as well, because it must know its position.
         self.signals.set_at_work(self.is_paused());
         outcome
     }
@@ -105,8 +105,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         result
     }
 
-    /// After a failed command: if motion was stopped, the G-code's position becomes that of the motors. If a motor does not stand
-    /// where its block ends, no position is certain.
+    /// Follows the motors after a failed command: if motion was stopped, the G-code's position becomes theirs. If a
+    /// motor is not where its block ends, no position is certain.
     pub(crate) fn follow_after(&mut self, error: CommandError) {
         match error {
             CommandError::MotionFault(_) => {
@@ -120,8 +120,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// After a stop the G-code's position becomes that of the motors. A halt also takes their current away, and with it the homed
-    /// position.
+    /// Makes the G-code's position that of the motors, after a stop. A halt also takes their current away, and with
+    /// it the homed position.
     pub(crate) fn follow_the_motors(&mut self) {
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);
@@ -174,7 +174,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Waits { clock: self.clock.clone(), signals: self.signals }
     }
 
-    /// Whether the line's source is a host.
+    /// Returns true if the line's source is a host.
     pub(crate) fn has_host(&self) -> bool {
         self.lines.has_host()
     }

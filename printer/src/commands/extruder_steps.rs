@@ -11,8 +11,8 @@ use crate::motion::axis_names::AXIS_NAMES;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// How far from the profile's the extruder's steps may be, as a part of them. What is farther is of another machine, gear or number of
-/// microsteps, such as in the start code of a slicer for many machines.
+/// Maximum distance of the extruder's steps from the profile's, as a part of them. Steps beyond it are those of
+/// another machine, gear or number of microsteps, such as in the start code of a slicer for many machines.
 const FARTHEST: f64 = 0.25;
 
 /// Steps as they are reported.
@@ -20,7 +20,8 @@ fn shown(steps_per_mm: StepsPerMm) -> Real {
     Real::fixed(steps_per_mm.to_f64(), 2)
 }
 
-/// Whether an extruder can have these steps at its fastest feed: no motor steps faster than events may follow each other.
+/// Returns true if an extruder can have these steps at its fastest feed: no motor steps faster than events may follow
+/// each other.
 fn fits(steps_per_mm: f64, max_feed_mm_per_s: f64, minimum_interval_ticks: u32) -> bool {
     steps_per_mm * max_feed_mm_per_s * f64::from(minimum_interval_ticks)
         <= f64::from(ferrostep_planner::TICKS_PER_SECOND)
@@ -62,7 +63,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Whether the extruder of a tool may have these steps.
+    /// Returns true if the extruder of a tool may have these steps.
     pub(crate) fn are_extruder_steps(&self, tool: u8, steps_per_mm: f64) -> bool {
         self.are_steps_near(self.steps_of_profile(Some(tool)), steps_per_mm)
     }
@@ -71,13 +72,13 @@ impl<P: Ports> Printer<'_, P> {
         let of_profile = of_profile.to_f64();
         let is_near = (steps_per_mm - of_profile).abs() <= FARTHEST * of_profile;
         let [.., max_feed_mm_per_s] = self.motion.limits().max_feed_mm_per_s;
-        // What the profile itself allows is not judged.
+        // Values that the profile itself allows are always accepted.
         is_near
             && (steps_per_mm <= of_profile
                 || fits(steps_per_mm, max_feed_mm_per_s, self.profile.minimum_event_interval_ticks))
     }
 
-    /// Whether M92 with these words gives the extruder other steps.
+    /// Returns true if M92 with these words gives the extruder other steps.
     pub fn changes_extruder_steps(&self, tool: Option<u8>, words: &AxisWords) -> bool {
         let asked = words.e.map(|steps_per_mm| steps_per_mm.to_f64());
         tool.unwrap_or(0) == 0
@@ -87,7 +88,7 @@ impl<P: Ports> Printer<'_, P> {
             })
     }
 
-    /// At standstill. A prepared job is planned with the profile's.
+    /// Sets the extruder's steps, at standstill. A prepared job is planned with the profile's.
     fn set_extruder_steps(&mut self, steps_per_mm: StepsPerMm) -> Result<(), CommandError> {
         if self.interpreter.modal.in_prepared_job && steps_per_mm != self.profile.steps_per_mm[3] {
             return Err(CommandError::StepsAndJob);

@@ -11,7 +11,7 @@ use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::signals::Signals;
 
-/// What a print does when a fan does not turn: M125.
+/// Command of a print whose fan does not turn: M125.
 pub(crate) static PAUSE: Command<'static> = Command::Pause(AxisWords { x: None, y: None, z: None, e: None });
 
 /// Says that a fan does not turn, and lets the next line of a print pause it. To be called several times a second; `told` is the fan
@@ -50,7 +50,7 @@ impl<P: Ports> Printer<'_, P> {
         fans::find(&self.profile.fans, |fan| fan.rule.is_named() && fan.name.eq_ignore_ascii_case(name))
     }
 
-    /// Whether the machine has outputs for M42.
+    /// Returns true if the machine has outputs for M42.
     pub(crate) fn has_outputs(&self) -> bool {
         P::Heating::HAS_OUTPUTS
             && fans::find(&self.profile.fans, |fan| matches!(fan.rule, FanRule::Output { .. })).is_some()
@@ -71,7 +71,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether an output is a colour of a light.
+    /// Returns true if an output is a colour of a light.
     pub(crate) fn has_light(&self) -> bool {
         let is_colored = |fan: &FanSettings| matches!(fan.rule, FanRule::Output { color: Some(_), .. });
         P::Heating::HAS_OUTPUTS && fans::find(&self.profile.fans, is_colored).is_some()
@@ -110,14 +110,14 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether a print must pause because a fan does not turn. It pauses once for each failure: the person who resumes it has read the
-    /// message.
+    /// Returns true if a print must pause because a fan does not turn. It pauses once for each failure: the person
+    /// who resumes it has read the message.
     #[inline(never)]
     pub(crate) fn has_stalled_fan(&self) -> bool {
         self.is_a_nozzle_on() && self.signals.take_stalled_fan()
     }
 
-    /// Whether the hot end's own fan is one that does not turn: the nozzle must not stay hot unattended.
+    /// Returns true if the hot end's own fan does not turn: the nozzle must not stay hot unattended.
     pub(crate) fn is_hot_end_fan_stalled(&self) -> bool {
         let Some(output) = self.heating.stalled_fan() else { return false };
         matches!(self.profile.fans.get(output.index()), Some(Some(FanSettings { rule: FanRule::HotEnd, .. })))

@@ -8,7 +8,7 @@ use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::settings::profile::filament::FilamentSensor;
 
-/// What a print does when its filament has run out: M600 without words.
+/// Command of a print whose filament has run out: M600 without words.
 pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {
     tool: None,
     park: AxisWords { x: None, y: None, z: None, e: None },
@@ -16,7 +16,7 @@ pub(crate) static CHANGE_FILAMENT: Command<'static> = Command::ChangeFilament {
     load: None,
 };
 
-/// Whether a command lays a line, as only prints do. A person who pushes new filament in moves E alone.
+/// Returns true if a command lays a line, as only prints do. A person who pushes new filament in moves E alone.
 pub(crate) fn lays(command: &Command<'_>) -> bool {
     let lays = |axes: &AxisWords| axes.e.is_some() && (axes.x.is_some() || axes.y.is_some());
     match command {
@@ -25,24 +25,24 @@ pub(crate) fn lays(command: &Command<'_>) -> bool {
     }
 }
 
-/// Whether a print may begin with such a command, or begin anew: filament may have been moved by hand.
+/// Returns true if a print may begin or restart with such a command: filament may have been moved by hand.
 fn begins(command: &Command<'_>) -> bool {
     matches!(command, Command::Home { .. } | Command::SetNozzle(..) | Command::WaitNozzle(..))
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether the filament sensor sees filament move.
+    /// Returns true if the filament sensor sees filament move.
     pub(crate) fn has_encoder(&self) -> bool {
         P::Motion::FOLLOWS_FILAMENT
             && self.profile.filament_sensor.is_some_and(|sensor| sensor.detection_10nm().is_some())
     }
 
-    /// Whether a switch is beside that sensor.
+    /// Returns true if a switch accompanies that sensor.
     pub(crate) fn has_filament_switch(&self) -> bool {
         P::Motion::HAS_FILAMENT_SWITCH && self.profile.filament_switch.is_some()
     }
 
-    /// Whether one of the sensors says that filament is missing.
+    /// Returns true if one of the sensors reports that filament is missing.
     pub(crate) fn is_filament_missing(&self) -> bool {
         self.signals.is_filament_missing() || self.has_filament_switch() && self.signals.is_filament_out()
     }
@@ -90,8 +90,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Lets an encoder's count begin anew with the first line of filament after anything by which a print begins, or goes on after a
-    /// person has had the filament in hand.
+    /// Restarts an encoder's count with the first line of filament after the beginning of a print, or once it
+    /// continues after a person has had the filament in hand.
     pub(crate) fn follow_filament(&mut self, command: &Command<'_>, is_of_print: bool) {
         if !self.has_encoder() {
             return;
@@ -103,8 +103,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether the filament of a print that lays lines has run out, or does not move, which is reported then. As long as it is missing,
-    /// each line of a print says so.
+    /// Returns true if the filament of a print that lays lines has run out, or does not move, and reports it. As long
+    /// as it is missing, each line of a print reports it.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn has_run_out(&self) -> bool {

@@ -34,7 +34,7 @@ fn shown(model: &HeaterModel) -> [Real; 6] {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether a model controls a heater.
+    /// Returns true if a model controls a heater.
     pub(crate) fn has_model(&self, heater: Heater) -> bool {
         <P::Heating as Heating>::Models::PRESENT && self.heating.model(heater).is_some()
     }

@@ -9,9 +9,9 @@ use crate::printer::Printer;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Host {
     numbers: LineNumbers,
-    /// Whether its lines go into a file (M28).
+    /// True while its lines go into a file (M28).
     writes: bool,
-    /// Whether those lines have numbers; one without has lost it on the way.
+    /// True if those lines have numbers; a line without one has lost it on the way.
     writes_numbered: bool,
 }
 
@@ -58,7 +58,7 @@ impl Host {
     }
 }
 
-/// Whether a line is M29, which a person may write without a number.
+/// Returns true if a line is M29, which a person may write without a number.
 pub(crate) fn is_end_of_file(text: &str) -> bool {
     matches!(parse(text), Ok(Command::Card(CardCommand::EndWrite)))
 }

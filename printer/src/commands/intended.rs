@@ -10,7 +10,7 @@ use crate::printer::Printer;
 /// Nozzles are drilled in steps of 0.05 mm; slicers write two decimals.
 const SAME_NOZZLE_MM: f64 = 0.01;
 
-/// Whether a command wants a chamber without heat, as every chamber that has no heater is.
+/// Returns true if a command wants a chamber without heat, as every chamber without a heater is.
 fn asks_for_cold(command: &Command<'_>) -> bool {
     match command {
         Command::SetChamber(target) => target.is_none_or(|celsius| celsius <= Decimal::ZERO),
@@ -77,7 +77,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Without a corner limit in the profile an axis keeps to the junction deviation alone, whatever M205 says.
+    /// Adds a remark for an axis without a corner limit in the profile: it keeps to the junction deviation alone,
+    /// whatever M205 says.
     fn add_unlimited_axes(&self, corner_velocity: &AxisWords, remarks: &mut Remarks) {
         let AxisWords { x, y, z, e } = *corner_velocity;
         let limits = self.motion.limits().instantaneous_corner_velocity_mm_per_s;

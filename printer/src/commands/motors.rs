@@ -26,7 +26,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Of these axes, or of all if none is named, those that are not homed; `None` without such an axis.
+    /// Returns the axes that are not homed, of these or, if none is named, of all; `None` without such an axis.
     pub(crate) fn unhomed(&self, axes: AxisFlags) -> Option<AxisFlags> {
         let all = axes.is_empty();
         let [x, y, z] = self.interpreter.modal.homed;

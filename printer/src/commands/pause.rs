@@ -24,12 +24,13 @@ const MM: i64 = 100_000;
 const PARK_FEED_MM_PER_S: f32 = 100.0;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether a print is paused.
+    /// Returns true if a print is paused.
     pub fn is_paused(&self) -> bool {
         self.print.paused.is_some()
     }
 
-    /// What a person wants of a paused print: that it goes on, by M108, a button or because its time is over, or more filament.
+    /// Takes a person's answer to a paused print: continue (M108, a button, or the end of its time), or push more
+    /// filament.
     pub(crate) fn take_answer(&self) -> Option<PauseAnswer> {
         let paused = self.print.paused.as_ref()?;
         let is_over = paused.until_ms.is_some_and(|until_ms| self.clock.now_ms() >= until_ms);
@@ -161,8 +162,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person goes on. A file on the desk has no one to ask and
-    /// goes on at once. A card is read on when [`Self::is_paused`] returns `false`.
+    /// Executes M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person continues. A file on the
+    /// desk has no person to ask and continues at once. A card is read on when [`Self::is_paused`] returns `false`.
     pub(crate) async fn pause_command(
         &mut self,
         reason: PauseReason,
@@ -170,7 +171,7 @@ impl<P: Ports> Printer<'_, P> {
     ) -> Result<(), CommandError> {
         self.pause_at(reason, words).await?;
         match self.lines.source {
-            // Within a macro there is no reader that could wait.
+            // A macro has no reader that could wait.
             Source::Card if !self.lines.is_in_macro => return Ok(()),
             Source::File => self.tell_long_pause(words.longest_ms),
             Source::Host { .. } | Source::Card => {
@@ -199,7 +200,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Waits until a person wants the print to go on.
+    /// Waits until a person continues the print.
     async fn answer_pause(&mut self) -> Result<(), CommandError> {
         loop {
             let until_ms = self.print.paused.as_ref().and_then(|paused| paused.until_ms);
@@ -243,7 +244,7 @@ impl<P: Ports> Printer<'_, P> {
         self.tell_host("//action:prompt_show");
     }
 
-    /// Where the nozzle goes: X and Y by the line's words or the profile, and the height by which it rises (Z).
+    /// Waiting place of the nozzle: X and Y by the line's words or the profile, and the height by which it rises (Z).
     fn park_place_10nm(&self, park: &AxisWords) -> Result<[i64; 3], CommandError> {
         let PauseSettings { place_10nm: [x, y], rise_10nm, .. } = self.profile.pause;
         let travel_10nm = |axis| self.interpreter.travel_10nm(axis);
@@ -254,7 +255,7 @@ impl<P: Ports> Printer<'_, P> {
         ])
     }
 
-    /// How much filament is drawn out, and pushed in, units of 0.1 nm.
+    /// Lengths of filament to draw out and to push in, units of 0.1 nm.
     fn filament_to_change_100pm(&self, words: &PauseWords<'_>) -> Result<[i64; 2], CommandError> {
         let [unload_10nm, load_10nm] = self.filament_lengths_10nm(words.unload, words.load)?;
         let length_100pm = |length_10nm| {

@@ -1,7 +1,7 @@
 //! A print from the card survives a power cut: M413 and M1000.
 //!
-//! While it prints, its place is kept on the card (`keep`): what a print needs to go on (`place`), from the beginning of a line
-//! that the motors have reached. After a reset `resume` takes it there.
+//! While it prints, its place is kept on the card (`keep`): all that a print needs to continue (`place`), from the
+//! beginning of a line that the motors have reached. After a reset `resume` takes it there.
 
 mod at_failure;
 mod keep;
@@ -12,7 +12,7 @@ use ferrostep_gcode::{CardCommand, InterruptedPrint, Reply};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
-/// The prompt's buttons go on with the interrupted print, or give it up.
+/// Commands of the prompt's buttons, which resume the interrupted print or give it up.
 pub(crate) static RESUME: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Resume);
 
 pub(crate) static FORGET: CardCommand<'static> = CardCommand::Interrupted(InterruptedPrint::Discard);

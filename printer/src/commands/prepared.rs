@@ -41,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Where the moves taken so far end, machine coordinates of the motors in units of 10 nm.
+    /// End of the moves taken so far, machine coordinates of the motors in units of 10 nm.
     pub fn machine_10nm(&self) -> [i64; 3] {
         self.motion.position_10nm()
     }
@@ -59,7 +59,8 @@ impl<P: Ports> Printer<'_, P> {
         self.note_prepared(item, now.as_ref(), moved)
     }
 
-    /// As [`Self::prepared_move`] if that needs no waiting; otherwise `None`, and nothing has changed.
+    /// Takes a move as [`Self::prepared_move`] does if that needs no waiting; otherwise returns `None` and changes
+    /// nothing.
     #[inline]
     pub fn try_prepared_move(
         &mut self,
@@ -140,7 +141,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Whether feed and flow have the percentages with which the moves were planned.
+    /// Returns true if feed and flow have the percentages with which the moves were planned.
     #[inline(always)]
     fn has_percents_of(&self, planned_with: &ModalState) -> bool {
         self.interpreter.modal.feed_percent == planned_with.feed_percent
@@ -217,7 +218,7 @@ impl<P: Ports> Printer<'_, P> {
     /// a motor step.
     ///
     /// # Errors
-    /// The motors do not stand there, E is out of range (units of 10 nm, as for G92), or motion was stopped; the G-code's
+    /// The motors are not there, E is out of range (units of 10 nm, as for G92), or motion was stopped; the G-code's
     /// position has not changed.
     pub async fn prepared_place(&mut self, place: &PreparedPlace, request: impl Request) -> Result<(), CommandError> {
         let PreparedPlace { position_10nm, lift_10nm, extruder_10nm } = *place;

@@ -30,7 +30,7 @@ impl<P: Ports> Printer<'_, P> {
         self.print.clock.start(self.clock.now_ms(), self.interpreter.tally.filament_100pm);
     }
 
-    /// A paused print goes on.
+    /// Resumes the clock of a paused print.
     pub(crate) fn resume_print_clock(&mut self) {
         if self.print.clock.state == State::Paused {
             self.start_print_clock();
@@ -60,7 +60,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Before and after a target is set: looks at the heaters.
+    /// Notes which heaters have a target, before and after one is set.
     pub(crate) fn see_heat(&mut self) {
         let are_on = [self.is_a_nozzle_on(), self.heating.status(Heater::Bed).target_celsius > 0.0];
         self.print.clock.see_heat(self.clock.now_ms(), are_on);

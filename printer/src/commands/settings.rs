@@ -11,7 +11,7 @@ use crate::settings::bounds::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT, in_range}
 use crate::settings::profile::SQUARE_CORNER_SHARE;
 use crate::settings::profile::filament::ExtrusionSettings;
 
-/// A feed that is so many times the profile's is far above it.
+/// Ratio to the profile's feed from which on a feed is far above it.
 const FAR_FEED: f64 = 10.0;
 
 /// A speed or acceleration in mm, as written in a unit of `unit_mm`.

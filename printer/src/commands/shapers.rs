@@ -10,7 +10,7 @@ use crate::error::shaper_refusal::ShaperRefusal;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// What RepRapFirmware calls two and three humps.
+/// RepRapFirmware's names for two and three humps.
 const OTHER_NAMES: [(&str, ShaperKind); 2] = [("ei2", ShaperKind::TwoHumpEi), ("ei3", ShaperKind::ThreeHumpEi)];
 
 /// The kind of this name, in upper or lower case.
@@ -29,7 +29,7 @@ fn name_of(kind: ShaperKind) -> heapless::String<12> {
     name
 }
 
-/// What becomes of an axis's filter; `usual` is the kind where it has none and gets a frequency.
+/// The changed filter of an axis; `usual` is the kind for an axis without a filter that gets a frequency.
 fn changed(
     axis: u8,
     present: AxisShaper,
@@ -64,7 +64,7 @@ fn changed(
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// M593, SET_INPUT_SHAPER. The machine stands still before its filters change, and they change together.
+    /// Executes M593 and SET_INPUT_SHAPER. The machine stops before its filters change, and they change together.
     pub(crate) async fn shape(&mut self, axes: &[ShaperWords<'_>; 2], usual: &str) -> Result<(), CommandError> {
         let mut choice = self.motion.motion_choice();
         if *axes == [ShaperWords::default(); 2] {

@@ -69,13 +69,13 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     fn say_skew(&self, what: &str, factor: f64) -> Result<(), CommandError> {
-        // Klipper takes the tangent for the angle, too.
+        // Klipper takes the tangent for the angle as well.
         let (radians, degrees) = (Real::fixed(factor, 6), Real::fixed(f64::from((factor as f32).to_degrees()), 2));
         self.replies.say(format_args!("echo:{what} Skew: {radians} radians, {degrees} degrees"));
         Ok(())
     }
 
-    /// At standstill: the motors stay, and what is asked for becomes where they are.
+    /// Sets the skew, at standstill: the motors stay, and the G-code's position becomes theirs.
     pub(crate) fn set_skew(&mut self, skew: Skew) {
         if skew != self.interpreter.skew {
             self.interpreter.skew = skew;
@@ -83,7 +83,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether the axes are off their right angles.
+    /// Returns true if the axes are off their right angles.
     pub fn is_skew(&self) -> bool {
         self.interpreter.skew != Skew::NONE
     }

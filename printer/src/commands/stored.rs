@@ -21,27 +21,27 @@ use crate::printer::{KeepsSettings, Printer};
 use crate::settings::stored::groups::{Group, Setting, Shown};
 use crate::settings::stored::values::{Parts, ToolValues, Values, advance_numbers};
 
-/// What the machine may have that has settings.
+/// Optional parts of the machine that have settings.
 type PartsOf<P> = (
     <<P as Ports>::Heating as Heating>::Models,
     <<P as Ports>::Motion as Motion>::Tools,
     <<P as Ports>::Motion as Motion>::Backlash,
 );
 
-/// What a look at the memory has found.
+/// Contents of the settings memory.
 struct Stored<M: Parts> {
     values: Values<M>,
     /// Values in the memory that this machine knows.
     known: usize,
     /// Those that are another version's, or another machine's.
     foreign: usize,
-    /// What has been mended.
+    /// Number of values that were mended.
     faults: usize,
     /// Values that differ from the profile's; `None`: no one asks.
     differ: Option<usize>,
     /// Points of the mesh along X and Y.
     mesh: Option<[u8; 2]>,
-    /// What the machine has done in its life.
+    /// Totals of the machine's life.
     statistics: Statistics,
 }
 
@@ -59,7 +59,8 @@ impl<M: Parts> fmt::Display for Stored<M> {
 /// The name of [`Statistics`] in a memory, whose settings have the names of a profile's keys.
 const STATISTICS: u16 = id_of("statistics");
 
-/// How many stored values that differ from the profile's are named: more would be too many lines for a start.
+/// Maximum number of stored values named because they differ from the profile's: more would be too many lines for a
+/// start.
 const MAX_NAMED: usize = 6;
 
 /// The setting of an entry; `None` where this firmware does not know it, or this machine does not have it.
@@ -144,7 +145,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         memory.keep(self, Some(command))
     }
 
-    /// At standstill: sets the filters and the advance of stored settings.
+    /// Sets the filters and the advance of stored settings, at standstill.
     fn choose_stored_motion(&mut self, choice: Option<MotionChoice>) {
         if choice.is_some_and(|choice| self.motion.set_motion_choice(&choice).is_err()) {
             let text = "echo:settings: input_shaper and pressure_advance cannot be set on this machine";
@@ -157,7 +158,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.fitted.settings_memory = Some(memory);
     }
 
-    /// Why M500, M501 or M502 has no effect now, in a print whose plan is made.
+    /// Returns true if M500, M501 or M502 has no effect now, in a print whose plan is made, and reports it.
     pub(crate) fn refuse_settings(&self, command: SettingsCommand) -> bool {
         let prints = self.interpreter.modal.in_prepared_job || self.prints_from_card() || self.is_paused();
         let refused = prints && Self::needs_standstill(command);
@@ -175,8 +176,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// At standstill: stores what the machine has done in its life, unless a print goes on, or heaters are on where the memory needs
-    /// them off. Then a later standstill does.
+    /// Stores the machine's statistics, at standstill, except during a print, or with heaters on if the memory needs
+    /// them off. A later standstill does it then.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_statistics(&mut self) {
@@ -354,8 +355,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Whether heaters are on, and the processor would stand still while the memory is written.
-    // By the memory's own type: of one that never stalls nothing of this is compiled.
+    /// Returns true if heaters are on and the processor would be stopped while the memory is written.
+    // Generic over the memory: for one that never stalls none of this is compiled.
     fn may_not_stall(&self, memory: &impl SettingsMemory) -> bool {
         memory.stalls() && Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0)
     }

@@ -9,23 +9,24 @@ use crate::part::Part;
 use crate::ports::{Heating, Ports, Replies};
 use crate::printer::Printer;
 
-/// From M80 until a supply is taken to hold its voltage, ms: an ATX supply reports that within 500 ms (ATX12V Power Supply Design
-/// Guide 2.2, 3.3.1).
+/// Time from M80 until the supply's voltage is taken as steady, ms: an ATX supply reports that within 500 ms (ATX12V
+/// Power Supply Design Guide 2.2, 3.3.1).
 const POWER_GOOD_MS: u64 = 500;
 
-/// Below this the nozzle does not need its fan any more, degrees Celsius: that fan goes off there, too.
+/// Temperature below which the nozzle does not need its fan any more, degrees Celsius: the hot end's fan switches off
+/// there as well.
 const COOL_CELSIUS: f32 = 45.0;
 
 /// Masks of all motors.
 const ALL_MOTORS: u8 = 0b1111;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether the power supply can be switched.
+    /// Returns true if the power supply can be switched.
     pub(crate) fn has_supply(&self) -> bool {
         <P::Heating as Heating>::Supply::PRESENT && self.profile.power_supply.is_some()
     }
 
-    /// Whether heaters, motors and fans have power.
+    /// Checks that heaters, motors and fans have power.
     ///
     /// # Errors
     /// [`CommandError::SupplyOff`].

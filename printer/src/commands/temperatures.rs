@@ -39,7 +39,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// Whether the machine knows its chamber's temperature.
+    /// Returns true if the machine knows its chamber's temperature.
     pub(crate) fn has_chamber(&self) -> bool {
         self.heating.chamber_is_heated().is_some()
     }
@@ -55,13 +55,13 @@ impl<'a, P: Ports> Printer<'a, P> {
         if self.heating.has_nozzles() { self.set_temperature(Heater::Nozzle1, 0.0) } else { Ok(()) }
     }
 
-    /// Whether the nozzle of any tool has a target.
+    /// Returns true if the nozzle of any tool has a target.
     pub(crate) fn is_a_nozzle_on(&self) -> bool {
         let is_on = |heater| self.heating.status(heater).target_celsius > 0.0;
         is_on(Heater::Nozzle) || self.heating.has_nozzles() && is_on(Heater::Nozzle1)
     }
 
-    /// Whether any heater was switched off as unused: commands have set a target, and it is gone.
+    /// Returns true if any heater was switched off as unused: commands have set a target, and it is gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
         let mut targets = Heater::ALL.into_iter().zip(self.modes.targets_celsius);
         targets.any(|(heater, celsius)| celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0)

@@ -18,7 +18,7 @@ use crate::settings::bounds::{LARGEST_OFFSET_10NM, within};
 use crate::settings::profile::tools::{FurtherTool, Tools};
 use crate::settings::profile::z_motors::Kept;
 
-/// Why a change is refused.
+/// Reasons to refuse a change.
 const IN_A_PAUSE: &str = "T: a paused print goes on with the tool that it was paused with: resume or cancel it first";
 const OFFSET_IN_A_PAUSE: &str = "M218: a paused print goes on where it was: resume or cancel it first";
 const IN_A_JOB: &str = "T: a prepared job cannot change the tool: print the G-code itself";
@@ -31,9 +31,9 @@ const WITH_FIRST: &str = "a prepared job is for T0: send T0 first";
 /// A change whose end has been found possible. Places are the carriage's, as the G-code would ask for them with T0.
 #[derive(Clone, Copy, Debug)]
 struct Change {
-    /// Where the carriage stands.
+    /// Present place of the carriage.
     from_10nm: [i64; 3],
-    /// Where it goes.
+    /// Its place after the change.
     to_10nm: [i64; 3],
     /// The axes where the new nozzle cannot reach the old one's place.
     clamped: [bool; 3],
@@ -49,12 +49,12 @@ impl<'a, P: Ports> Printer<'a, P> {
         Some(tools)
     }
 
-    /// Whether the machine has several tools.
+    /// Returns true if the machine has several tools.
     pub fn has_tools(&self) -> bool {
         self.further_tools().is_some()
     }
 
-    /// How many tools there are.
+    /// Number of tools.
     pub(crate) fn count_tools(&self) -> u8 {
         let further = self.further_tools().map_or(0, |tools| tools.further.iter().flatten().count());
         1 + further as u8
@@ -80,15 +80,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(tools.heater_of(tool))
     }
 
-    /// Whether a line is for a tool that a machine with one tool does not have: it has no effect then.
+    /// Returns true if a line is for a further tool and the machine has only one: it then has no effect.
     pub(crate) fn is_for_no_tool(&self, tool: Option<u8>) -> bool {
         self.further_tools().is_none() && tool.is_some_and(|tool| tool > 0)
     }
 
-    /// The tool that a line is for.
+    /// Tool that a line is for.
     ///
     /// # Errors
-    /// There is none with this number.
+    /// The machine does not have a tool of this number.
     pub(crate) fn tool(&self, tool: Option<u8>) -> Result<u8, CommandError> {
         match tool {
             None => Ok(self.selected_tool()),
@@ -102,10 +102,10 @@ impl<'a, P: Ports> Printer<'a, P> {
         tool == 0 || self.further_tools().is_some_and(is_further)
     }
 
-    /// What belongs to a tool that a line names, if it is not the selected one.
+    /// Values of the tool that a line names, if it is not the selected one.
     ///
     /// # Errors
-    /// There is none with this number.
+    /// The machine does not have a tool of this number.
     pub(crate) fn resting_tool(&mut self, tool: Option<u8>) -> Result<Option<&mut OfTool>, CommandError> {
         if self.further_tools().is_none() {
             return Ok(None);
@@ -129,7 +129,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if self.selected_tool() == 0 { Ok(()) } else { Err(CommandError::Tool(WITH_FIRST)) }
     }
 
-    /// From T0's nozzle to the selected one.
+    /// Offset from T0's nozzle to the selected one.
     pub(crate) fn tool_offset_10nm(&self) -> [i64; 3] {
         let tools = ToolsPart::<P>::get(&self.modes.tools);
         tools.map_or([0; 3], |tools| tools.offset_10nm(tools.selected))
@@ -254,7 +254,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// Whether filament moves at a change: the nozzle is warm enough.
+    /// Returns true if filament moves at a change: the nozzle is warm enough.
     fn can_swap(&self, nozzle: Heater) -> bool {
         let modal = &self.interpreter.modal;
         modal.cold_extrusion_allowed || self.heating.status(nozzle).celsius >= modal.min_extrusion_celsius
@@ -267,7 +267,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Where the carriage goes; `None`: it stays.
+    /// Move of the carriage at a change; `None`: it stays.
     #[inline(never)]
     fn planned_change(&self, tool: u8, stays: bool) -> Result<Option<Change>, CommandError> {
         let modal = &self.interpreter.modal;
@@ -287,7 +287,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if z < asked_z { Err(CommandError::Tool(TOO_HIGH)) } else { Ok(Some(Change { from_10nm, to_10nm, clamped })) }
     }
 
-    /// By how much Z rises above where the carriage stands, so that neither nozzle is lower than the old one was.
+    /// Rise of Z above the carriage's present place, so that neither nozzle is lower than the old one was.
     fn lift_of(&self, change: &Option<Change>, lift_10nm: i64) -> i64 {
         let Some(Change { from_10nm: [.., from_z], to_10nm: [.., to_z], .. }) = change else { return 0 };
         (to_z - from_z).max(0) + lift_10nm.max(self.interpreter.modal.lift_10nm)
@@ -310,7 +310,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.heating.select_nozzle(heater);
     }
 
-    /// What belongs to a tool now, of a machine with several.
+    /// Present values of a tool, of a machine with several; `None` without such a tool.
     pub(crate) fn values_of_tool(&self, tool: u8) -> Option<OfTool> {
         self.further_tools()?;
         let tools = ToolsPart::<P>::get(&self.modes.tools)?;
@@ -322,8 +322,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// At standstill: steps and advance of T0 and of T1, and T1's offset, are these. Returns those of the selected tool, which the caller
-    /// puts in force.
+    /// Puts steps and advance of T0 and of T1, and T1's offset, in force, at standstill. Returns those of the
+    /// selected tool, which the caller puts in force.
     #[inline(never)]
     pub(crate) fn put_tools_in_force(
         &mut self,
@@ -346,7 +346,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// The tools of an interrupted print, at standstill, before anything moves. Whether the selected one has a nozzle of its own.
+    /// Takes the tools of an interrupted print, at standstill, before anything moves. Returns true if the selected
+    /// one has its own nozzle.
     #[inline(never)]
     pub(crate) fn take_tools(&mut self, kept: &<ToolsPart<P> as Part>::Of<ToolBox>) -> bool {
         let Some(kept) = ToolsPart::<P>::get(kept).copied() else { return false };
@@ -369,7 +370,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// What a tool has that is selected.
+    /// Values in force of the selected tool.
     fn live_of_tool(&self) -> OfTool {
         let Modal { flow_percent, retracted, .. } = self.interpreter.modal;
         OfTool {
@@ -382,7 +383,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// What belongs to the tool comes into force, at standstill.
+    /// Puts the values of a tool in force, at standstill.
     fn put_tool_in_force(&mut self, new: &OfTool) {
         // At standstill neither can fail: both were checked where they were set.
         let _always_works = self.motion.set_extruder_steps_per_mm(new.steps_per_mm);

@@ -9,7 +9,7 @@ use crate::job::tower::{MM, Tower, TowerLine, TowerRefusal};
 use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
-/// So much lower is another print's extrusion, as in Klipper; units of 10 nm.
+/// Fall of a line below the tower's last height that means another print, as in Klipper; units of 10 nm.
 const LOWER_10NM: i64 = 2 * MM;
 
 impl<P: Ports> Printer<'_, P> {
@@ -95,7 +95,7 @@ impl<P: Ports> Printer<'_, P> {
         read.map_err(|error| self.fail_tower(line, &Failure::Parse(error))).ok()
     }
 
-    /// A tower's line was refused: the print goes on with the value before.
+    /// Ends a tower whose line was refused: the print continues with the value before.
     #[cold]
     #[inline(never)]
     pub(crate) fn fail_tower(&mut self, line: &str, failure: &impl fmt::Display) {
@@ -104,7 +104,8 @@ impl<P: Ports> Printer<'_, P> {
             .say(format_args!("echo:line {}: TUNING_TOWER has ended, \"{line}\": {failure}", self.lines.number));
     }
 
-    /// What a tower has begun ends, and its value stays. One that waits for its print goes on waiting: a print begins by homing.
+    /// Ends a tower that has begun; its value stays. One that waits for its print keeps waiting: a print begins by
+    /// homing.
     #[cold]
     #[inline(never)]
     pub(crate) fn end_begun_tower(&mut self) {

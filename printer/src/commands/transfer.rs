@@ -48,7 +48,7 @@ pub trait JobLine {
     fn answer_job(&mut self);
 }
 
-/// Why a job ended early.
+/// Reason why a job ended early.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Stop {
     /// It cannot be read.
@@ -109,21 +109,21 @@ struct Incoming {
     /// Part of the chunk that has not been looked at.
     at: usize,
     end: usize,
-    /// Whether the chunk is of the host that sends the job.
+    /// True if the chunk is from the host that sends the job.
     of_job: bool,
-    /// Whether the chunk goes on with text, which waits for the printer.
+    /// True if the chunk continues with text, which waits for the printer.
     text: bool,
-    /// Whether text of the job's host has begun and not ended with its line.
+    /// True while a text of the job's host has begun and its line has not ended.
     mid_text: bool,
     aborted: bool,
-    /// Whether the host is to be answered.
+    /// True if the host is to be answered.
     answer: bool,
     /// The limit last reported to it.
     limit: u32,
     heard_ms: u64,
-    /// Whether a frame has come.
+    /// True once a frame has come.
     any_frame: bool,
-    /// How often motion had been stopped when the job began: one more stop ends the job.
+    /// Number of stops of motion when the job began: one more stop ends the job.
     stops: u32,
 }
 
@@ -195,7 +195,8 @@ impl Incoming {
         }
     }
 
-    /// M790 in the middle of a transfer comes from a host that was restarted: it goes on where the transfer stopped.
+    /// Answers M790 in the middle of a transfer, from a host that was restarted: the transfer continues where it
+    /// stopped.
     fn asked_again(&mut self, request: Option<JobRequest>, replies: &impl Replies) {
         match request {
             Some(request) if request.size == self.receiver.size() => self.answer = true,
@@ -304,7 +305,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.print.job_request = None;
         let Progress { begun, frame, offset } = progress;
-        // Bytes after a silence are no longer the rest of a frame.
+        // A silence ends the frame that was being received: later bytes do not belong to it.
         let in_frame = incoming.receiver.is_in_frame() && !matches!(ended, Err(Stop::Silent { .. }));
         let word = match ended {
             Ok(()) => Word::Done,
@@ -458,27 +459,27 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
-/// How far a job has come.
+/// Progress of a job.
 struct Progress {
-    /// Whether something of it was executed.
+    /// True once a part of it was executed.
     begun: bool,
     frame: u32,
     offset: u64,
 }
 
-/// Where in the job an item is.
+/// Place of an item in the job.
 pub(crate) struct Place {
     start: FrameState,
-    /// Whether a move of the frame was executed.
+    /// True once a move of the frame was executed.
     begun: bool,
-    /// Where the move before ended, if only moves came since.
+    /// End of the move before, if only moves came since.
     end_10nm: Option<[i64; 3]>,
     number: u32,
     offset: u64,
 }
 
 impl Place {
-    /// At the start of a frame.
+    /// The place at the start of a frame.
     pub(crate) fn new(start: FrameState, number: u32, offset: u64) -> Self {
         Self { start, begun: false, end_10nm: None, number, offset }
     }

@@ -24,13 +24,13 @@ const MIN_CYCLES: u8 = 3;
 /// The lowest target, degrees Celsius: a heater must also cool below it in minutes.
 const MIN_CELSIUS: f64 = 40.0;
 
-/// How far the target stays below the maximum, degrees: the relay heats a little beyond it.
+/// Minimum distance of the target below the maximum, degrees: the relay heats a little beyond it.
 const NOZZLE_MARGIN_CELSIUS: f32 = 15.0;
 
 /// The same of a step response, after which the temperature rises further by the slope at full power times the thermistor's lag.
 const STEP_MARGIN_CELSIUS: f32 = 40.0;
 
-/// Its target for a nozzle where there is none: Marlin's.
+/// Target of a step response for a nozzle if the command names none: Marlin's.
 const STEP_CELSIUS: f64 = 200.0;
 const BED_MARGIN_CELSIUS: f32 = 10.0;
 
@@ -158,7 +158,7 @@ impl<P: Ports> Printer<'_, P> {
         self.end_autotune(heater, celsius, uses, outcome)
     }
 
-    /// By a relay, or of a heater with a model by a step response.
+    /// Begins an autotune by a relay, or, for a heater with a model, by a step response.
     #[inline(never)]
     fn begin_autotune(&mut self, heater: Heater, celsius: f32, cycles: Option<u8>, has_fan: bool) {
         if self.has_model(heater) {

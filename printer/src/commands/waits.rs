@@ -14,7 +14,7 @@ use crate::ports::Heating;
 use crate::settings::profile::heaters::HeaterSettings;
 use crate::signals::Signals;
 
-/// How often a wait looks around. A cancelled wait ends within this time.
+/// Interval at which a wait looks around, ms. A cancelled wait ends within this time.
 const LOOK_MS: u64 = 100;
 
 /// Interval of the lines that M109 and M190 print.
@@ -33,7 +33,7 @@ struct Parts {
     ends_celsius: Option<[f32; 2]>,
 }
 
-/// How far the autotune of a heater has come; `None`: it has found something.
+/// Progress of a heater's autotune; `None`: it has found a result.
 fn parts<H: Heating>(heater: Heater, heating: &H) -> Result<Option<Parts>, CommandError> {
     if H::Models::PRESENT
         && let Some(step) = heating.step(heater)
@@ -67,7 +67,7 @@ struct Cooling {
 }
 
 impl Cooling {
-    /// Whether the temperature has ceased to fall.
+    /// Returns true if the temperature has ceased to fall.
     fn is_over(&mut self, now_ms: u64, celsius: f32) -> bool {
         match self.before {
             Some((since_ms, _)) if now_ms.saturating_sub(since_ms) < MIN_COOLING_MS => false,
@@ -237,12 +237,13 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
     }
 }
 
-/// What a wait for heat waits for.
+/// Condition that ends a wait for heat.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Until {
     /// The temperature has stayed near its target for the profile's residency time.
     Near {
-        /// A heater that is hotter from the start is waited for, too; one that has overshot is in any case.
+        /// True to wait also for a heater that is hotter from the start; one that has overshot is waited for in any
+        /// case.
         cooling_counts: bool,
     },
     /// It is this warm, degrees Celsius.

@@ -19,7 +19,8 @@ const MAX_SHIFT_AT_ONCE_10NM: i64 = MM;
 const MAX_SHIFT_10NM: i64 = 2 * MM;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether the axes go elsewhere than a prepared job expects: M290 has shifted Z, Z follows the bed, or the axes are skew.
+    /// Returns true if the axes go elsewhere than a prepared job expects: M290 has shifted Z, Z follows the bed, or
+    /// the axes are skew.
     pub fn is_shifted(&self) -> bool {
         let modal = &self.interpreter.modal;
         modal.z.shift_10nm != 0 || modal.follows_bed || self.is_skew()
@@ -29,7 +30,7 @@ impl<P: Ports> Printer<'_, P> {
         self.profile.homing[2].sensor == HomeSensor::Probe
     }
 
-    /// Between which lengths the probe's offset along an axis is: where Z homes the probe must be above the bed.
+    /// Range of the probe's offset along an axis: where Z homes the probe must be above the bed.
     pub(crate) fn probe_range_10nm(&self, axis: usize) -> [i64; 2] {
         let SafeHoming { home_at_10nm, bed_10nm, .. } = self.profile.safe_homing;
         match (bed_10nm.get(axis), home_at_10nm.unwrap_or_default().get(axis)) {
@@ -65,8 +66,8 @@ impl<P: Ports> Printer<'_, P> {
         self.is_above_bed([home_x + x, home_y + y])
     }
 
-    /// M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes with it unless `keeps_offset` (P0).
-    /// The shift is a move of its own, after those taken before.
+    /// Executes M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes with it unless
+    /// `keeps_offset` (P0). The shift is a separate move, after those taken before.
     pub(crate) async fn shift_z(&mut self, words: &AxisWords, keeps_offset: bool) -> Result<(), CommandError> {
         if words.x.is_some() || words.y.is_some() || words.e.is_some() {
             // Start code of Bambu's X1 has one with a Z that would be no shift either.
@@ -138,7 +139,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Shifts Z under the G-code, by a move of its own.
+    /// Shifts Z under the G-code, by a separate move.
     async fn move_by_shift(&mut self, by_10nm: i64) -> Result<(), CommandError> {
         let before_10nm = self.interpreter.modal.z.shift_10nm;
         self.interpreter.modal.z.shift_10nm = before_10nm + by_10nm;

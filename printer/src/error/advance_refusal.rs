@@ -1,11 +1,11 @@
-//! Why an extruder does not take a pressure advance, in words.
+//! Text of the reason why an extruder does not take a pressure advance.
 
 use core::fmt;
 
 use ferrostep_gcode::Real;
 use ferrostep_planner::{PressureAdvance, PressureAdvanceError};
 
-/// Why an advance cannot be had: the number that is out of its range.
+/// Reason to refuse an advance: the number that is out of its range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdvanceRefusal {
     error: PressureAdvanceError,

@@ -1,4 +1,4 @@
-//! Why Z follows no mesh, in words.
+//! Text of the reason why Z follows no mesh.
 
 use core::fmt;
 

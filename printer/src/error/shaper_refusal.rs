@@ -1,4 +1,4 @@
-//! Why a machine does not take a filter, in words.
+//! Text of the reason why a machine does not take a filter.
 
 use core::fmt;
 
@@ -22,14 +22,14 @@ impl fmt::Display for KnownShapers {
     }
 }
 
-/// Why a filter cannot be made.
+/// Reason why a filter cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShaperRefusal {
     /// Index of the axis, 0 or 1.
     pub(crate) axis: u8,
-    /// What is wrong with it.
+    /// Its fault.
     pub(crate) error: ShaperError,
-    /// What was asked for.
+    /// The requested filter.
     pub(crate) shaper: AxisShaper,
 }
 
@@ -44,7 +44,7 @@ impl fmt::Display for ShaperRefusal {
             ShaperError::TooLong { lowest_hundredths_hz, is_smooth } => {
                 self.write_too_long(out, axis, f64::from(lowest_hundredths_hz) / 100.0, is_smooth)
             }
-            // Of the machine, whatever the filter.
+            // Errors of the machine, whatever the filter.
             ShaperError::Methods | ShaperError::UnequalMotors | ShaperError::SmoothTime | ShaperError::SmoothSCurve => {
                 out.write_str(choice_text(ChoiceError::Shaper(self.error)))
             }
@@ -89,11 +89,11 @@ impl ShaperRefusal {
     }
 }
 
-/// Why a machine with a moving average has no S-curves.
+/// Reason why a machine with a moving average has no S-curves.
 pub(crate) const SMOOTH_S_CURVE: &str =
     "input_shaper.smooth_time_s of the profile limits the jerk of a trapezoid, expected M796 A0";
 
-/// Why a machine has no filters at all now.
+/// Text of the reason why a machine has no filters at all now.
 pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
     match error {
         ChoiceError::Shaper(ShaperError::UnequalMotors) => {

@@ -1,4 +1,4 @@
-//! Why axes are not taken to be that skew, in words.
+//! Text of the reason why a skew is refused.
 
 use core::fmt;
 
@@ -9,9 +9,9 @@ use crate::motion::skew::Skew;
 /// Axes may not be that far off their right angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkewRefusal {
-    /// Which ones, such as `XY`.
+    /// The two axes, such as `XY`.
     pub plane: &'static str,
-    /// The factor; infinite where three lengths are no parallelogram's.
+    /// The factor; infinite if three lengths are not those of a parallelogram.
     pub factor: f32,
 }
 

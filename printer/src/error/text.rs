@@ -1,4 +1,4 @@
-//! What a person reads of a refused command: what was expected, or how to mend it.
+//! Texts of refused commands for a person: the expected value, or how to mend it.
 
 use core::fmt;
 

@@ -19,7 +19,7 @@ fn play(printer: &RigPrinter<'_>) -> Backlash {
     printer.motion.backlash()
 }
 
-/// Why a line is refused.
+/// Returns the reason why a line is refused.
 fn refusal(printer: &mut RigPrinter<'_>, line: &str) -> String {
     execute(printer, line).unwrap_err().to_string()
 }

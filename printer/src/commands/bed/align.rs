@@ -28,13 +28,13 @@ const ROUNDS: [u8; 3] = [1, 30, 5];
 const ACCURACY_10NM: [i64; 3] = [1_000, 100_000, 2_000];
 const AMPLIFICATION: [f64; 3] = [0.5, 2.0, 1.0];
 
-/// How a G34 fails. The lines before have said by how much.
+/// Errors of G34. The lines before have reported the differences.
 const GROWS: &str = "the points differ by no less than before the motors of Z were moved: is each plugged in where the profile says \
                      (z_motors.motors), and does none run the other way round?";
 const ENDS: &str = "the points still differ by more than T: send G34 once more, with a larger I or T";
 const TOO_FAR: &str = "the motors of Z are farther apart than z_motors.max_correction_mm: bring them nearer by hand";
 
-/// What a G34 is to reach.
+/// Aim of a G34.
 #[derive(Clone, Copy, Debug)]
 struct Goal {
     rounds: u8,
@@ -42,17 +42,17 @@ struct Goal {
     amplification: f32,
 }
 
-/// How the motors of Z are to move, units of 10 nm.
+/// Moves of the motors of Z, units of 10 nm.
 #[derive(Clone, Copy, Debug)]
 struct Raises {
-    /// How high the bed is where it is lowest, at a motor.
+    /// Height of the bed where it is lowest, at a motor.
     least_10nm: i32,
-    /// By how much each motor moves away from the bed, at least one by 0; so does one that is not there.
+    /// Move of each motor away from the bed; at least one is 0, and so is that of a motor that is not there.
     by_10nm: [i32; MOTORS],
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether the motors that lift Z are aligned.
+    /// Returns true if the motors that lift Z are aligned.
     pub fn aligns_z(&self) -> bool {
         <P::Motion as Motion>::ZMotors::PRESENT && self.profile.aligns_z()
     }
@@ -80,7 +80,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             Ok(true) => self.interpreter.modal.homed[Z] = true,
             Ok(false) => {}
-            // The place of the bed, too, is that of motors at other heights.
+            // The place of the bed is also that of motors at other heights.
             Err(_) if !self.interpreter.modal.homed[Z] => self.interpreter.forget_home(1 << Z),
             Err(_) => {}
         }
@@ -95,7 +95,7 @@ impl<P: Ports> Printer<'_, P> {
         settings: &MeshSettings,
     ) -> Result<bool, CommandError> {
         let mut places_10nm = alignment.points_10nm;
-        // How far apart the ends of the bed are is not known yet.
+        // The distance between the ends of the bed is not known yet.
         let mut clearance_10nm = alignment.max_correction_10nm;
         let mut round = 0;
         let mut agree = false;
@@ -140,7 +140,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Where the probe is while Z homes; `None` if that may be anywhere.
+    /// Place of the probe while Z homes; `None` if that may be anywhere.
     fn home_place(&self) -> Option<[i64; 2]> {
         let [x_10nm, y_10nm] = self.profile.safe_homing.home_at_10nm?;
         let [offset_x_10nm, offset_y_10nm, _] = self.interpreter.modal.probe_offset_10nm;
@@ -182,7 +182,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(Goal { rounds, accuracy_10nm, amplification: value as f32 })
     }
 
-    /// By how much each motor is to move. Reports it.
+    /// Works out the move of each motor, and reports it.
     #[inline(never)]
     fn raises(
         &self,

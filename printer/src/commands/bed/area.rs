@@ -1,4 +1,4 @@
-//! Which part of the bed is measured, and by how many points.
+//! The measured part of the bed, and the number of its points.
 
 use ferrostep_gcode::{BedArea, Decimal};
 use ferrostep_planner::surface::MeshGrid;
@@ -22,7 +22,7 @@ impl<P: Ports> Printer<'_, P> {
         [x - of_x, y - of_y]
     }
 
-    /// From where to where the probe finds the bed along X or Y, units of 10 nm.
+    /// Range in which the probe finds the bed along X or Y, units of 10 nm.
     pub(super) fn reach_10nm(&self, axis: usize) -> [i64; 2] {
         let offset_10nm = self.interpreter.modal.probe_offset_10nm[axis];
         let [bed_from, bed_to] = self.profile.safe_homing.bed_10nm[axis];

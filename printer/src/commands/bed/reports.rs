@@ -1,4 +1,4 @@
-//! What G29, G30, M48 and M420 report, in Marlin's words.
+//! Reports of G29, G30, M48 and M420, in Marlin's words.
 
 use core::fmt::Write as _;
 
@@ -18,7 +18,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.mesh(|mesh| write_mesh(replies, mesh));
     }
 
-    /// Whether Z follows it.
+    /// Reports whether Z follows the mesh, and the height at which that fades.
     #[inline(never)]
     pub(super) fn report_following(&self) {
         let follows = self.interpreter.modal.follows_bed;

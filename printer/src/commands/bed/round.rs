@@ -2,7 +2,8 @@
 
 use ferrostep_planner::surface::Mesh;
 
-/// Towards which points a height goes on: by one, and by two, along the rows and the columns.
+/// Directions to the neighbours of a point along the rows and the columns; the surface is continued from one and two
+/// points there.
 const STRAIGHT: [[i8; 2]; 4] = [[1, 0], [-1, 0], [0, 1], [0, -1]];
 
 /// Towards which corners.
@@ -17,8 +18,8 @@ fn height(mesh: &Mesh, point: [u8; 2], way: [i8; 2]) -> Option<i32> {
     mesh.height_um(beside(point, way)?).map(i32::from)
 }
 
-/// The height at which the surface beside a point goes on there, um: the mean of what the known ones beside it say, each by a straight line, or
-/// by a plane through three; if `is_level`, where these say nothing, the mean of the heights beside it.
+/// The height to which the surface continues at a point, um: the mean over the known points beside it, each by a
+/// straight line, or by a plane through three; if these give none and `is_level`, the mean of the heights beside it.
 fn continued_um(mesh: &Mesh, point: [u8; 2], is_level: bool) -> Option<i16> {
     let lines = STRAIGHT.into_iter().filter_map(|[across, along]| {
         Some(2 * height(mesh, point, [across, along])? - height(mesh, point, [2 * across, 2 * along])?)
@@ -37,8 +38,8 @@ fn mean(heights: impl Iterator<Item = i32>) -> Option<i32> {
     sum.checked_div(count)
 }
 
-/// Gives the points that were not probed the heights at which the surface goes on from those that were: straight, and where no slope is known,
-/// level. Of no height at all nothing goes on.
+/// Gives the points that were not probed the heights to which the surface continues from those that were: straight,
+/// and where no slope is known, level. A mesh without any height stays empty.
 pub(super) fn continue_surface(mesh: &mut Mesh) {
     let [columns, rows] = mesh.grid().points;
     for is_level in [false, true] {
@@ -86,13 +87,13 @@ mod tests {
     }
 
     proptest! {
-        /// A plane goes on as that plane, whatever the grid.
+        /// A plane continues as that plane, whatever the grid.
         #[test]
         fn a_plane_goes_on(
             points in [3u8..=15, 3u8..=15],
             plane in [-500.0f64..500.0, -400.0..400.0, -400.0..400.0],
         ) {
-            // Of three rows or columns beside an even number of the others only the middle one is on the circle.
+            // With three rows or columns beside an even number of the others only the middle one is on the circle.
             prop_assume!(!points.contains(&3) || points.iter().all(|count| count % 2 == 1));
             let (mut mesh, height) = on_a_circle(points, plane);
             continue_surface(&mut mesh);
@@ -100,7 +101,7 @@ mod tests {
             for row in 0..points[1] {
                 for column in 0..points[0] {
                     let found = mesh.height_um([column, row]).map(f64::from).unwrap();
-                    // Heights are rounded to a um, and that is continued, too.
+                    // Heights are rounded to a um, and the continuation has that error as well.
                     let away = (found - height([column, row])).abs();
                     prop_assert!(away < 60.0, "{column} {row}: {found}, {away} um away");
                 }
@@ -126,7 +127,7 @@ mod tests {
         mesh.begin(&MeshGrid::over([[0, 1_000_000]; 2], [5, 5]).unwrap(), MeshInterpolation::Bilinear);
         continue_surface(&mut mesh);
         assert!(!mesh.is_complete());
-        // Of one height it goes on level.
+        // A single height continues level.
         mesh.set_height_um([2, 2], 7);
         continue_surface(&mut mesh);
         assert!((0..25).all(|index| mesh.height_um([index % 5, index / 5]) == Some(7)));

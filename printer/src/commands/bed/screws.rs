@@ -1,4 +1,4 @@
-//! G35: by how much to turn the screws that the bed stands on.
+//! G35: the turns that level the screws of the bed.
 
 use core::fmt;
 

@@ -1,4 +1,4 @@
-//! Commands for the card that stand in the file of a print: one list for files on a card and on the desk.
+//! Commands for the card in the file of a print: one list for files on a card and on the desk.
 
 use ferrostep_gcode::{CardCommand, Command, Remark, Remarks};
 
@@ -12,7 +12,7 @@ use crate::printer::{Answer, Printer};
 enum InFile {
     /// It is executed: it asks, pauses or ends the print.
     Works,
-    /// It chooses, writes or deletes files, and the print goes on without it.
+    /// It chooses, writes or deletes files, and the print continues without it.
     HasNoEffect,
     /// The lines after it were not to be executed.
     IsRefused,
@@ -59,7 +59,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether a command of a file is executed; it has been [answered](Answer::Given) if it has no effect there.
+    /// Returns `Ok` if a command of a file is to be executed; it has been [answered](Answer::Given) if it has no
+    /// effect there.
     ///
     /// # Errors
     /// The file of a print cannot have it.

@@ -10,7 +10,7 @@ use crate::error::Failure;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// Why a job does not go on.
+/// Reason why a job ends early.
 enum JobEnd {
     Stop(Stop),
     End(End),

@@ -20,7 +20,7 @@ pub enum HostText<'a> {
     Line(&'a mut Host, Result<Line<'a>, LineError>),
     /// A part of a line; more may be waiting.
     Part,
-    /// Nothing is waiting.
+    /// No text is waiting.
     Nothing,
 }
 
@@ -34,12 +34,12 @@ pub trait HostLines {
     fn wait(&mut self, idle: bool) -> impl Future<Output = ()>;
 }
 
-/// Why a part of a print has ended.
+/// Reason why a part of a print has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum End {
     /// The file has ended.
     Complete,
-    /// It goes on elsewhere in the file.
+    /// It continues elsewhere in the file.
     Elsewhere,
     /// M524.
     Aborted,
@@ -56,7 +56,7 @@ pub(super) enum Bytes {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether [`Self::print_from_card`] is to be called.
+    /// Returns true if [`Self::print_from_card`] is to be called.
     pub fn prints_from_card(&self) -> bool {
         self.print.card.job != Job::None
     }
@@ -114,7 +114,7 @@ impl<P: Ports> Printer<'_, P> {
     /// Answers hosts, and waits while the print is paused.
     ///
     /// # Errors
-    /// The print ends, or goes on at another place of the file.
+    /// The print ends, or continues at another place of the file.
     pub(super) async fn answer_hosts(&mut self, hosts: &mut impl HostLines, stops: u32) -> Result<(), End> {
         let mut has_rested = false;
         self.note_paused();
@@ -151,7 +151,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// A person decides when a paused print goes on, and what is pushed before.
+    /// Follows a person's answer: a paused print continues, or more filament is pushed first.
     async fn follow_answer(&mut self) {
         let done = match self.take_answer() {
             None => return,
@@ -166,7 +166,7 @@ impl<P: Ports> Printer<'_, P> {
     /// The file's next bytes. If the card fails, the print is paused until M24.
     ///
     /// # Errors
-    /// The print ends, or goes on at another place of the file.
+    /// The print ends, or continues at another place of the file.
     pub(super) async fn take_bytes(
         &mut self,
         hosts: &mut impl HostLines,
@@ -193,12 +193,12 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether a host's command would move the head or change how the lines of the file are read, while the card prints.
-    /// Whether a print from the card is under way, and the present line comes from elsewhere.
+    /// Returns true if a print from the card is under way and the present line comes from elsewhere.
     pub(crate) fn is_of_other_print(&self) -> bool {
         self.print.card.job == Job::Printing && self.lines.source != Source::Card
     }
 
+    /// Returns true if a host's command would move the head or change how the lines of the file are read, while the card prints.
     pub(crate) fn disturbs_print(&self, command: &Command<'_>) -> bool {
         self.print.card.job == Job::Printing
             && match command {
@@ -230,7 +230,7 @@ impl<P: Ports> Printer<'_, P> {
             }
     }
 
-    /// Whether a failure has stopped the machine, not only the line.
+    /// Returns true if a failure has stopped the machine, not only the line.
     pub(super) fn has_stopped(failure: &Failure) -> bool {
         matches!(failure, Failure::Command(error) if error.stops())
     }

@@ -10,7 +10,7 @@ use crate::job::card::Job;
 use crate::ports::Ports;
 use crate::printer::Printer;
 
-/// How often the printer looks for an answer of the card's task, ms.
+/// Interval at which the printer looks for an answer of the card's task, ms.
 pub(super) const LOOK_MS: u32 = 1;
 
 impl<'a, P: Ports> Printer<'a, P> {

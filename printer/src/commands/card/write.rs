@@ -71,7 +71,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Writes a line that is also executed (M928).
     pub(crate) async fn log_line(&mut self, text: &str) {
-        // M29 ends the log and is no part of it.
+        // M29 ends the log and is not written to it.
         if self.print.card.writing == Writing::Log
             && !is_end_of_file(text)
             && let Err(failure) = self.put_line(text).await

@@ -88,7 +88,7 @@ fn outputs_have_numbers_of_their_own() {
     for line in ["M42 P7 S255", "M42 P7 S0", "SET_PIN PIN=Light VALUE=0.5", "SET_PIN PIN=exhaust VALUE=0.5"] {
         assert_eq!(say(line), ["ok"], "{line}");
     }
-    // The fan P2 and the pin 0 are no outputs.
+    // The fan P2 and the pin 0 are not outputs.
     for line in ["M42 P2 S255", "M42 P0 S255", "M42 S255", "M42 P300 S2"] {
         let said = say(line);
         assert!(
@@ -97,6 +97,6 @@ fn outputs_have_numbers_of_their_own() {
         );
     }
     assert!(say("M42 P7")[0].contains("without S: no effect"));
-    // The number of an output is no fan's.
+    // The number of an output does not select a fan.
     assert!(say("M106 P7 S1")[0].contains("no such fan"));
 }

@@ -296,7 +296,7 @@ fn m412_sets_an_encoders_length_and_counts_anew() {
     assert!(!world.said("out of range") && !world.said("distance"), "{:?}", world.texts);
 }
 
-/// Both act, and each in words of its own.
+/// Both sensors act, each with its own messages.
 #[test]
 fn a_switch_beside_an_encoder_speaks_for_itself() {
     let rig = Rig::new(|profile| {
@@ -318,7 +318,7 @@ fn a_switch_beside_an_encoder_speaks_for_itself() {
     assert!(world.signals.is_filament_out() && !world.signals.is_filament_missing());
     asks("M412", "filament: present; switch: missing");
     asks("M119", "filament: open");
-    // What an encoder counts does not make the switch's filament come back.
+    // An encoder's count does not bring the switch's filament back.
     asks("M412 R", "ok");
     asks("M412", "filament: present; switch: missing");
     world.signals.set_filament_missing(true);

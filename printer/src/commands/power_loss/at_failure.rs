@@ -8,10 +8,10 @@ use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// How long the card may take for the place, ms: cards take up to 250 for a block.
+/// Maximum time for the card to write the place, ms: cards take up to 250 for a block.
 const CARD_MS: u32 = 500;
 
-/// What has become of the place.
+/// Result of writing the place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     /// It is on the card.
@@ -23,12 +23,13 @@ enum Outcome {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether a signal of the supply is watched.
+    /// Returns true if a signal of the supply is watched.
     pub(super) fn watches_supply(&self) -> bool {
         <P::Motion as Motion>::SupplySignal::PRESENT && self.profile.supply_signal.is_some()
     }
 
-    /// Whether the supply has failed since [`Self::keep_at_failure`]; motion was stopped, and heaters are off.
+    /// Returns true if the supply has failed since [`Self::keep_at_failure`]; motion was stopped, and heaters are
+    /// off.
     pub(crate) fn has_supply_failed(&self) -> bool {
         self.watches_supply() && self.signals.has_supply_failed()
     }
@@ -67,7 +68,8 @@ impl<P: Ports> Printer<'_, P> {
         *outcome = Outcome::Failed;
     }
 
-    /// Where the nozzle rises to, units of 10 nm; `None`: it stays. In a pause it has risen already.
+    /// Position above the print to which the nozzle rises, units of 10 nm; `None`: it stays. In a pause it has risen
+    /// already.
     fn place_above_10nm(&self) -> Option<[i64; 3]> {
         let rise_10nm = self.profile.supply_signal?.rise_10nm;
         let [x, y, z] = self.motion.position_10nm();
@@ -75,7 +77,7 @@ impl<P: Ports> Printer<'_, P> {
         (rise_10nm > 0 && !self.is_paused() && z < highest).then(|| [x, y, (z + rise_10nm).min(highest)])
     }
 
-    /// The place has the height at which the motors stand now, and is written again.
+    /// Puts the present height of the motors into the place, and writes it again.
     fn follow_rise(&mut self) {
         let [.., z_10nm] = self.motion.position_10nm();
         if let Some(port) = self.print.card.port() {
@@ -87,7 +89,7 @@ impl<P: Ports> Printer<'_, P> {
         self.print.power_loss.stands_10nm = Some(z_10nm);
     }
 
-    /// Lets the card's task write the newest place that the motors have passed, with the height at which they stand now.
+    /// Lets the card's task write the newest place that the motors have passed, with their present height.
     #[inline(never)]
     fn begin_last_place(&mut self) -> Outcome {
         if !self.print.power_loss.is_keeping {
@@ -114,7 +116,7 @@ impl<P: Ports> Printer<'_, P> {
         outcome
     }
 
-    /// Whether the card's task has done with the place.
+    /// Returns true if the card's task has finished with the place.
     fn is_place_written(&self, outcome: &mut Outcome) -> bool {
         let mut is_done = true;
         if let Some(port) = self.print.card.port() {

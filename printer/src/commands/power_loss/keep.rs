@@ -1,8 +1,8 @@
 //! Keeps the place of a print on its card.
 //!
-//! Two rules make a place good for going on. **Its lines have been executed**: a place that is noted when its line is read is
-//! written when a later move has ended. **Its height is not above the true one**, so that the nozzle never goes back deeper than
-//! the print: where motion goes below it, the lower height is written as the line is read.
+//! Two rules make a place fit for resuming. **Its lines have been executed**: a place that is noted when its line is
+//! read is written when a later move has ended. **Its height is not above the true one**, so that the nozzle never
+//! returns deeper than the print: where motion goes below it, the lower height is written as the line is read.
 
 use ferrostep_card::Request;
 use ferrostep_gcode::Reply;
@@ -21,12 +21,13 @@ const LAYER_MS: u64 = 5_000;
 const LINE_MS: u64 = 30_000;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether lines are read from the card.
+    /// Returns true if lines are read from the card.
     pub(super) fn prints_now(&self) -> bool {
         self.print.card.job == Job::Printing
     }
 
-    /// Prepares the card to keep the place of the print that begins (`fresh`) or goes on. The print goes on without, too.
+    /// Prepares the card to keep the place of the print that begins (`fresh`) or continues. The print runs even if
+    /// this fails.
     pub(crate) async fn begin_keeping(&mut self, fresh: bool) {
         let forgets = fresh && core::mem::take(&mut self.print.power_loss.is_offered);
         if forgets {
@@ -56,7 +57,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Before a line of the card: writes the place that waited for the motors, and notes that of this line, if it is time.
+    /// Writes the place that waited for the motors, before a line of the card, and notes that of this line, if it is
+    /// time.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     pub(crate) fn keep_place(&mut self, line: u32, offset: u32, lays: bool) {
@@ -107,7 +109,7 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.watch_line(line);
     }
 
-    /// After a line of the card: the kept height is not above where the motors go.
+    /// Lowers the kept height to that of the motors, after a line of the card.
     pub(crate) fn follow_height(&mut self) {
         if self.print.power_loss.is_keeping && self.print.power_loss.stands_10nm.is_some() {
             let [.., z_10nm] = self.motion.position_10nm();
@@ -144,7 +146,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The print has ended. The place of one that a halt has ended stays: it can go on.
+    /// Ends keeping with the print. The place of a print that a halt has ended stays: it can be resumed.
     pub(crate) fn end_keeping(&mut self) {
         let is_resumable = self.signals.is_halted() || core::mem::take(&mut self.print.power_loss.is_resuming);
         if self.print.power_loss.is_keeping && !is_resumable {

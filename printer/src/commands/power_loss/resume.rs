@@ -1,6 +1,7 @@
-//! An interrupted print goes on.
+//! An interrupted print is resumed.
 //!
-//! Z is not homed: the nozzle stands over the print. Its height is the one that was kept; X and Y are homed above the print.
+//! Z is not homed: the nozzle is over the print. Its height is the one that was kept; X and Y are homed above the
+//! print.
 
 use ferrostep_card::{CardFailure, OpenedFile, Request};
 use ferrostep_gcode::{AxisFlags, AxisWords, CardCommand, Command, Decimal, InterruptedPrint, Real, Reply, WaitTarget};
@@ -22,12 +23,12 @@ use crate::settings::profile::filament::PauseSettings;
 /// The place of a print on this machine.
 type PlaceOf<P> = Place<<<P as Ports>::Motion as Motion>::Tools>;
 
-/// Why an interrupted print cannot go on.
+/// Reason why an interrupted print cannot be resumed.
 enum NoWay {
     Card(CardFailure),
     /// It is not this machine's, or of another version of the firmware.
     Foreign,
-    /// The machine does not stand where it stood.
+    /// The machine is not where it was.
     Moved,
     /// The place is not in the travel.
     Outside,
@@ -63,7 +64,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// What M1000 does with the print that the card has, or why it has none.
+    /// Executes M1000 with the print that the card has, or reports why it has none.
     // In a future the compiler would keep every value in memory.
     #[inline(never)]
     fn settle(&mut self, command: InterruptedPrint, opened: Result<(), CardFailure>) {
@@ -99,8 +100,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// After the card was mounted: whether it has an interrupted print. Where the motors have not moved since the start, they stand as
-    /// high as they did then.
+    /// Looks for an interrupted print, after the card was mounted. If the motors have not moved since the start,
+    /// their height is that of the kept place.
     pub(crate) async fn find_interrupted_print(&mut self) {
         if self.print.card.job != Job::None || self.print.card.has_selected() {
             return;
@@ -203,12 +204,13 @@ impl<P: Ports> Printer<'_, P> {
         if !paused.modal.soft_limits || (0..3).all(is_within) { Ok(()) } else { Err(NoWay::Outside) }
     }
 
-    /// Whether M1000 is to be done.
+    /// Returns true while the nozzle is to return to the interrupted print (M1000).
     pub(crate) fn is_returning(&self) -> bool {
         self.print.power_loss.is_resuming
     }
 
-    /// Takes the nozzle back to the interrupted print, which goes on then. `false`: it cannot, and has said why.
+    /// Takes the nozzle back to the interrupted print, which then continues. `false`: it cannot, and the reason was
+    /// reported.
     pub(crate) async fn return_to_print(&mut self) -> bool {
         self.lines.begin(Source::Card, 0);
         self.signals.set_at_work(true);
@@ -229,8 +231,8 @@ impl<P: Ports> Printer<'_, P> {
         goes_on
     }
 
-    /// What is to be done next on the way back. Bed, then nozzle: the plastic around the nozzle melts before it rises. The chamber warms
-    /// meanwhile.
+    /// Next command on the way back. Bed, then nozzle: the plastic around the nozzle melts before it rises. The
+    /// chamber warms meanwhile.
     #[inline(never)]
     fn return_step(&mut self, step: usize) -> Option<Command<'static>> {
         let place = self.kept_place().ok()?;
@@ -268,7 +270,7 @@ impl<P: Ports> Printer<'_, P> {
         })
     }
 
-    /// What lasts from line to line is as it was, at standstill.
+    /// Restores the settings that last from line to line, at standstill.
     fn take_kept_state(&mut self, place: &PlaceOf<P>) {
         let Place { offset, lines, limits, advance, extruder_steps, skew, paused: print, .. } = place;
         self.motion.set_limits(*limits);

@@ -10,7 +10,7 @@ fn durations_have_no_parts_before_the_first() {
     assert_eq!(texts, ["0s", "59s", "1m 0s", "59m 59s", "1h 0m 0s", "1d 0h 0m 0s", "1d 1h 1m 1s"]);
 }
 
-/// What the printer says about these lines of a host.
+/// Returns the printer's answers to these lines of a host.
 fn say(world: &World, lines: &[&str]) -> Vec<String> {
     let mut printer = world.printer();
     talk(world, &mut printer, lines)
@@ -41,7 +41,7 @@ fn the_clock_runs_between_m75_and_m77_but_for_m76() {
     );
 }
 
-/// As in Marlin: a wait for heat begins a print, and it ends when the last heater is switched off.
+/// A wait for heat begins a print, and switching off the last heater ends it, as in Marlin.
 #[test]
 fn heat_begins_and_ends_a_print_of_a_host() {
     let world = World::new();

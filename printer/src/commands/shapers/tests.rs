@@ -13,7 +13,7 @@ fn shaper(kind: ShaperKind, frequency_hz: f64, damping: f64) -> AxisShaper {
     AxisShaper { kind, frequency_hz, damping }
 }
 
-/// What the machine answers to a query.
+/// Returns the machine's answer to a query.
 fn state(rig: &Rig, printer: &mut RigPrinter<'_>) -> String {
     rig.last_texts();
     execute(printer, "M593").unwrap();
@@ -105,7 +105,7 @@ fn the_machine_stands_still_before_its_filters_change() {
     execute(&mut printer, "M593 F50").unwrap();
     assert!(!rig.is_moving());
     assert_eq!(rig.choice().shapers, [shaper(ShaperKind::Zv, 50.0, 0.1); 2]);
-    // What M796 chooses stays, and the other way round.
+    // M593 keeps the profile that M796 has chosen, and M796 keeps the filters.
     execute(&mut printer, "M796 A1").unwrap();
     execute(&mut printer, "M593 F51").unwrap();
     assert_eq!(rig.choice().acceleration, ferrostep_planner::AccelerationProfile::SCurve);

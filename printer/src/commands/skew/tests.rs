@@ -1,4 +1,4 @@
-//! What is asked for, where the axes go, and what refuses.
+//! Skew: the answers to queries, the axes' positions, and the refusals.
 
 use proptest::prelude::*;
 
@@ -21,7 +21,7 @@ const TABLE: [([f64; 3], f64); 5] = [
     ([140.712_508_325, 142.126_668_858, 100.0], -0.010_000_000),
 ];
 
-/// By lengths in mm.
+/// The factor from lengths in mm.
 fn of_lengths(lengths_mm: [f64; 3]) -> Option<f64> {
     Skew::factor_of_diagonals(lengths_mm.map(|length| (length * MM as f64).round() as u32)).map(f64::from)
 }
@@ -88,7 +88,7 @@ fn motors_go_to_the_axes_places_and_hosts_see_what_is_asked() {
     assert_eq!(logical_10nm(&printer), [0; 3]);
     execute(&mut printer, "G1 X100 Y50 Z10 F6000").unwrap();
     assert_eq!(logical_10nm(&printer), [100 * MM, 50 * MM, 10 * MM]);
-    // By hand: Y 50 + 0.3, X 100 - 0.5 - 10 * (0.02 + 0.01 * 0.03).
+    // Worked out by hand: Y 50 + 0.3, X 100 - 0.5 - 10 * (0.02 + 0.01 * 0.03).
     assert_eq!(rig.believed_mm(), [99.297, 50.3, 10.0]);
     assert_eq!(rig.true_mm(), [99.297, 50.3, 10.0]);
     // A relative move and G92 are of what is asked.

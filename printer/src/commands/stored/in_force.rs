@@ -89,7 +89,7 @@ impl<P: Ports> Printer<'_, P> {
         if let Some((offset_10nm, other_10nm)) = offsets {
             for (axis, (length_10nm, other_10nm)) in offset_10nm.iter_mut().zip(other_10nm).enumerate() {
                 let [least, most] = self.probe_range_10nm(axis);
-                // What the profile says is not judged.
+                // The profile's own value is not judged.
                 if !(least..=most).contains(length_10nm) && *length_10nm != other_10nm {
                     *length_10nm = other_10nm;
                     mend("homing.probe_offset_mm.", AXIS_NAMES[axis].to_ascii_lowercase());
@@ -98,7 +98,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// At standstill: puts settings in force, all of them checked, but for filters and advance: it returns them if they change.
+    /// Puts settings in force, at standstill, all of them checked. Filters and advance are left out: it returns them
+    /// if they change.
     // Its parts need much of the stack, one after the other.
     #[inline(always)]
     pub(super) fn put_in_force(&mut self, values: &Values<PartsOf<P>>) -> Option<MotionChoice> {
@@ -172,7 +173,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
-/// Whether the filter can be made; one that is off is there for its numbers.
+/// Returns true if the filter can be made, or is off: then only its numbers are stored.
 fn is_possible(shaper: &AxisShaper, smooth_time_s: Option<f64>) -> bool {
     shaper.kind == ShaperKind::None || smooth_ticks(smooth_time_s).and_then(|ticks| shaper.kernel_beside(ticks)).is_ok()
 }

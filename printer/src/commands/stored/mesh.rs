@@ -24,7 +24,8 @@ const HEAD: u8 = 3;
 /// Greatest height of a point, um.
 const MAX_HEIGHT_UM: i16 = (MAX_HEIGHT_10NM / 100) as i16;
 
-/// The entries of the heights of a grid: each one's index and its four points, of which the last may be beyond the grid.
+/// The entries of the heights of a grid: each one's index and its four points; the last of them may be beyond the
+/// grid.
 fn entries_of([columns, rows]: [u8; 2]) -> impl Iterator<Item = (u8, [[u8; 2]; 4])> {
     let (columns, rows) = (u16::from(columns).max(1), u16::from(rows));
     let place = move |number: u16| [(number % columns) as u8, (number / columns) as u8];

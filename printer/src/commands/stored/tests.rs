@@ -123,7 +123,7 @@ fn printer<'a>(rig: &'a Rig, bank: &'a Bank<4>, memory: Option<&'a Memory>) -> R
     printer
 }
 
-/// What a line says.
+/// Returns the answer to a line.
 fn says(rig: &Rig, printer: &mut RigPrinter<'_>, line: &str) -> Vec<String> {
     rig.last_texts();
     execute(printer, line).unwrap();
@@ -177,7 +177,7 @@ fn changed(rig: &Rig, printer: &mut RigPrinter<'_>) -> Values<(crate::Present, c
     values
 }
 
-/// What M503 prints, sent back, is the same machine.
+/// The lines that M503 prints, sent back, make the same machine.
 #[test]
 fn reported_lines_work_when_sent_back() {
     let (rig, bank) = rig();
@@ -285,7 +285,7 @@ fn settings_survive_the_power() {
     assert_eq!(after.live_values(), after.profile_values());
 }
 
-/// What the machine has done is stored when a print is complete, and the settings stay as M500 has stored them.
+/// Statistics are stored when a print is complete, and the settings stay as M500 has stored them.
 #[test]
 fn statistics_survive_the_power_without_m500() {
     let (rig_before, bank) = rig();
@@ -330,7 +330,8 @@ fn an_update_brings_its_profile_and_keeps_what_was_set() {
     assert_eq!((values.limits.junction_deviation_mm, values.advance[0]), (0.033, Some(0.05)));
 }
 
-/// What is out of range is named and the profile's; the rest is kept. Settings of another version are passed over.
+/// A value out of range is named, and the profile's replaces it; the rest is kept. Settings of another version are
+/// passed over.
 #[test]
 fn a_value_out_of_range_costs_itself_alone() {
     let stored = [

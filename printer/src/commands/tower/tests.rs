@@ -20,7 +20,7 @@ fn printing(rig: &Rig) -> RigPrinter<'_> {
     printer
 }
 
-/// What is set at each of these heights, where a short line is printed.
+/// Returns the value set at each of these heights, where a short line is printed.
 fn at_heights(tower: &str, heights: &[&str], set: impl Fn(&RigPrinter<'_>, &Rig) -> f64) -> Vec<f64> {
     let rig = Rig::new(|_| {});
     let mut printer = printing(&rig);

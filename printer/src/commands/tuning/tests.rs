@@ -41,7 +41,7 @@ impl World {
         Self::with(|_| {})
     }
 
-    /// With another profile.
+    /// A world with a changed profile.
     pub(crate) fn with(change: impl FnOnce(&mut crate::settings::profile::Profile)) -> Self {
         let rig = Rig::new(|profile| {
             profile.nozzle.mass = HeatedMass { dead_time_s: 1.0, sensor_lag_s: 2.0, ..HeatedMass::NOZZLE };
@@ -71,7 +71,7 @@ impl World {
         &self.signals
     }
 
-    /// What was said since the last call.
+    /// Returns the texts since the last call.
     pub(crate) fn said(&self) -> Vec<String> {
         self.texts.take()
     }

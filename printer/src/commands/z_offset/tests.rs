@@ -93,7 +93,7 @@ fn a_shift_has_limits() {
         execute(&mut printer, line).unwrap();
     }
     assert_eq!(out_of_range(execute(&mut printer, "M290 Z-0.5")), [-0.4, 3.6]);
-    // Beside a prepared job it is refused, and the job goes on.
+    // Beside a prepared job it is refused, and the job continues.
     printer.interpreter.modal.in_prepared_job = true;
     assert_eq!(execute(&mut printer, "M290 Z0.1"), Err(Failure::Command(CommandError::ShiftsNoJob)));
     printer.interpreter.modal.in_prepared_job = false;
@@ -129,7 +129,7 @@ fn a_shift_lasts_through_lifts_and_stays_below_the_top() {
     assert_eq!(rig.true_mm()[2], 200.0);
     execute(&mut printer, "G1 Z100").unwrap();
     assert_eq!(rig.true_mm()[2], 100.5);
-    // Homing another axis keeps it, too.
+    // Homing another axis keeps it as well.
     execute(&mut printer, "G28 X").unwrap();
     assert_eq!((rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]), (100.5, 100 * MM));
 }
@@ -150,7 +150,7 @@ fn an_offset_is_followed_by_the_next_move_along_z() {
         execute(&mut printer, line).unwrap();
     }
     assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (0.3, 20_000));
-    // A relative move goes on from where the nozzle is.
+    // A relative move starts where the nozzle is.
     for line in ["SET_GCODE_OFFSET Z=0", "G91", "G1 Z1", "G90"] {
         execute(&mut printer, line).unwrap();
     }

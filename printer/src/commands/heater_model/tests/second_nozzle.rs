@@ -6,7 +6,7 @@ use super::*;
 use crate::settings::profile::tools::tests::{second, two};
 use crate::settings::profile::tools::{FurtherTool, ToolHeater};
 
-/// T0 is held by a PID loop; T1 has a nozzle, a fan and perhaps a model of its own.
+/// T0 is held by a PID loop; T1 has its own nozzle and fan, and perhaps its own model.
 fn world(control_model: Option<HeaterModel>) -> World {
     World::with(|profile| {
         let connector = SpareConnector::Nozzle1;
@@ -67,7 +67,7 @@ fn its_model_is_found_with_its_own_fan() {
     }
 }
 
-/// M303 of a PID loop, too.
+/// M303 tunes a PID loop with T1's own fan as well.
 #[test]
 fn the_gains_of_t1_are_found_with_its_own_fan() {
     let world = world(None);
@@ -82,7 +82,7 @@ fn the_gains_of_t1_are_found_with_its_own_fan() {
     assert!(said.iter().any(|text| text.starts_with("echo:M301 E1 P")), "{said:?}");
 }
 
-/// What is melted cools the nozzle that is selected: there the loop gives more power at once.
+/// Melted filament cools the selected nozzle: there the loop gives more power at once.
 #[test]
 fn filament_counts_at_the_selected_nozzle() {
     use crate::heat::control::HeatControl;

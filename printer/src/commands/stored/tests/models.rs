@@ -6,7 +6,7 @@ use super::*;
 use crate::heat::model::HeaterModel;
 use crate::ports::Heating;
 
-/// Constants of the heaters' models, which stand in the place of their gains.
+/// The heaters' models are stored instead of their gains.
 #[test]
 fn models_are_stored_in_the_place_of_gains() {
     let model = HeaterModel {
@@ -44,7 +44,7 @@ fn models_are_stored_in_the_place_of_gains() {
     assert_eq!(printer_after.live_values(), values);
     execute(&mut printer_after, "M502").unwrap();
     assert_eq!(printer_after.heating.model(Heater::Nozzle), Some(model));
-    // What is out of range, or does not fit together, is the profile's.
+    // The profile's value replaces one that is out of range or does not fit the others.
     for (name, value, why) in [
         ("nozzle.control_model.capacity_j_per_k", 0.0, "nozzle.control_model.capacity_j_per_k is stored as 0"),
         ("nozzle.control_model.power_w", f64::NAN, "nozzle.control_model.power_w is stored as"),
@@ -57,7 +57,7 @@ fn models_are_stored_in_the_place_of_gains() {
         assert!(said.iter().any(|line| line.contains(why)), "{said:?}");
         assert_eq!(printer.heating.model(Heater::Nozzle), Some(model), "{name}");
     }
-    // Of a machine without models they are another's.
+    // A machine without models takes them for values of another machine.
     let other = Rig::new(usual);
     let mut printer = printer(&other, &bank, Some(&memory));
     printer.restore_settings();
