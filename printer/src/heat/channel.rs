@@ -7,7 +7,7 @@ use super::safety::{Safety, Trip};
 use super::thermometer::{MEDIAN_OF, Thermometer};
 use crate::settings::profile::heaters::HeaterSettings;
 
-/// What works out a heater's power.
+/// Loop that works out a heater's power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Loop {
     /// It holds its target.

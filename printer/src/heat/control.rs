@@ -21,7 +21,7 @@ struct FurtherNozzle {
     channel: Option<Channel>,
     /// It is that of the selected tool.
     is_selected: bool,
-    /// What blows at it.
+    /// The fan that blows at it.
     fan: FanOutput,
 }
 
@@ -34,14 +34,14 @@ pub struct HeatControl<M: Part = Present, T: Part = Present> {
     /// `None` for a heater that the machine does not have.
     channels: [Option<Channel>; USUAL],
     further: T::Of<FurtherNozzle>,
-    /// In force for the heaters that it has models of.
+    /// Models in force, for the heaters that have them.
     models: M::Of<Models<T>>,
     fault: Option<HeatFault>,
     pub(crate) fan_table: FanTable,
     fans: FanControl,
-    /// What fans are to do while nothing has failed.
+    /// Powers that fans have while nothing has failed.
     fan_demand: FanDemand,
-    /// Whether the power supply is on; `None` where it cannot be switched.
+    /// True while the power supply is on; `None` if it cannot be switched.
     pub(crate) supply: Option<bool>,
     /// The machine was halted, until [`Self::restart`].
     is_halted: bool,
@@ -169,8 +169,9 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Tunes a heater at a target by a relay that counts `cycles`, and as many again with the part-cooling fan at full power if
-    /// `has_fan`. All checks go on; after its last cycle the heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
+    /// Tunes a heater at a target by a relay that counts `cycles`, and `cycles` again with the part-cooling fan at
+    /// full power if `has_fan`. All checks continue; after its last cycle the heater is off. [`Self::set_target`], a
+    /// fault and [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_relay(&mut self, heater: Heater, celsius: f32, cycles: u8, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none()
@@ -199,7 +200,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// The second nozzle has this fan for what it prints, in the place of the first one's.
+    /// Gives the second nozzle this fan for the part; it replaces the first nozzle's.
     pub fn set_nozzle_fan(&mut self, fan: FanOutput) {
         if let Some(further) = T::get_mut(&mut self.further) {
             further.fan = fan;
@@ -227,9 +228,9 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Finds the model of a heater that has one, and is not hotter than [`super::hottest_start`], by a step response up to a target, and with the
-    /// part-cooling fan at full power if `has_fan`. All checks go on; after it the heater is off. [`Self::set_target`], a fault and [`Self::all_off`]
-    /// end it. Ignored after a fault.
+    /// Finds the model of a heater that has one, and is not hotter than [`super::hottest_start`], by a step response
+    /// up to a target, and with the part-cooling fan at full power if `has_fan`. All checks continue; after it the
+    /// heater is off. [`Self::set_target`], a fault and [`Self::all_off`] end it. Ignored after a fault.
     pub fn begin_step(&mut self, heater: Heater, celsius: f32, has_fan: bool) {
         self.set_target(heater, celsius);
         if self.fault.is_none()
@@ -240,7 +241,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// How far the step response of a heater has come; `None` without one.
+    /// Progress of a heater's step response; `None` without one.
     pub fn step(&self, heater: Heater) -> Option<StepProgress> {
         self.models()?.step(heater)
     }
@@ -253,7 +254,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// How far the autotune of a heater has come; `None` without one.
+    /// Progress of a heater's autotune; `None` without one.
     pub fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         match &self.channel(heater)?.control {
             Loop::Pid(_) => None,
@@ -291,18 +292,19 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Whether the power supply is on; `None` where it was never switched, and so cannot be.
+    /// Returns true if the power supply is on; `None` if it was never switched, and so cannot be.
     pub const fn supply(&self) -> Option<bool> {
         self.supply
     }
 
-    /// Whether heaters have power.
+    /// Returns true if heaters have power.
     const fn has_supply(&self) -> bool {
         !matches!(self.supply, Some(false))
     }
 
-    /// The machine is halted: switches all heaters off, and the power supply if that can be switched, so that a heater whose transistor has
-    /// failed closed is off, too. The next [`Self::update`] sets the board's outputs. [`Self::restart`] ends it, but for the supply.
+    /// Halts the machine's heat: switches all heaters off, and the power supply if that can be switched, so that a
+    /// heater whose transistor has failed closed is off as well. The next [`Self::update`] sets the board's outputs.
+    /// [`Self::restart`] ends the halt, and leaves the supply off.
     pub fn halt(&mut self) {
         self.all_off();
         self.supply = self.supply.map(|_| false);
@@ -339,12 +341,12 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         HeaterStatus { celsius, target_celsius: channel.target, power: channel.power }
     }
 
-    /// Whether the chamber has a heater beside its thermometer; `None` without either.
+    /// Returns true if the chamber has a heater beside its thermometer; `None` without either.
     pub fn chamber_is_heated(&self) -> Option<bool> {
         self.channel(Heater::Chamber).map(|chamber| chamber.settings.is_heated)
     }
 
-    /// Whether a further tool has a nozzle of its own.
+    /// Returns true if a further tool has its own nozzle.
     pub fn has_nozzles(&self) -> bool {
         T::PRESENT && self.channel(Heater::Nozzle1).is_some()
     }

@@ -15,21 +15,21 @@ const HOT_END_ON_CELSIUS: f32 = 50.0;
 /// Nozzle temperature below which it is switched off, degrees Celsius.
 const HOT_END_OFF_CELSIUS: f32 = 45.0;
 
-/// When a fan turns.
+/// Condition under which a fan turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FanRule {
-    /// By SET_FAN_SPEED, and by M106 and M107.
+    /// Turned by SET_FAN_SPEED, and by M106 and M107.
     Commanded {
         /// P of M106 and M107; 0 is the part-cooling fan, which they set without a P. `None`: by its name only.
         number: Option<u8>,
     },
-    /// At full power above a hot nozzle, which would melt the filament on its way otherwise.
+    /// Turns at full power above a hot nozzle, which would otherwise melt the filament on its way.
     HotEnd,
     /// While motors have current or the bed heats, and for a while after.
     Controller {
         /// Power, 1 to 255.
         power: u8,
-        /// That while, seconds.
+        /// Length of that while, seconds.
         idle_s: u16,
     },
     /// No fan: a light, a relay, by SET_PIN and M42.
@@ -42,7 +42,7 @@ pub enum FanRule {
         at_start: u8,
         /// Power while the machine is halted, 0 to 255.
         at_halt: u8,
-        /// Which colour of a light it is, for M150.
+        /// The colour that it is of a light, for M150.
         color: Option<LightColor>,
     },
 }
@@ -66,7 +66,7 @@ impl LightColor {
 }
 
 impl FanRule {
-    /// Whether commands set the power by the name.
+    /// Returns true if commands set the power by the name.
     pub(crate) const fn is_named(&self) -> bool {
         matches!(self, Self::Commanded { .. } | Self::Output { .. })
     }
@@ -77,7 +77,7 @@ impl FanRule {
 pub struct FanSettings {
     /// Its name in the profile, for SET_FAN_SPEED and reports.
     pub name: &'static str,
-    /// When it turns.
+    /// Condition under which it turns.
     pub rule: FanRule,
     /// Full power for so long when it starts, ms: a fan at rest needs more than one that turns.
     pub kick_start_ms: u16,
@@ -122,12 +122,12 @@ pub(crate) fn start_powers(table: &FanTable) -> [u8; FanOutput::COUNT] {
     })
 }
 
-/// What the machine asks of its fans.
+/// Powers that the machine asks of its fans.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FanDemand {
     /// The powers that commands have set, 0 to 255, by output.
     pub powers: [u8; FanOutput::COUNT],
-    /// Whether any motor has current.
+    /// True if any motor has current.
     pub motors_on: bool,
 }
 
@@ -138,18 +138,18 @@ impl FanDemand {
     }
 }
 
-/// What the heaters' control knows when it sets the fans.
+/// State of the heaters' control that the fans follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heated {
     /// The nozzle's temperature, degrees Celsius; `None`: unknown.
     pub nozzle_celsius: Option<f32>,
-    /// Whether the bed has a target.
+    /// True if the bed has a target.
     pub bed_is_on: bool,
     /// Every fan is to blow with all its power: a heater that cannot be switched off needs moving air.
     pub has_fault: bool,
     /// The machine was halted: outputs are as the profile says for that.
     pub is_halted: bool,
-    /// Whether the fans have a supply: without it their speed says nothing.
+    /// True if the fans have a supply: without it their speed has no meaning.
     pub has_supply: bool,
 }
 
@@ -214,7 +214,7 @@ impl FanControl {
 }
 
 impl Fan {
-    /// What its rule asks for.
+    /// Power that its rule asks for.
     fn asked(&mut self, settings: &FanSettings, commanded: u8, demand: &FanDemand, heated: &Heated) -> u8 {
         match settings.rule {
             FanRule::Output { is_pwm: false, .. } if commanded > 0 => u8::MAX,
@@ -239,7 +239,7 @@ impl Fan {
         }
     }
 
-    /// The power that makes it turn as asked: enough to start, and enough to go on.
+    /// The power that makes it turn as asked: enough to start, and enough to keep turning.
     fn started(&mut self, settings: &FanSettings, asked: u8) -> u8 {
         if asked == 0 {
             self.kick_samples = 0;

@@ -1,4 +1,4 @@
-//! How fast filament is melted, from where the extruder is at each sample.
+//! Speed at which filament is melted, from the extruder's position at each sample.
 
 use super::sample_time::SAMPLE_S;
 
@@ -17,7 +17,7 @@ pub struct FilamentSpeed {
 }
 
 impl FilamentSpeed {
-    /// At rest.
+    /// Filament at rest.
     pub const NONE: Self = Self { pushed_um: None, mm_per_s: 0.0 };
 
     /// Takes where the extruder is, thousandths of a millimetre; the numbers may wrap.

@@ -1,18 +1,19 @@
-//! A heater by its model: what it heats is one mass that loses heat to the air, and the thermistor follows with a lag.
+//! A heater by its model: it heats one mass that loses heat to the air, and the thermistor follows with a lag.
 //!
 //! ```text
 //! C dB/dt = P + U - G (B - room)        dS/dt = R (B - S)
 //! ```
 //!
-//! B is the mass, S the thermistor, P the heater's power, G the loss by air, fan and filament. U is what the model does not know, W: it is
-//! found from how the measured temperature differs from S, and so the loop holds its target with a wrong model, too.
+//! B is the mass, S the thermistor, P the heater's power, G the loss by air, fan and filament. U is the unmodelled
+//! power, W: it is found from the difference between the measured temperature and S, and so the loop holds its target
+//! even with a wrong model.
 
 use super::sample_time::SAMPLE_S;
 
 /// The room's temperature as the model counts it, degrees Celsius. U takes the difference.
 const ROOM_CELSIUS: f32 = 25.0;
 
-/// How fast estimates follow the measured temperature: poles, all three, over the sensor's response.
+/// Speed at which estimates follow the measured temperature: poles, all three, over the sensor's response.
 const OBSERVER: f32 = 1.2;
 /// Time in which the loop means to reach its target, over the sensor's lag ...
 const APPROACH: f32 = 0.8;
@@ -30,7 +31,7 @@ pub struct HeaterModel {
     pub loss_w_per_k: f32,
     /// Loss with the part-cooling fan at full power, W/K; not below that to still air.
     pub fanned_loss_w_per_k: f32,
-    /// How fast the thermistor follows, 1/s: one over its lag.
+    /// Response of the thermistor, 1/s: one over its lag.
     pub sensor_per_s: f32,
     /// Heat capacity of filament, J/K for each millimetre.
     pub filament_j_per_k_mm: f32,
@@ -47,7 +48,7 @@ impl HeaterModel {
     pub const SENSOR_PER_S: [f64; 2] = [0.01, 5.0];
     /// Smallest and largest heat capacity of filament, J/K for each millimetre.
     pub const FILAMENT_J_PER_K_MM: [f64; 2] = [0.0, 0.1];
-    /// That of PLA of 1.75 mm: 1.8 J/(g K) times 1.24 g/cm^3 times 2.405 mm^2.
+    /// Heat capacity of PLA of 1.75 mm: 1.8 J/(g K) times 1.24 g/cm^3 times 2.405 mm^2.
     pub const PLA_J_PER_K_MM: f64 = 0.005_4;
 
     /// Loss with the fan at this power, 0 to 255, and filament at this speed, W/K.
@@ -56,7 +57,7 @@ impl HeaterModel {
         self.loss_w_per_k + fan + self.filament_j_per_k_mm * cooling.filament_mm_per_s
     }
 
-    /// Whether every constant is within its range.
+    /// Returns true if every constant is within its range.
     pub fn is_possible(&self) -> bool {
         let within = |value: f32, [low, high]: [f64; 2]| (low as f32..=high as f32).contains(&value);
         within(self.power_w, Self::POWER_W)
@@ -69,7 +70,7 @@ impl HeaterModel {
     }
 }
 
-/// What cools a nozzle beside the air.
+/// Cooling of a nozzle beside that by the air.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cooling {
     /// Power of the part-cooling fan, 0 to 255.
@@ -101,13 +102,13 @@ impl ModelLoop {
             (self.block, self.sensor) = (celsius, celsius);
         }
         let loss = model.loss(cooling);
-        // What the last sample's power has done, by the model.
+        // Effect of the last sample's power, by the model.
         let flow_w = model.power_w * power + self.unmodelled_w - loss * (self.block - ROOM_CELSIUS);
         let response = model.sensor_per_s;
         let lag = self.block - self.sensor;
         self.block += flow_w / model.capacity_j_per_k * SAMPLE_S;
         self.sensor += response * lag * SAMPLE_S;
-        // What the thermistor says. With these three shares all errors fade as exp(-pole t).
+        // Correction by the thermistor. With these three shares all errors fade as exp(-pole t).
         let pole = OBSERVER * response;
         let off = (celsius - self.sensor) * SAMPLE_S;
         self.sensor += (3.0 * pole - response) * off;
@@ -127,7 +128,7 @@ impl ModelLoop {
         let rise_w = model.capacity_j_per_k * (target - self.block) / approach_s;
         let wanted_w = rise_w + loss * (self.block - ROOM_CELSIUS) - self.unmodelled_w;
         let wanted = wanted_w / model.power_w;
-        // What is not a number is no power.
+        // NaN gives no power.
         if wanted > 0.0 { wanted.min(1.0) } else { 0.0 }
     }
 }

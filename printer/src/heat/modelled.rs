@@ -30,7 +30,7 @@ pub struct Models<T: Part> {
 }
 
 impl<T: Part> Models<T> {
-    /// None.
+    /// No models in force.
     pub fn none() -> Self {
         Self { usual: [Modelled::NONE; 2], further: T::of(Modelled::NONE), step: None, filament: FilamentSpeed::NONE }
     }
@@ -76,7 +76,7 @@ impl<T: Part> Models<T> {
         self.step.as_ref().filter(|(_, step)| step.wants_fan()).map(|(heater, _)| *heater)
     }
 
-    /// How far the step response of a heater has come.
+    /// Progress of a heater's step response.
     pub fn step(&self, heater: Heater) -> Option<StepProgress> {
         self.step.as_ref().filter(|(of, _)| *of == heater).map(|(_, step)| step.progress())
     }

@@ -17,12 +17,12 @@ pub struct Pid {
     accumulated: f32,
     /// Filtered, degrees a second.
     slope: f32,
-    /// Before the first sample not a number.
+    /// Temperature of the last sample; before the first one not a number.
     last_celsius: f32,
 }
 
 impl Pid {
-    /// At rest; the first sample sets the temperature.
+    /// A loop at rest; the first sample sets the temperature.
     pub const fn new() -> Self {
         Self { accumulated: 0.0, slope: 0.0, last_celsius: f32::NAN }
     }

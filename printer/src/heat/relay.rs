@@ -1,7 +1,9 @@
-//! The relay of an autotune (M303): full power below the target, none above it, and what the temperature does then.
+//! The relay of an autotune (M303), with full power below the target and no power above it, and the response of the
+//! temperature.
 //!
-//! After each switching the temperature goes on for the heater's delay. For a heater that answers a change of power by a change of
-//! slope `k` (degrees a second at full power) after a delay `L`, and is on for a share `x` of the time:
+//! After each switching the temperature continues for the heater's delay. For a heater that answers a change of power
+//! by a change of slope `k` (degrees a second at full power) after a delay `L`, and is on for a share `x` of the
+//! time:
 //!
 //! - the swing, from the lowest temperature to the highest, is `k L + 2 h`, with `h` the distance of the switching points
 //!   from the target ([`HALF_WIDTH_CELSIUS`]);
@@ -41,9 +43,9 @@ impl Cycles {
 /// A heater as the relay sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelayFindings {
-    /// By how much full power changes the slope, degrees a second.
+    /// Change of the slope by full power, degrees a second.
     pub slope_per_power: f32,
-    /// From a change of power until the temperature answers, s.
+    /// Time from a change of power until the temperature answers, s.
     pub delay_s: f32,
     /// Power that holds the target, 0 to 1.
     pub holding_power: f32,
@@ -53,10 +55,10 @@ pub struct RelayFindings {
     pub cycle_s: f32,
 }
 
-/// How far a relay has come.
+/// Progress of a relay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RelayProgress {
-    /// It goes on: how many cycles have ended, and the lowest and highest temperature of the last one.
+    /// It continues: how many cycles have ended, and the lowest and highest temperature of the last one.
     Cycles {
         /// Cycles that have ended.
         ended: u8,
@@ -125,12 +127,12 @@ impl Relay {
         if self.has_fan { self.part().saturating_mul(2) } else { self.part() }
     }
 
-    /// Whether it is over, with findings or without.
+    /// Returns true if it is over, with findings or without.
     pub fn has_ended(&self) -> bool {
         self.has_failed || self.ended >= self.cycles()
     }
 
-    /// Whether the fan has to turn at full power now.
+    /// Returns true if the fan has to turn at full power now.
     pub fn wants_fan(&self) -> bool {
         self.has_fan && self.ended >= self.part() && !self.has_ended()
     }
@@ -178,7 +180,7 @@ impl Relay {
         self.ended += 1;
     }
 
-    /// How far it has come.
+    /// Returns its progress.
     pub fn progress(&self) -> RelayProgress {
         let (ended, of) = (self.ended, self.cycles());
         if self.has_failed {

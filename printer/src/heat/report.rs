@@ -27,12 +27,12 @@ pub struct FanStatus {
     pub rpm: Option<u16>,
 }
 
-/// Why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
+/// Reason why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatFault {
     /// The heater.
     pub heater: Heater,
-    /// What has failed.
+    /// The fault that a check has found.
     pub trip: Trip,
 }
 

@@ -1,4 +1,4 @@
-//! When a heater counts as failed: every thermal check there is, and nothing else.
+//! Detection of failed heaters: all thermal checks are here.
 //!
 //! [`Safety::check`] sees each sample of one heater: the temperature (freed of single bad readings, see
 //! `Thermometer`), the target, and the power that was in force up to now. A fault switches *all* heaters off, in the
@@ -55,11 +55,11 @@ const TUNED_CHAMBER_MS: u32 = 60_000;
 pub enum Trip {
     /// The thermistor's circuit is open or shorted.
     Sensor(SensorError),
-    /// At or above the maximum.
+    /// The temperature is at or above the maximum.
     TooHot(f32),
     /// Below the minimum, or not a number.
     TooCold(f32),
-    /// On the way to the target the temperature has not risen by the watch's degrees in the watch period.
+    /// The temperature, below its target, has not risen by the watch's degrees in the watch period.
     HeatingFailed(f32),
     /// The target had been reached, and the temperature has been too far below it for too long.
     Runaway(f32),
@@ -72,9 +72,9 @@ pub enum Trip {
 }
 
 impl Trip {
-    /// Whether only a reset of the board ends it, not M999: the heater, its transistor or the thermistor's place has failed, and
-    /// no reading can show that it is sound again. A host that repeats M999 and M104 would grant a heater without a
-    /// thermistor one watch period at full power after the other.
+    /// Returns true if only a reset of the board ends it, not M999: the heater, its transistor or the thermistor's
+    /// place has failed, and no reading can show that it is sound again. A host that repeats M999 and M104 would
+    /// grant a heater without a thermistor one watch period at full power after the other.
     ///
     /// The others end when the reading is within its limits again: a plug put back, a nozzle that has cooled.
     pub const fn needs_reset(self) -> bool {
@@ -119,7 +119,7 @@ impl Since {
     }
 }
 
-/// What the heater is doing.
+/// Phase of the heater.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     /// Its target is 0.
@@ -208,7 +208,8 @@ impl Safety {
         };
     }
 
-    /// Whether it is no farther below the target than the runaway check allows. Above the target counts as near.
+    /// Returns true if it is no farther below the target than the runaway check allows. Above the target counts as
+    /// near.
     ///
     /// The bound is the profile's hysteresis, but at most a third of the difference between room and target. The loss to a draught
     /// grows with that difference, and a thermistor that has fallen out, which reads the room, must never be near a low
@@ -220,7 +221,7 @@ impl Safety {
         celsius >= self.target - watch.runaway_celsius.min(share)
     }
 
-    /// Heating up must go on; the target, once reached, must be held.
+    /// Checks that heating up makes progress, and that the target, once reached, is held.
     fn check_phase(&mut self, settings: &HeaterSettings, celsius: f32) -> Result<(), Trip> {
         let is_near = self.is_near(settings, celsius);
         let watch = &settings.watch;
@@ -229,7 +230,8 @@ impl Safety {
             Phase::Heating(_) if is_near => self.phase = Phase::Holding(0),
             Phase::Heating(since) if celsius >= since.celsius + watch.watch_celsius => *since = Since::now(celsius),
             Phase::Heating(since) => {
-                // Just switched on again it may go on cooling while the heat is on its way. The time runs nevertheless.
+                // Just switched on again it may keep cooling while the heat is on its way. The time runs
+                // nevertheless.
                 since.celsius = since.celsius.min(celsius);
                 since.tick();
                 if since.samples >= watch.watch_ms / SAMPLE_MS {
@@ -247,8 +249,8 @@ impl Safety {
         Ok(())
     }
 
-    /// Without power it must not become much hotter. Heat on its way to the thermistor when the power went may arrive
-    /// first: it has a quarter of the watch period.
+    /// Checks that the temperature hardly rises without power. Heat on its way to the thermistor when the power went
+    /// may arrive first: it has a quarter of the watch period.
     fn check_unpowered(&mut self, watch: &HeaterWatch, celsius: f32, power: f32) -> Result<(), Trip> {
         let watch_samples = watch.watch_ms / SAMPLE_MS;
         self.unpowered = if power > 0.0 { 0 } else { self.unpowered.saturating_add(1) };
@@ -263,8 +265,8 @@ impl Safety {
         Ok(())
     }
 
-    /// Without power a heater that is far hotter than any room must become colder. Otherwise one that is too weak to rise further
-    /// would stay on for ever.
+    /// Checks that a heater far hotter than any room becomes colder without power. Otherwise one that is too weak to
+    /// rise further would stay on without end.
     fn check_cooling(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
         if power > 0.0 || celsius < HOT_CELSIUS || celsius <= self.hot.celsius - COOLING_CELSIUS {
             self.hot = Since::now(celsius);
@@ -276,8 +278,8 @@ impl Safety {
         Ok(())
     }
 
-    /// At the target the reading must change when the power does, and always in an autotune. On the way there the watch notices
-    /// a frozen reading.
+    /// Checks that the reading at the target changes when the power does, and always in an autotune. On the way there
+    /// the watch notices a frozen reading.
     fn check_same(&mut self, settings: &HeaterSettings, celsius: f32, power: f32, is_tuned: bool) -> Result<(), Trip> {
         let (same_celsius, same_power) = self.changed;
         if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {

@@ -1,6 +1,6 @@
-//! How often heater control takes a sample.
+//! Period at which heater control takes samples.
 
-/// From one sample to the next, ms.
+/// Time from one sample to the next, ms.
 pub const SAMPLE_MS: u32 = 10;
 
 /// The same in seconds.

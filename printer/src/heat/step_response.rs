@@ -25,15 +25,15 @@ const SMOOTHING: f32 = 0.05;
 const FIRST_FAN: f32 = 1.5;
 /// Longest time of each part, samples: 20 minutes.
 const MAX_PART_SAMPLES: u32 = 20 * 60 * 100;
-/// How long the target is held before its power counts: delays, and least and most, s.
+/// Time for which the target is held before its power counts: delays, and least and most, s.
 const SETTLING: [f32; 3] = [15.0, 40.0, 240.0];
-/// How long its power counts: the same.
+/// Time for which its power counts: the same.
 const MEASURING: [f32; 3] = [5.0, 20.0, 60.0];
 
-/// How far a step response has come.
+/// Progress of a step response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StepProgress {
-    /// It goes on: parts that have ended, and of how many.
+    /// It continues: parts that have ended, and of how many.
     Parts {
         /// Parts that have ended.
         ended: u8,
@@ -42,7 +42,7 @@ pub enum StepProgress {
     },
     /// It has ended.
     Found(HeaterModel),
-    /// A part has taken more than 20 minutes, or what was found is no heater.
+    /// A part has taken more than 20 minutes, or the found values are not a heater's.
     Failed,
 }
 
@@ -63,10 +63,10 @@ enum Phase {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepResponse {
     phase: Phase,
-    /// Of this part so far.
+    /// Samples of this part so far.
     samples: u32,
     has_fan: bool,
-    /// What is held by, and what is found in the end.
+    /// Model that the target is held by, and the result in the end.
     model: HeaterModel,
     /// Smoothed, degrees Celsius; before the first sample not a number.
     celsius: f32,
@@ -79,7 +79,7 @@ pub struct StepResponse {
     peak_samples: u32,
     /// Degrees by which it was above where the power ended.
     rise: f32,
-    /// Where measuring began, degrees Celsius.
+    /// Temperature at which measuring began, degrees Celsius.
     begun_celsius: f32,
     /// Sum of powers, 0 to 1, and of temperatures above the room's.
     powers: f32,
@@ -102,7 +102,7 @@ fn samples(seconds: f32) -> u32 {
 }
 
 impl StepResponse {
-    /// A step of a heater of this model's power; `has_fan`: with the part-cooling fan at full power, too.
+    /// A step of a heater of this model's power; `has_fan`: also with the part-cooling fan at full power.
     pub const fn new(model: HeaterModel, has_fan: bool) -> Self {
         Self {
             phase: Phase::Heating,
@@ -121,17 +121,17 @@ impl StepResponse {
         }
     }
 
-    /// Whether it is over, with a model or without.
+    /// Returns true if it is over, with a model or without.
     pub const fn has_ended(&self) -> bool {
         matches!(self.phase, Phase::Found | Phase::Failed)
     }
 
-    /// Whether the fan has to turn at full power now.
+    /// Returns true if the fan has to turn at full power now.
     pub const fn wants_fan(&self) -> bool {
         matches!(self.phase, Phase::FannedSettling | Phase::FannedMeasuring)
     }
 
-    /// How far it has come.
+    /// Returns its progress.
     pub const fn progress(&self) -> StepProgress {
         match self.phase {
             Phase::Found => StepProgress::Found(self.model),
@@ -202,7 +202,7 @@ impl StepResponse {
         }
     }
 
-    /// By the model that is known so far.
+    /// Returns the power by the model known so far.
     fn hold(&self, control: &mut ModelLoop, celsius: f32, target: f32, power: f32) -> f32 {
         let fan_power = if self.wants_fan() { u8::MAX } else { 0 };
         let cooling = Cooling { fan_power, filament_mm_per_s: 0.0 };

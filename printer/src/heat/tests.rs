@@ -72,7 +72,7 @@ fn usual_target(heater: Heater) -> f32 {
     }
 }
 
-/// Heaters that no other warms. The chamber has tests of its own.
+/// Heaters that no other warms. The chamber has separate tests.
 const USUAL: [Heater; 2] = [Heater::Nozzle, Heater::Bed];
 
 /// The same, and the nozzle of a second tool.
@@ -107,7 +107,7 @@ impl Rig {
         Self { control, board, samples: 0 }
     }
 
-    /// At its usual target for a while.
+    /// A heater that was at its usual target for a while.
     fn holding(heater: Heater) -> Self {
         let mut rig = Self::new();
         rig.control.set_target(heater, usual_target(heater));

@@ -11,7 +11,7 @@ pub const MEDIAN_OF: usize = 5;
 pub struct Thermometer {
     thermistor: Thermistor,
     readings: [u16; MEDIAN_OF],
-    /// Where the next reading goes, in place of the oldest.
+    /// Place of the next reading, that of the oldest one.
     next: usize,
 }
 

@@ -1,17 +1,18 @@
-//! Heaters that have a target and are not used go off: a host that has gone must not leave them on for ever.
+//! Heaters that have a target and are not used go off: a host that has gone must not leave them on for good.
 //!
-//! Use is a line from any host, a frame of a prepared job, motion, or a line at work that ends by itself: a dwell (G4), a wait
-//! for heat (M109, M190, M191) while the temperature comes nearer to its target ([`Approach`]), an autotune. Otherwise a long
-//! heat soak would end with a cold bed, and the print would go on. After such a line comes the next one, or silence.
+//! Use is a line from any host, a frame of a prepared job, motion, or a line at work that ends by itself: a dwell
+//! (G4), a wait for heat (M109, M190, M191) while the temperature comes nearer to its target ([`Approach`]), an
+//! autotune. Otherwise a long heat soak would end with a cold bed, and the print would continue. After such a line
+//! comes the next one, or silence.
 //!
-//! A wait for a person (M0, M25, M600) does not count: it may last for ever. When it ends, the print heats up again, and waits,
-//! before anything moves. So does a print whose host was silent for too long. A warning comes first.
+//! A wait for a person (M0, M25, M600) does not count: it may last any time. When it ends, the print heats up again,
+//! and waits, before anything moves. So does a print whose host was silent for too long. A warning comes first.
 
 use core::fmt;
 
 use crate::settings::profile::heaters::DEFAULT_HEATER_TIMEOUT_S;
 
-/// From the warning until the heaters go off, seconds; half the timeout where that is shorter.
+/// Time from the warning until the heaters go off, seconds; at most half the timeout.
 const WARNING_S: u32 = 300;
 
 /// A report on heaters that rest, with what the caller has to do.
@@ -48,11 +49,11 @@ impl fmt::Display for HeaterRest {
     }
 }
 
-/// By how much a temperature must come nearer to its target for its wait to count as use, degrees. One that never arrives
-/// does not keep heaters on for ever.
+/// Minimum approach of a temperature to its target for its wait to count as use, degrees. A heater that never arrives
+/// does not keep heaters on for good.
 const MIN_APPROACH_CELSIUS: f32 = 0.5;
 
-/// How near a wait for heat has come to its target.
+/// Progress of a wait for heat towards its target.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach {
     nearest_celsius: f32,
@@ -64,8 +65,8 @@ impl Approach {
         Self { nearest_celsius: f32::INFINITY }
     }
 
-    /// Whether the wait goes on as it should, with the temperature this far from its target: it has arrived, or has come nearer
-    /// since the last call that returned `true`.
+    /// Returns true if the wait makes progress, with the temperature this far from its target: it has arrived, or has
+    /// come nearer since the last call that returned `true`.
     pub(crate) fn goes_on(&mut self, distance_celsius: f32, has_arrived: bool) -> bool {
         let is_nearer = distance_celsius <= self.nearest_celsius - MIN_APPROACH_CELSIUS;
         if is_nearer {
@@ -78,7 +79,7 @@ impl Approach {
 /// Watches how long heaters with a target have not been used.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HeaterTimeout {
-    /// When that began, ms.
+    /// Time when that began, ms.
     since_ms: Option<u32>,
     warned: bool,
 }
@@ -89,9 +90,9 @@ impl HeaterTimeout {
         Self { since_ms: None, warned: false }
     }
 
-    /// To be called several times a second, with a clock of milliseconds that may wrap: whether there was any use since the
-    /// last call, whether any heater has a target, and the timeout (0: never). Warns before it ends, even if it was not
-    /// called in between.
+    /// Watches the heaters; to be called several times a second, with a clock of milliseconds that may wrap.
+    /// `is_used`: there was a use since the last call; `has_target`: a heater has a target; `timeout_s`: 0 is never.
+    /// Warns before it ends, even if it was not called in between.
     pub fn look(&mut self, now_ms: u32, is_used: bool, has_target: bool, timeout_s: u16) -> Option<HeaterRest> {
         if is_used || !has_target || timeout_s == 0 {
             *self = Self::new();

@@ -3,8 +3,8 @@
 use super::gains::PidGains;
 use super::relay::RelayFindings;
 
-/// Proportional gain over that at which a heater with this delay would swing for ever is about a third: such a heater is an
-/// integrator with a delay, for which that gain is pi / 2 over slope and delay.
+/// Proportional gain times slope and delay: about a third of pi / 2, at which a heater with this delay, as an
+/// integrator with a delay, would swing endlessly.
 const PROPORTIONAL: f32 = 0.5;
 /// Integral time, in delays: the integral follows slowly what the proportional part holds at once.
 const INTEGRAL_DELAYS: f32 = 5.0;

@@ -6,7 +6,7 @@ use ferrostep_card::{CardPort, OpenedFile, Request};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Selected {
     pub(crate) size: u32,
-    /// Whether its name is that of a prepared job.
+    /// True if its name is that of a prepared job.
     pub(crate) is_prepared: bool,
 }
 
@@ -16,7 +16,7 @@ impl From<&OpenedFile> for Selected {
     }
 }
 
-/// Whether a file has this extension: `short` of its short name (8.3), or `long` of its long one.
+/// Returns true if a file has this extension: `short` of its short name (8.3), or `long` of its long one.
 pub(crate) fn is_a(file: &OpenedFile, short: &str, long: &str) -> bool {
     let end = file.long.len().checked_sub(long.len()).and_then(|start| file.long.get(start..));
     file.short.ends_with(short) || end.is_some_and(|end| end.eq_ignore_ascii_case(long))
@@ -33,7 +33,7 @@ pub(crate) enum Job {
     Paused,
 }
 
-/// What becomes of the lines of a host.
+/// Destination of a host's lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Writing {
     /// They are executed.
@@ -54,12 +54,12 @@ pub(crate) struct Card<'a> {
     pub(crate) job: Job,
     /// M524 has asked the print to end.
     pub(crate) aborted: bool,
-    /// The byte at which the print is to go on, and the number of lines before it.
+    /// The byte at which the print is to be resumed, and the number of lines before it.
     pub(crate) seek: Option<(u32, u32)>,
     /// Byte at which the next line, or the next frame, begins.
     pub(crate) position: u32,
     pub(crate) writing: Writing,
-    /// How often M410 in the file has stopped motion: the print goes on then.
+    /// Number of times that M410 in the file has stopped motion: the print continues then.
     pub(crate) own_stops: u32,
     /// A host has just begun to write.
     pub(crate) begun_writing: bool,
@@ -86,7 +86,7 @@ impl<'a> Card<'a> {
         self.own_stops = self.own_stops.wrapping_add(stops.min(1));
     }
 
-    /// Whether the board has a slot.
+    /// Returns true if the board has a slot.
     pub(crate) fn is_there(&self) -> bool {
         self.port.is_some()
     }
@@ -96,17 +96,17 @@ impl<'a> Card<'a> {
         self.port
     }
 
-    /// Whether the selected file is a prepared job.
+    /// Returns true if the selected file is a prepared job.
     pub(crate) fn prints_prepared(&self) -> bool {
         self.selected.is_some_and(|selected| selected.is_prepared)
     }
 
-    /// Where a paused print goes on: the byte, and the number of lines before it. `line` was read last.
+    /// Place at which a paused print resumes: the byte, and the number of lines before it. `line` was read last.
     pub(crate) fn place(&self, line: u32) -> (u32, u32) {
         self.seek.unwrap_or((self.position, line))
     }
 
-    /// Whether a file is selected.
+    /// Returns true if a file is selected.
     pub(crate) fn has_selected(&self) -> bool {
         self.selected.is_some()
     }
@@ -121,17 +121,18 @@ impl<'a> Card<'a> {
         (self.position, self.seek, self.aborted, self.selected) = (0, None, false, Some(selected));
     }
 
-    /// Whether a host's lines go into a file.
+    /// Returns true if a host's lines go into a file.
     pub(crate) fn is_written(&self) -> bool {
         self.writing != Writing::Not
     }
 
-    /// A print that was interrupted goes on here, once the machine is ready for it.
+    /// Sets the place at which an interrupted print is resumed, once the machine is ready for it.
     pub(crate) fn wait_at(&mut self, (offset, lines): (u32, u32)) {
         (self.position, self.seek) = (offset, Some((offset, lines)));
     }
 
-    /// Hands a request to the card's task. A function of its own, so that the request does not stay in the future that waits.
+    /// Hands a request to the card's task. A separate function, so that the request does not stay in the future that
+    /// waits.
     #[inline(never)]
     pub(crate) fn post(&self, request: Request) -> Option<&'a dyn CardPort> {
         let port = self.port?;

@@ -1,7 +1,7 @@
 //! The macros before and after a change of the tool: the profile's `tools.before_change` and `tools.after_change`.
 //!
-//! Their lines stand in the place of the line that changes the tool, with that line between them, as those of a macro stand in the place
-//! of its call. A profile's reader has checked that none of them changes the tool.
+//! Their lines replace the line that changes the tool, with that line between them, as those of a macro replace its
+//! call. A profile's reader has checked that none of them changes the tool.
 
 use core::fmt::Write;
 
@@ -24,7 +24,7 @@ pub(crate) struct ChangeMacros {
 /// The changes with macros that one line of a host or a file causes; nothing on a machine with one tool.
 pub(crate) type Changes<P> = <ToolsPart<P> as Part>::Of<Option<ChangeMacros>>;
 
-/// What comes next.
+/// The next step of a change.
 pub(crate) enum NextOfChange {
     /// A line of the change.
     Line,

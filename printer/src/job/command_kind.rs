@@ -5,7 +5,7 @@ use ferrostep_gcode::{
     SettingsCommand, ShaperWords, SupplyCommand,
 };
 
-/// How a command is treated while the machine is halted.
+/// Treatment of a command while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WhileHalted {
     /// It only asks or reports, and is executed.
@@ -16,7 +16,8 @@ pub(crate) enum WhileHalted {
     Refused,
 }
 
-/// How a command is treated while the machine is halted. A host that connects can still learn that it is.
+/// Returns the treatment of a command while the machine is halted. A host that connects can still learn that it is
+/// halted.
 pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
     match command {
         Command::ReportTemperatures
@@ -86,12 +87,13 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
     }
 }
 
-/// Whether a command moves the nozzle or the filament as a print does.
+/// Returns true if a command moves the nozzle or the filament as a print does.
 pub(crate) fn moves(command: &Command<'_>) -> bool {
     matches!(command, Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover)
 }
 
-/// True for a command that sets how the words of later moves are read: a print that goes on has these as before its pause.
+/// Returns true for a command that sets how the words of later moves are read: a resumed print has these as before
+/// its pause.
 pub(crate) fn sets_modes(command: &Command<'_>) -> bool {
     matches!(
         command,

@@ -3,7 +3,7 @@
 /// Since when a level has differed from the one that counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Debounce {
-    /// When it began to, ms; `None`: it does not.
+    /// Time when it began to differ, ms; `None`: it does not.
     since_ms: Option<u32>,
 }
 
@@ -13,8 +13,8 @@ impl Debounce {
         Self { since_ms: None }
     }
 
-    /// Whether the level has differed for long enough to count from now on. To be called again and again with what it `says` and what
-    /// `counts`, and with a clock of milliseconds that may wrap.
+    /// Returns true once the level has differed for long enough to count from now on. To be called again and again
+    /// with the present level (`says`), the one that counts (`counts`), and a clock of milliseconds that may wrap.
     pub fn has_settled(&mut self, now_ms: u32, says: bool, counts: bool, debounce_ms: u32) -> bool {
         let lasts = says != counts && now_ms.wrapping_sub(*self.since_ms.get_or_insert(now_ms)) >= debounce_ms;
         if says == counts || lasts {

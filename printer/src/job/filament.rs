@@ -18,7 +18,8 @@ impl FilamentWatch {
         Self { debounce: Debounce::new() }
     }
 
-    /// To be called several times a second with what the sensor says now and a clock of milliseconds that may wrap.
+    /// Looks at the sensor; to be called several times a second with its present state and a clock of milliseconds
+    /// that may wrap.
     pub fn look(&mut self, now_ms: u32, is_missing: bool, sensor: &FilamentSensor, signals: &Signals) {
         if self.debounce.has_settled(now_ms, is_missing, signals.is_filament_missing(), sensor.debounce_ms.into()) {
             signals.set_filament_missing(is_missing);

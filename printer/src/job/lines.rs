@@ -10,7 +10,7 @@ pub enum Source {
         /// The line has a number.
         is_numbered: bool,
     },
-    /// A file that is read to its end: there is no person to ask.
+    /// A file that is read to its end: it has no person to ask.
     File,
     /// A card, while hosts are heard as well: its reader waits while [`crate::Printer::is_paused`].
     Card,
@@ -21,7 +21,7 @@ pub enum Source {
 pub(crate) struct Lines {
     /// Number of the line being executed.
     pub number: u32,
-    /// Where it comes from.
+    /// Its source.
     pub source: Source,
     /// The command at hand is a line of a macro.
     pub is_in_macro: bool,
@@ -29,12 +29,12 @@ pub(crate) struct Lines {
     pub last: i64,
     /// Remarks made on this job's lines.
     pub said: Remarks,
-    /// Whether the hosts know that their prints end because the machine is halted.
+    /// True once the hosts know that their prints end because the machine is halted.
     pub told_halted: bool,
 }
 
 impl Lines {
-    /// None yet.
+    /// No lines yet.
     pub const fn new() -> Self {
         Self { number: 0, source: Source::File, is_in_macro: false, last: 0, said: Remarks::NONE, told_halted: false }
     }
@@ -44,7 +44,7 @@ impl Lines {
         (self.source, self.number) = (source, number);
     }
 
-    /// Whether the line's source is a host, or there is one beside it.
+    /// Returns true if the line's source is a host, or a host is beside it.
     pub fn has_host(&self) -> bool {
         self.source != Source::File
     }

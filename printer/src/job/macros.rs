@@ -21,9 +21,9 @@ pub(crate) struct Call<'a> {
     name: &'static str,
     /// The parameters, each with its default.
     parameters: &'static str,
-    /// The lines still to come, and all that stands behind them.
+    /// The lines still to come, and all of the profile's text after them.
     rest: &'static str,
-    /// Where the present line stands in the profile.
+    /// Place of the present line in the profile.
     place: &'static str,
     /// The words of the call.
     words: &'a str,
@@ -75,12 +75,12 @@ impl Call<'_> {
         self.name
     }
 
-    /// Whether a line has been written.
+    /// Returns true once a line has been written.
     pub fn has_begun(&self) -> bool {
         self.place != NO_PLACE
     }
 
-    /// The number of the present line; with the name of the macro that it stands in, if that is another.
+    /// The number of the present line; with the name of its macro, if that is not the called one.
     pub fn place(&self) -> &'static str {
         self.place
     }

@@ -7,7 +7,7 @@ use crate::job::tool_box::ToolBox;
 use crate::part::Part;
 use crate::settings::profile::Profile;
 
-/// What commands have set, beside what moves need. `T`: whether there may be several tools.
+/// Settings made by commands, beside those of moves. `T`: whether there may be several tools.
 #[derive(Debug)]
 pub(crate) struct Modes<T: Part> {
     /// The selected tool, of several.
@@ -16,7 +16,7 @@ pub(crate) struct Modes<T: Part> {
     pub targets_celsius: [f32; Heater::COUNT],
     /// A print pauses when its filament has run out (M412).
     pub pauses_at_runout: bool,
-    /// What a filament change draws out and pushes in, units of 10 nm (M603).
+    /// Filament that a change draws out and pushes in, units of 10 nm (M603).
     pub filament_10nm: [i64; 2],
     /// M555: which part of the bed is measured next.
     pub bed_area: Option<BedArea>,

@@ -5,7 +5,7 @@ use ferrostep_hal_shim::Heater;
 
 use crate::motion::modal::Modal;
 
-/// Why a print pauses.
+/// Reason why a print pauses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PauseReason {
     /// M0, M1: the print waits where it is.
@@ -29,22 +29,22 @@ impl PauseReason {
     }
 }
 
-/// What a line says of its pause. What it leaves open is as the profile has it.
+/// Words of a line for its pause. The profile replaces missing ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PauseWords<'a> {
     /// X and Y: where the nozzle waits; Z: by how much it rises.
     pub(crate) park: AxisWords,
     /// Filament that is drawn out, its sign says nothing.
     pub(crate) unload: Option<Decimal>,
-    /// Filament that is pushed in before the print goes on, its sign says nothing.
+    /// Filament that is pushed in before the print continues; the sign has no meaning.
     pub(crate) load: Option<Decimal>,
     /// The longest wait, ms.
     pub(crate) longest_ms: Option<u64>,
-    /// What the person reads; if it is empty, the reason's text.
+    /// Text for the person; if it is empty, the reason's text.
     pub(crate) text: &'a str,
 }
 
-/// What a person answers to a pause.
+/// A person's answer to a pause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PauseAnswer {
     /// *Continue*, M108, or the pause's time is over.
@@ -53,13 +53,13 @@ pub(crate) enum PauseAnswer {
     PushMore,
 }
 
-/// A print that is paused: where and with what it goes on.
+/// A paused print: the place and the state with which it resumes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paused {
     /// The G-code's state. On resuming, the position and the way of reading words are taken from it; settings that a person has
     /// changed meanwhile (feed, limits) stay.
     pub(crate) modal: Modal,
-    /// Where the motors stood, units of 10 nm.
+    /// Place of the motors, units of 10 nm.
     pub(crate) place_10nm: [i64; 3],
     /// The heaters' targets, degrees Celsius.
     pub(crate) targets_celsius: [f32; Heater::COUNT],
@@ -69,7 +69,7 @@ pub(crate) struct Paused {
     pub(crate) load_100pm: i64,
     /// M600: the second button of its prompt pushes more filament.
     pub(crate) pushes_more: bool,
-    /// When it goes on by itself, ms; `None`: never.
+    /// Time at which it resumes by itself, ms; `None`: never.
     pub(crate) until_ms: Option<u64>,
 }
 

@@ -5,7 +5,7 @@ pub(crate) mod signal;
 
 use ferrostep_hal_shim::FanOutput;
 
-/// What is known of an interrupted print, and of the place that is kept of the present one.
+/// State of an interrupted print, and of the place that is kept of the present one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PowerLoss {
     /// M413.
@@ -20,15 +20,16 @@ pub(crate) struct PowerLoss {
     pub(crate) is_due: bool,
     /// A place waits for the motors, or that of a pause for the next look at the hosts, before it is written.
     pub(crate) is_pending: bool,
-    /// Where the newest place says that the motors of Z stand, units of 10 nm; `None`: no place is known for this machine as it stands.
+    /// Height of the motors of Z in the newest place, units of 10 nm; `None`: no place fits the machine's present
+    /// position.
     pub(crate) stands_10nm: Option<i64>,
-    /// When the newest place that is due was noted, ms; `None`: none in this print.
+    /// Time when the newest place that is due was noted, ms; `None`: none in this print.
     pub(crate) noted_ms: Option<u64>,
     /// Z of the line that began there, units of 10 nm.
     pub(crate) layer_10nm: i64,
     /// The line of the card that was read last.
     pub(crate) line: u32,
-    /// What commands have set the fans to.
+    /// Powers that commands have set for the fans.
     pub(crate) fans: [u8; FanOutput::COUNT],
 }
 

@@ -8,9 +8,9 @@ pub struct OtherMotion<R> {
     pub request: R,
     /// Source line.
     pub line: u32,
-    /// Where X, Y and Z end, machine coordinates in units of 10 nm.
+    /// End of X, Y and Z, machine coordinates in units of 10 nm.
     pub end_10nm: [i64; 3],
-    /// How far they may end from there, units of 10 nm: a format of motor steps has no finer positions.
+    /// Maximum distance of the end from there, units of 10 nm: a format of motor steps has no finer positions.
     pub tolerance_10nm: [i64; 3],
     /// Filament, units of 0.1 nm.
     pub filament_100pm: i64,

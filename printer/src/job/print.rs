@@ -24,9 +24,9 @@ pub(crate) struct Print<'a> {
     /// Progress by M73: percent, and minutes left.
     pub progress: (Option<u8>, Option<u16>),
     pub clock: PrintClock,
-    /// What changes with the height (TUNING_TOWER).
+    /// Value that changes with the height (TUNING_TOWER).
     pub tower: Option<Tower>,
-    /// What survives the power.
+    /// State that survives a power cut.
     pub power_loss: PowerLoss,
     /// It is laying lines whose filament an encoder watches.
     pub lays_lines: bool,

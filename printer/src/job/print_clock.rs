@@ -1,4 +1,4 @@
-//! How long a print takes, and what all prints together took.
+//! Time of a print, and the totals of all prints together.
 
 use core::fmt;
 
@@ -23,7 +23,7 @@ impl fmt::Display for Duration {
     }
 }
 
-/// What a machine has done in its life. It begins anew at a reset, unless a memory keeps it ([`crate::SettingsMemory`]).
+/// Totals of a machine's life. They begin anew at a reset, unless a memory keeps them ([`crate::SettingsMemory`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Statistics {
     /// Prints begun.
@@ -36,7 +36,7 @@ pub(crate) struct Statistics {
     pub longest_s: u32,
     /// Filament of all prints, units of 10 mm.
     pub filament_10mm: u32,
-    /// How long the nozzle's and the bed's heater had a target, s.
+    /// Time for which the nozzle's and the bed's heater had a target, s.
     pub heated_s: [u32; 2],
 }
 
@@ -61,14 +61,14 @@ pub(crate) enum State {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PrintClock {
     pub(crate) state: State,
-    /// What it had counted before it began to run, ms.
+    /// Time counted before it began to run, ms.
     before_ms: u64,
     /// All filament when the print began, units of 0.1 nm.
     filament_before_100pm: i64,
-    /// When the heaters were looked at, ms, and which of them had a target then.
+    /// Time of the last look at the heaters, ms, and which of them had a target then.
     heat_seen: (u64, [bool; 2]),
     pub statistics: Statistics,
-    /// Not yet in the memory.
+    /// True until the statistics are in the memory.
     pub is_unsaved: bool,
 }
 
@@ -91,7 +91,7 @@ impl PrintClock {
         }
     }
 
-    /// How long the print has taken, pauses left out, s. Of the last one, if none is at work.
+    /// Time that the print has taken, without pauses, s. That of the last one, if no print is at work.
     pub(crate) fn elapsed_s(&self, now_ms: u64) -> u32 {
         let running_ms = match self.state {
             State::Running(since_ms) => now_ms.saturating_sub(since_ms),
@@ -100,7 +100,7 @@ impl PrintClock {
         u32::try_from(self.before_ms.saturating_add(running_ms) / 1000).unwrap_or(u32::MAX)
     }
 
-    /// A print begins, or goes on.
+    /// Starts or resumes the clock of a print.
     pub(crate) fn start(&mut self, now_ms: u64, filament_100pm: i64) {
         match self.state {
             State::Running(_) => return,

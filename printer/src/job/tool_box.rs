@@ -1,4 +1,4 @@
-//! What belongs to each tool.
+//! The values that belong to each tool.
 
 use ferrostep_planner::{PressureAdvance, StepsPerMm};
 
@@ -6,10 +6,10 @@ use crate::settings::profile::Profile;
 use crate::settings::profile::tools::MAX_TOOLS;
 use crate::settings::profile::z_motors::Kept;
 
-/// What belongs to a tool, but for its heater.
+/// Values of a tool; its heater's are kept elsewhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct OfTool {
-    /// From T0's nozzle to this one, units of 10 nm.
+    /// Offset from T0's nozzle to this one, units of 10 nm.
     pub offset_10nm: [i64; 3],
     pub steps_per_mm: StepsPerMm,
     pub advance: PressureAdvance,
@@ -55,7 +55,7 @@ impl ToolBox {
         self.tools.get(usize::from(tool))
     }
 
-    /// From T0's nozzle to that of a tool, units of 10 nm.
+    /// Offset from T0's nozzle to that of a tool, units of 10 nm.
     pub fn offset_10nm(&self, tool: u8) -> [i64; 3] {
         self.get(tool).map_or([0; 3], |tool| tool.offset_10nm)
     }

@@ -17,7 +17,7 @@ pub(crate) const MM: i64 = 100_000;
 /// The line that sets the value.
 pub(crate) type TowerLine = heapless::String<MAX_LINE>;
 
-/// Why there is no such tower.
+/// Reason why a tower is not possible.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub enum TowerRefusal {
     NotLive(ShortText),
     /// The command has no number of this name.
     NoNumber(ShortText),
-    /// There is no room for the command and its parameter.
+    /// The command and its parameter are too long.
     TooLong,
     /// A prepared job comes.
     InJob,
@@ -56,7 +56,7 @@ impl fmt::Display for TowerRefusal {
 /// A value that changes with the height.
 #[derive(Clone, Debug)]
 pub(crate) struct Tower {
-    /// `M900 K`, `SET_PRESSURE_ADVANCE ADVANCE=`: what stands before the value.
+    /// `M900 K`, `SET_PRESSURE_ADVANCE ADVANCE=`: the text before the value.
     pub(crate) prefix: heapless::String<MAX_PREFIX>,
     /// Bytes of it before the parameter.
     command_bytes: usize,
@@ -69,7 +69,7 @@ pub(crate) struct Tower {
     pub(crate) value: Option<Decimal>,
 }
 
-/// Whether a command sets a value that may change in a print.
+/// Returns true if a command sets a value that may change in a print.
 fn is_live(command: &Command<'_>) -> bool {
     matches!(
         command,
@@ -150,7 +150,7 @@ impl Tower {
         Ok(Self { prefix, command_bytes: command.len(), start, skip, course, height_10nm: None, value: None })
     }
 
-    /// Whether a number changes the command, and nothing of it is ignored.
+    /// Returns true if a number changes the command, and no part of it is ignored.
     #[inline(never)]
     pub(crate) fn sets_a_value(&self) -> bool {
         let mut remarks = Remarks::NONE;

@@ -23,7 +23,7 @@ pub struct Arc {
     end_radius: f64,
     angle: f64,
     chords: u32,
-    /// Between which X and which Y it lies.
+    /// Range of the arc in X and in Y.
     reach: [[i64; 2]; 2],
 }
 
@@ -49,7 +49,8 @@ fn direction_at(angle: f64) -> [f64; 2] {
     [cosine, sine]
 }
 
-/// Whether a turn by an angle from a direction passes the direction of an axis, to its upper (1) or lower side (-1).
+/// Returns true if a turn by an angle from a direction passes the direction of an axis, to its upper (1) or lower
+/// side (-1).
 fn passes(start: [f64; 2], angle: f64, axis: usize, side: f64) -> bool {
     let [x, y] = start;
     let (cross, dot) = if axis == 0 { (-y * side, x * side) } else { (x * side, y * side) };
@@ -76,7 +77,7 @@ impl Arc {
             });
         }
         let turn = core::f64::consts::TAU;
-        // By the chord, which is exact: of a large radius the two ends differ in their last digits only.
+        // By the chord, which is exact: the two ends of an arc of large radius differ in their last digits only.
         let chord = [(end[0] - start[0]) as f64, (end[1] - start[1]) as f64];
         let cross = from[0] * chord[1] - from[1] * chord[0];
         let dot = from[0] * to[0] + from[1] * to[1];
@@ -143,7 +144,7 @@ impl Arc {
         self.chords
     }
 
-    /// Between which X and which Y it lies, units of 10 nm.
+    /// Range of the arc in X and in Y, units of 10 nm.
     pub fn reach(&self) -> [[i64; 2]; 2] {
         self.reach
     }

@@ -28,7 +28,7 @@ const ATTEMPTS: u32 = 2;
 const TOUCH_MODE_MS: u16 = 100;
 const RELEASE_MS: u16 = 1_000;
 
-/// What a person reads of a pin whose signal is another than what it must be after pulses of this width.
+/// Text for a person on a pin with the wrong signal after pulses of this width.
 const fn failure(width_us: u16) -> &'static str {
     match width_us {
         PinCommand::TOUCH_MODE_US => {
@@ -89,7 +89,7 @@ impl<M: Motion> Homing<'_, '_, M> {
                 };
                 self.motion.send_servo_pulses(ServoPulses::lasting_ms(width_us, lasting_ms));
                 if let Err(stopped) = self.motion.servo_pulses_sent().await {
-                    // What a stop has come upon goes in by itself.
+                    // A pin that a stop has interrupted goes in by itself.
                     self.motion.send_servo_pulses(pin.pulses_in());
                     return Err(stopped.into());
                 }

@@ -16,7 +16,7 @@ const LENGTH_BITS: u32 = 16;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AdaptiveExtrusion {
     settings: ExtrusionSettings,
-    /// In units of 2^-40.
+    /// Filament for a length of path, in units of 2^-40.
     lambda: u64,
     /// Filament owed, units of 2^-56 of 0.1 nm; less than 0.1 nm.
     owed: u64,

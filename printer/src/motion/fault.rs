@@ -1,8 +1,8 @@
-//! Why motion was not possible, and what the firmware may find wrong with its own.
+//! Reasons why motion was not possible, and faults that the firmware may find in its own.
 
 use ferrostep_planner::MoveError;
 
-/// Why motion was not possible.
+/// Reason why motion was not possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionError {
     /// The planner refused the move.
@@ -16,7 +16,7 @@ pub enum MotionError {
 /// A difference between plan and motion: an error of the firmware or of the chip. Motion has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionFault {
-    /// A motor does not stand where its block ends.
+    /// A motor is not where its block ends.
     Miscount(Miscount),
     /// A step was planned nearer to the one before than the drivers or the step interrupt allow.
     StepsTooNear,
@@ -24,19 +24,19 @@ pub enum MotionFault {
     MissedUpdates(u32),
 }
 
-/// A motor that does not stand where its block ends.
+/// A motor that is not where its block ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Miscount {
     /// The motor: X, Y, Z (CoreXY: A, B, Z), extruder.
     pub motor: usize,
-    /// Where it stands, steps.
+    /// Position by its steps, steps.
     pub counted: i64,
-    /// Where the block ends, steps.
+    /// End of the block, steps.
     pub expected: i64,
 }
 
 impl Miscount {
-    /// The first motor that does not stand where it must; `None` if all do.
+    /// The first motor that is not where it must be; `None` if all are.
     pub fn between(counted: [i64; 4], expected: [i64; 4]) -> Option<Self> {
         let motors = counted.into_iter().zip(expected).enumerate();
         let mut wrong = motors.filter(|(_, (counted, expected))| counted != expected);
@@ -44,10 +44,10 @@ impl Miscount {
     }
 }
 
-/// How a move towards a sensor ended.
+/// Result of a move towards a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HomingOutcome {
-    /// The sensor triggered; the motors stand there.
+    /// The sensor triggered; the motors are there.
     Triggered,
     /// The move ended without it.
     Missed,

@@ -1,4 +1,4 @@
-//! What fans get, and whether they turn.
+//! Powers of the fans, and detection of fans that do not turn.
 
 use super::*;
 
@@ -204,7 +204,7 @@ fn an_output_is_no_fan() {
     assert_eq!(world.powers(FanOutput::Fan2, 1), [255]);
     assert_eq!(world.powers(FanOutput::Fan3, 1), [0]);
     assert_eq!(world.powers(FanOutput::Part, 1), [255]);
-    // After M112 fans go on as they were.
+    // After M112 fans keep their powers.
     world.heated.has_fault = false;
     assert_eq!(world.powers(FanOutput::Part, 1), [0]);
     assert_eq!(world.powers(FanOutput::Fan2, 1), [255]);

@@ -1,4 +1,4 @@
-//! Whether a fan turns, by its tachometer.
+//! Detection of a fan that does not turn, by its tachometer.
 
 use crate::heat::sample_time::SAMPLE_MS;
 
@@ -28,8 +28,8 @@ impl TurnWatch {
         Self { pulses: 0, samples: 0, full_samples: 0, rpm: None, is_stalled: false }
     }
 
-    /// Takes a sample of the tachometer's count, modulo 2^16. A speed below `least_rpm` at full power is a fault; 0 is no such
-    /// bound.
+    /// Takes a sample of the tachometer's count, modulo 2^16. A speed below `least_rpm` at full power is a fault; 0
+    /// sets no bound.
     pub fn look(&mut self, least_rpm: u16, has_full_power: bool, pulses: Option<u16>) {
         let Some(pulses) = pulses else { return };
         if !has_full_power {
@@ -58,7 +58,7 @@ impl TurnWatch {
         self.rpm
     }
 
-    /// Whether it was too slow when it was last judged.
+    /// Returns true if it was too slow when it was last judged.
     pub const fn is_stalled(&self) -> bool {
         self.is_stalled
     }

@@ -26,7 +26,7 @@ impl Checked {
         Self { settings, safety: Safety::new(), target: 0.0, power: 0.0 }
     }
 
-    /// At its target.
+    /// A heater at its target.
     fn holding() -> Self {
         let mut checked = Self { target: TARGET, power: 0.3, ..Self::new() };
         checked.sample(TARGET).unwrap();
@@ -37,7 +37,8 @@ impl Checked {
         self.safety.check(&self.settings, Ok(celsius), self.target, self.power, false)
     }
 
-    /// As many samples, each a little different so that no reading stands still. How many there were before the trip.
+    /// Takes `count` samples, each a little different so that the reading always changes. A trip comes with the
+    /// number of samples before it.
     fn samples(&mut self, count: u32, celsius: f32) -> Result<(), (u32, Trip)> {
         (0..count).try_for_each(|index| {
             let ripple = if index % 2 == 0 { 0.0 } else { 0.01 };
@@ -76,7 +77,8 @@ fn heating_up_has_the_watch_period_for_each_two_degrees() {
     assert_eq!(after, WATCH_SAMPLES - 1);
 }
 
-/// Switched off and on again, a nozzle goes on cooling until the heat has come through: two degrees from its lowest count.
+/// Switched off and on again, a nozzle keeps cooling until the heat has come through: two degrees from its lowest
+/// count.
 #[test]
 fn heat_on_its_way_may_come_late() {
     let cooled = || {
@@ -108,7 +110,7 @@ fn a_new_target_within_the_hysteresis_is_held() {
     let (after, trip) = checked.samples(2 * RUNAWAY_SAMPLES, 95.98).unwrap_err();
     assert!(matches!(trip, Trip::Runaway(_)), "{trip:?}");
     assert_eq!(after, RUNAWAY_SAMPLES - 1);
-    // From above it is near, too.
+    // A temperature above the target is near as well.
     let mut checked = Checked::holding();
     checked.target = 50.0;
     checked.samples(10, TARGET).unwrap();
@@ -221,7 +223,7 @@ fn a_heater_that_stays_hot_without_power_is_on() {
         assert!(matches!(trip, Trip::StaysHotUnpowered(_)), "{trip:?}");
         assert_eq!(after, COOLING_SAMPLES);
     }
-    // Warm is no fault: a nozzle over a bed, a bed in a chamber.
+    // A warm heater is not a fault: a nozzle over a bed, a bed in a chamber.
     Checked::new().samples(2 * COOLING_SAMPLES, 79.9).unwrap();
     // Two degrees in time, again and again.
     let mut checked = Checked::new();
@@ -230,7 +232,7 @@ fn a_heater_that_stays_hot_without_power_is_on() {
         checked.samples(COOLING_SAMPLES - 2, celsius).unwrap();
         celsius -= 2.0;
     }
-    // With power, however little, it is no fault either.
+    // With power, however little, it is not a fault either.
     let mut checked = Checked::holding();
     for _ in 0..3 {
         checked.power = 0.0;
@@ -256,7 +258,8 @@ fn the_hysteresis_shrinks_towards_the_room() {
     }
 }
 
-/// The reading stands still at the target, this many samples after the power has changed.
+/// Returns the number of samples, with these powers and an unchanged reading at the target, until the reading counts
+/// as frozen.
 fn frozen_after(powers: impl IntoIterator<Item = f32>) -> Option<u32> {
     let mut checked = Checked::holding();
     for (index, power) in (0..).zip(powers) {
@@ -305,7 +308,7 @@ fn a_reading_that_changes_is_not_frozen() {
     }
 }
 
-/// On the way to the target, and with the heater off, other checks tell.
+/// Below the target, and with the heater off, other checks notice a frozen reading.
 #[test]
 fn only_a_heater_at_its_target_can_be_frozen() {
     let mut checked = Checked::new();

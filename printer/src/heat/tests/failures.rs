@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// From the failure to the third reading that shows it, s.
+/// Time from the failure to the third reading that shows it, s.
 const MEDIAN_S: f32 = 0.03;
 
 /// The watch period and the runaway period, s.
@@ -126,7 +126,7 @@ fn a_dead_heater_is_noticed_at_the_target() {
     }
 }
 
-/// The heater goes on at full power meanwhile: what it reaches must do no harm.
+/// The heater stays at full power meanwhile: the temperature that it reaches must do no harm.
 #[test]
 fn a_thermistor_that_fell_out_is_noticed_before_the_heater_is_too_hot() {
     for heater in ALONE {
@@ -311,7 +311,7 @@ fn fans(rig: &Rig) -> (u8, bool) {
     of_board(&rig.board)
 }
 
-/// With a transistor that has failed closed, moving air is all that is left.
+/// All fans blow after a fault: with a transistor that has failed closed only moving air is left.
 #[test]
 fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
     for heater in USUAL {
@@ -343,7 +343,8 @@ fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
     }
 }
 
-/// After a reset at 250 degrees with a broken thermistor there is no temperature: that is not a cold nozzle.
+/// The fans turn after a reset at 250 degrees with a broken thermistor: an unknown temperature does not mean a cold
+/// nozzle.
 #[test]
 fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
     let (_, mut board) = control_of(USUAL.map(settings), [None; 2], FanSettings::USUAL);

@@ -1,4 +1,4 @@
-//! What takes heat from a heater's mass beside the air: filament, and a second mass behind the first.
+//! Loads that take heat from a heater's mass beside the air: filament, and a second mass attached to the first.
 
 use super::*;
 
@@ -9,7 +9,7 @@ const HEATED_SHARE: f32 = 0.85;
 /// ... and it takes the heat on its way down, with a time constant of this, s.
 const MELTING_S: f32 = 0.8;
 
-/// A nozzle, a sock or a plate behind the block.
+/// A nozzle, a sock or a plate attached to the block.
 #[derive(Clone, Copy, Debug)]
 pub struct SecondMass {
     pub capacity_j_per_k: f32,
@@ -22,7 +22,7 @@ pub struct SecondMass {
 pub struct Load {
     /// Speed of the filament, mm/s.
     pub filament_mm_per_s: f32,
-    /// Where the extruder is, thousandths of a millimetre.
+    /// Position of the extruder, thousandths of a millimetre.
     pub pushed_um: i64,
     melting_w: f32,
     pub second: Option<SecondMass>,

@@ -16,13 +16,13 @@ use super::*;
 
 /// Filament of 1.75 mm for 15 mm^3/s, mm/s.
 const FLOW_MM_PER_S: f32 = 6.24;
-/// How long the nozzle heats up and rests, s; a bed of 80 W takes ten minutes to 90 degrees.
+/// Time for which the nozzle heats up and rests, s; a bed of 80 W takes ten minutes to 90 degrees.
 const NOZZLE_S: u32 = 260;
 const BED_S: u32 = 900;
-/// How long the fan blows and rests, and the filament flows and stands, each, s.
+/// Time for which the fan blows and rests, and the filament flows and stops, each, s.
 const EACH_S: u32 = 80;
 
-/// What a profile says before M306 T.
+/// The profile's model before M306 T.
 fn before_tuning(model: &Model) -> HeaterModel {
     HeaterModel {
         power_w: model.mass.heater_w,
@@ -41,7 +41,7 @@ fn begin_step(bench: &mut Bench<'_>) {
     bench.control.begin_step(heater, if is_nozzle { 200.0 } else { 70.0 }, is_nozzle);
 }
 
-/// What a step response finds.
+/// Returns the result of a step response.
 fn tune(bench: &mut Bench<'_>) -> HeaterModel {
     begin_step(bench);
     loop {
@@ -55,18 +55,18 @@ fn tune(bench: &mut Bench<'_>) -> HeaterModel {
     }
 }
 
-/// What controls a heater.
+/// Control of a heater.
 #[derive(Clone, Copy)]
 enum By {
     Gains(PidGains),
     Model(HeaterModel),
 }
 
-/// What a control does at a target, degrees and s.
+/// Behaviour of a control at a target, degrees and s.
 #[derive(Clone, Copy, Debug, Default)]
 struct Outcome {
     overshoot: f32,
-    /// Until it stays within 1 degree.
+    /// Time until it stays within 1 degree.
     reached_s: f32,
     rest: f32,
     fan: f32,
@@ -312,7 +312,8 @@ fn failures_trip_while_a_model_is_found() {
                         assert_eq!(bench.board.board.power(model.heater), 0.0, "{failure:?} after {at_s} s");
                         worst[1] = worst[1].max(highest);
                         let Some(fault) = fault else {
-                            // A reading that stands still at the target, where the power does so too, is what a steady heater looks like.
+                            // A reading that stays the same at the target, with a power that does so as well, looks
+                            // like that of a steady heater.
                             assert_eq!(failure, ThermistorFrozen, "{} after {at_s} s", model.name);
                             unnoticed += 1;
                             continue;

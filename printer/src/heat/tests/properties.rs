@@ -1,4 +1,4 @@
-//! What holds for any sequence of readings and targets.
+//! Properties of any sequence of readings and targets.
 
 use proptest::prelude::*;
 
@@ -35,7 +35,7 @@ impl Fans for AnyBoard {
     }
 }
 
-/// What happens to a control.
+/// An event for a control.
 #[derive(Clone, Debug)]
 enum Event {
     /// This many samples with these readings.
@@ -64,7 +64,7 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    /// After a trip no heater ever has power again before M999, which never switches one on either, and all fans turn; and
+    /// No heater has power again after a trip before M999, which never switches one on either, and all fans turn; and
     /// powers are powers.
     #[test]
     fn after_a_trip_no_heater_has_power_before_m999(
@@ -106,8 +106,8 @@ proptest! {
         }
     }
 
-    /// Without a valid reading, or at or above its maximum, no heater is on for longer than the median takes; nor for longer than
-    /// its watch period at a reading that does not change, below its target.
+    /// No heater is on for longer than the median takes without a valid reading, or at or above its maximum; nor for
+    /// longer than its watch period at a reading that does not change, below its target.
     #[test]
     fn no_heater_stays_on_where_it_must_not(
         reading in any::<u16>(),

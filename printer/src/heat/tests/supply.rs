@@ -24,9 +24,9 @@ fn it_ends_what_no_heater_s_switch_can() {
     rig.run(300.0).unwrap();
     let later = rig.board.true_celsius(Heater::Nozzle);
     assert!(later < 60.0, "{noticed} {later}");
-    // A supply that fails, too, leaves the fans to cool.
+    // A supply that fails as well leaves the fans to cool.
     assert_eq!(rig.board.fan_power(FanOutput::HotEnd), 255);
-    // The same machine without such a supply goes on heating.
+    // The same machine without such a supply keeps heating.
     let (mut rig, noticed) = closed_transistor(None);
     assert_eq!(rig.control.supply(), None);
     rig.run(300.0).unwrap();

@@ -15,7 +15,7 @@ use super::*;
 use chart::{Chart, GREY, Panel, RUST, Row};
 use models::{MODELS, Model};
 
-/// What is asked of a tuned heater, degrees.
+/// Requirements of a tuned heater, degrees.
 pub(super) const MAX_OVERSHOOT: f32 = 2.0;
 pub(super) const STEADY: f32 = 0.3;
 pub(super) const MAX_FAN: f32 = 3.0;
@@ -88,7 +88,7 @@ impl<'a> Bench<'a> {
         self.control.update(&mut self.board)
     }
 
-    /// What the thermistor would read without noise, degrees Celsius.
+    /// Temperature that the thermistor would read without noise, degrees Celsius.
     pub fn celsius(&self) -> f32 {
         self.board.board.thermistor_celsius(self.model.heater)
     }
@@ -131,7 +131,7 @@ pub(super) fn ends(curve: &[f32]) -> [f32; 2] {
     [curve.iter().copied().fold(f32::NEG_INFINITY, f32::max), curve.iter().copied().fold(f32::INFINITY, f32::min)]
 }
 
-/// What tuned gains do at a target.
+/// Behaviour of tuned gains at a target.
 struct Outcome {
     overshoot: f32,
     steady: f32,

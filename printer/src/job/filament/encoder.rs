@@ -6,20 +6,20 @@ use crate::signals::Signals;
 /// Two changes of the level are one to and fro if less than this part of M412 D's length has been pushed in between.
 const TO_AND_FRO: u32 = 8;
 
-/// Watches an encoder in the filament's path: each change of its level is a sign that the filament moves. If the extruder pushes more new
-/// filament without a sign than M412 D says, it is missing.
+/// Watches an encoder in the filament's path: each change of its level is a sign that the filament moves. If the
+/// extruder pushes more new filament without a sign than M412 D allows, the filament counts as missing.
 ///
-/// A change counts when it has lasted for the profile's time, and while new filament is being pushed: what happens at standstill counts
-/// only if it is there still when that goes on. If the level changes back with next to no new filament in between, neither change was a
-/// sign: a piece was drawn back past an edge and pushed again, with which a nozzle that is clogged would look like one that prints, or
-/// the edge trembles.
+/// A change counts when it has lasted for the profile's time, and while new filament is being pushed: a change at
+/// standstill counts only if it is still there when pushing continues. If the level changes back with next to no new
+/// filament in between, neither change was a sign: a piece was drawn back past an edge and pushed again, with which a
+/// nozzle that is clogged would look like one that prints, or the edge trembles.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EncoderWatch {
     /// The level that counts.
     level: bool,
-    /// When the encoder began to say the other one, ms.
+    /// Time when the encoder's level began to differ from it, ms.
     since_ms: Option<u32>,
-    /// What had been pushed, at most, at the last change that counted.
+    /// Filament pushed, at most, at the last change that counted.
     changed: Pushed,
     /// The same at the last sign, and at the sign before, which is the last one if the level changes back.
     seen: [Pushed; 2],
@@ -31,8 +31,8 @@ impl EncoderWatch {
         Self { level: false, since_ms: None, changed: Pushed::NONE, seen: [Pushed::NONE; 2] }
     }
 
-    /// To be called every few milliseconds with the encoder's level, what has been pushed, the extruder's steps a millimetre, how long a
-    /// level must last, and a clock of milliseconds that may wrap.
+    /// Looks at the encoder; to be called every few milliseconds with its level, the pushed filament, the extruder's
+    /// steps a millimetre, the time that a level must last, and a clock of milliseconds that may wrap.
     pub fn look(
         &mut self,
         now_ms: u32,

@@ -73,7 +73,7 @@ fn stops_pauses_and_halts_work_between_its_lines() {
     let mut world = World::new();
     world.change(|profile| profile.macros = "#PP\n1 G4 S1\n2 M601\n3 G4 S1\n4 M220 S50\n#HH\n1 G4 S100\n2 M220 S70\n");
     let mut printer = world.printer();
-    // A person goes on.
+    // A person resumes it.
     assert!(run(&world, &mut printer, "PP", |seconds| {
         if seconds > 20 {
             world.signals().end_wait();

@@ -13,22 +13,22 @@ use crate::part::Part;
 use crate::settings::profile::filament::FirmwareRetraction;
 use crate::settings::profile::tools::MAX_TOOLS;
 
-/// Of the order of the fields below: another one does not read them.
+/// Version of the order of the fields below: firmware with another one does not read them.
 const VERSION: u8 = 4;
 
-/// Where the height of the motors is in the bytes.
+/// Place of the motors' height in the bytes.
 const STANDS_AT: usize = 1;
 
-/// What a print needs to go on. `T`: whether there may be several tools.
+/// State that a print needs to be resumed. `T`: whether there may be several tools.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place<T: Part> {
-    /// Where the motors of Z stand while the place is kept, at least, units of 10 nm.
+    /// Minimum height of the motors of Z while the place is kept, units of 10 nm.
     pub stands_10nm: i64,
     /// Byte of the file at which the next line begins.
     pub offset: u32,
     /// Lines before it.
     pub lines: u32,
-    /// Which machine it is: [`ferrostep_settings::hash_of`] its profile's name.
+    /// The machine: [`ferrostep_settings::hash_of`] its profile's name.
     pub profile: u32,
     /// The state between its lines.
     pub paused: Paused,
@@ -36,11 +36,11 @@ pub(crate) struct Place<T: Part> {
     pub fans: [u8; FanOutput::COUNT],
     /// Limits of its moves.
     pub limits: Limits,
-    /// How far its extruder runs ahead.
+    /// Pressure advance of its extruder.
     pub advance: PressureAdvance,
     /// Steps of the extruder in a millimetre of filament, in units of 1e-5.
     pub extruder_steps: i64,
-    /// How skew its axes are.
+    /// Skew of its axes.
     pub skew: Skew,
     /// Its tools, of several.
     pub tools: T::Of<ToolBox>,
@@ -133,7 +133,7 @@ fn pass_advance(advance: &mut PressureAdvance, codec: &mut Codec<'_, '_>) {
     advance.smooth_time_s = (smooth_time_s > 0.0).then_some(smooth_time_s);
 }
 
-/// Which tool is selected, the offset of the further one, and what belongs to the one that rests.
+/// Passes the selected tool, the offset of the further one, and the values of the one that rests.
 fn pass_tools(tools: &mut ToolBox, codec: &mut Codec<'_, '_>) {
     let flags = tools
         .tools
@@ -202,9 +202,9 @@ fn pass_modal(modal: &mut Modal, place_10nm: &mut [i64; 3], codec: &mut Codec<'_
 
 /// Writes fields, or reads them: one order for both.
 struct Codec<'a, 'b> {
-    /// Where they are written.
+    /// Output when writing.
     out: Option<&'a mut Kept>,
-    /// What is still to be read.
+    /// Bytes still to be read.
     bytes: &'b [u8],
     /// There was less to be read.
     is_short: bool,

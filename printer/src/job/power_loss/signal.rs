@@ -4,13 +4,13 @@ use crate::job::debounce::Debounce;
 use crate::settings::profile::supply::SupplySignal;
 use crate::signals::Signals;
 
-/// What hosts read when the supply has failed and no print from the card is under way.
+/// Text for hosts when the supply has failed and no print from the card is under way.
 pub const SUPPLY_FAILS: &str = "echo:power loss: the supply fails";
 
 /// Watches the signal, freed of spikes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SupplyWatch {
-    /// Whether the supply fails; `None` before the first look.
+    /// True while the supply fails; `None` before the first look.
     is_failing: Option<bool>,
     debounce: Debounce,
 }
@@ -21,8 +21,9 @@ impl SupplyWatch {
         Self { is_failing: None, debounce: Debounce::new() }
     }
 
-    /// To be called every few milliseconds with what the signal says now and a clock of milliseconds that may wrap. Returns whether
-    /// the supply has just failed; what it says at the first look is taken as it is, for a wire may be missing.
+    /// Looks at the signal; to be called every few milliseconds with its present state and a clock of milliseconds
+    /// that may wrap. Returns true if the supply has just failed; the state at the first look never counts as a
+    /// failure, because a wire may be missing.
     pub fn look(&mut self, now_ms: u32, is_failing: bool, signal: &SupplySignal, signals: &Signals) -> bool {
         let before = *self.is_failing.get_or_insert(is_failing);
         signals.set_supply_failing(before);

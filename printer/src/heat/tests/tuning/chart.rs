@@ -20,7 +20,7 @@ pub struct Row {
     pub panels: [Panel; 2],
 }
 
-/// What is drawn beside the rows.
+/// Parts of the chart beside the rows.
 pub struct Chart {
     pub title: &'static str,
     pub heads: [&'static str; 2],

@@ -14,13 +14,13 @@ struct Bench {
     watch: EncoderWatch,
     signals: Signals,
     now_ms: u32,
-    /// Where the extruder stands, and the filament in the encoder, mm.
+    /// Position of the extruder, and of the filament in the encoder, mm.
     extruder_mm: f64,
     filament_mm: f64,
     /// Filament from edge to edge.
     edge_mm: f64,
     is_jammed: bool,
-    /// Whether the wheel's slot trembles at its edge.
+    /// True if the wheel's slot trembles at its edge.
     chatters: bool,
 }
 
@@ -134,7 +134,7 @@ fn retractions_of_a_print_hide_no_sign() {
     }
 }
 
-/// At an edge the level trembles: at standstill, and while the gear grinds.
+/// A level that trembles at an edge gives no sign: at standstill, and while the gear grinds.
 #[test]
 fn a_chattering_level_is_no_sign() {
     let mut bench = Bench::new(2.88, 7.0);
@@ -169,7 +169,7 @@ fn piece() -> impl Strategy<Value = (f64, f64, u32)> {
 }
 
 proptest! {
-    /// The wheel gives its signs at any length below the one that counts, wherever it stands at the start.
+    /// The wheel gives its signs at any length below the one that counts, wherever it is at the start.
     #[test]
     fn a_print_is_never_stopped_and_a_jam_always_is(
         pieces in proptest::collection::vec(piece(), 1..60),

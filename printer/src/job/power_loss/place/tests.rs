@@ -88,7 +88,7 @@ fn other() -> Place<Present> {
     }
 }
 
-/// As it is printed: what has no `PartialEq` has the same digits.
+/// The place as text: fields without `PartialEq` have the same digits.
 fn shown(place: &Place<Present>) -> String {
     format!("{place:?}")
 }
@@ -101,7 +101,7 @@ fn what_is_written_is_read() {
         assert!(bytes.len() <= KEPT_BYTES, "{}", bytes.len());
         let mut read = if shown(&written) == shown(&other()) { place() } else { other() };
         assert!(read.read(&bytes));
-        // What the selected tool has is where it is in force, and T0 has no offset.
+        // The values of the selected tool are those in force, and T0 has no offset.
         let selected = usize::from(written.tools.selected);
         let (kept, offset_10nm) = (written.tools.tools[selected], read.tools.tools[selected].offset_10nm);
         let flags = (read.tools.tools[selected].retracted, read.tools.tools[selected].drawn_back);
