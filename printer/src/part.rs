@@ -3,9 +3,9 @@
 use core::fmt::Debug;
 use core::future::{Future, Pending, pending};
 
-/// Whether the machine has a part: [`Present`] or [`Absent`].
+/// A part that the machine has or lacks: [`Present`] or [`Absent`].
 pub trait Part: Copy + Debug + PartialEq + 'static {
-    /// Whether it has.
+    /// True if it has the part.
     const PRESENT: bool;
 
     /// A command's future on a machine with the part, and on another one that never ends, and contains no code of it: what a future
@@ -21,7 +21,7 @@ pub trait Part: Copy + Debug + PartialEq + 'static {
     /// Keeps a value, or forgets it.
     fn of<T: Copy + Debug + PartialEq>(value: T) -> Self::Of<T>;
 
-    /// What is kept.
+    /// The kept value.
     fn get<T: Copy + Debug + PartialEq>(of: &Self::Of<T>) -> Option<&T>;
 
     /// The same, to be changed.

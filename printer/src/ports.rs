@@ -32,21 +32,21 @@ pub(crate) type Text = heapless::String<384>;
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
-    /// Whether the filament that the extruder pushes can be watched ([`crate::machine::Machine::pushed_filament`]).
+    /// True if the filament that the extruder pushes can be watched ([`crate::machine::Machine::pushed_filament`]).
     const FOLLOWS_FILAMENT: bool = true;
 
-    /// As [`ferrostep_hal_shim::MotionWatch::HAS_FILAMENT_SWITCH`].
+    /// Constant of [`ferrostep_hal_shim::MotionWatch::HAS_FILAMENT_SWITCH`].
     const HAS_FILAMENT_SWITCH: bool = true;
     /// A command begins: any stop from now on ends its waits. Returns whether motion was stopped since the last command began, by
     /// anything but [`Self::stop`].
     fn begin_command(&mut self) -> bool {
         false
     }
-    /// How often motion was stopped so far; it may wrap.
+    /// Number of stops of motion so far; it may wrap.
     fn stops(&self) -> u32 {
         0
     }
-    /// Whether [`Self::wait_for_room_in_time`] waits at all ([`crate::machine::Machine::set_bounded_in_time`]).
+    /// Sets whether [`Self::wait_for_room_in_time`] waits at all ([`crate::machine::Machine::set_bounded_in_time`]).
     fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
@@ -65,12 +65,12 @@ pub trait Motion {
     fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> impl Future<Output = Result<bool, MotionError>>;
     /// Watches until the motors have passed the beginning of a line: all moves of the lines before it have ended then.
     fn watch_line(&mut self, _line: u32) {}
-    /// Whether the motors have passed it; at most one later move late.
+    /// Returns true if the motors have passed it; at most one later move late.
     fn has_passed_line(&self) -> bool {
         true
     }
-    /// Waits until all queued motion has ended. It is an error, too, if the plan of a prepared job's last block cannot be
-    /// followed.
+    /// Waits until all queued motion has ended. It is also an error if the plan of a prepared job's last block cannot
+    /// be followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
     /// The moves to come, until the position is set, are part of homing: a print's motion time leaves them out.
     fn begin_homing(&mut self) {}
@@ -80,7 +80,7 @@ pub trait Motion {
     fn position_10nm(&self) -> [i64; 3];
     /// Sets the machine's position, at standstill.
     fn set_position(&mut self, position_10nm: [i64; 3]);
-    /// Steps that X, Y, Z (A, B, Z) and the extruder have made so far, in motion, too.
+    /// Steps that X, Y, Z (A, B, Z) and the extruder have made so far, also in motion.
     fn motor_steps(&self) -> [i64; 4];
     /// Digests and counters of all motion handed to the motors so far.
     fn figures(&self) -> MotionFigures;
@@ -102,9 +102,9 @@ pub trait Motion {
     /// # Errors
     /// [`ChoiceError::InMotion`]: the machine is not at standstill; nothing has changed then.
     fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError>;
-    /// What lets Z follow the bed, or nothing: its code is compiled only then.
+    /// Bed following, or a type without it: its code is compiled only for a bed that is followed.
     type Bed: Bed;
-    /// Whether Z can follow the bed.
+    /// True if Z can follow the bed.
     const HAS_BED: bool = Self::Bed::PRESENT;
     /// Looks at the measured mesh of the bed, or changes it while Z does not follow it; `None` without memory for one.
     fn mesh<T>(&mut self, _act: impl FnOnce(&mut Mesh) -> T) -> Option<T> {
@@ -117,9 +117,9 @@ pub trait Motion {
     fn follow_bed(&mut self, _on: bool) -> Result<(), MeshError> {
         Ok(())
     }
-    /// What moves the probe's pin, or nothing: its code is compiled only then.
+    /// Servo of the probe's pin, or no such part: its code is compiled only if it is present.
     type Servo: Part;
-    /// Sends pulses to the probe's servo, in the place of those that have not been sent.
+    /// Sends pulses to the probe's servo; they replace those that have not been sent.
     fn send_servo_pulses(&mut self, _pulses: ServoPulses) {}
     /// Waits until all of them have been sent; a stop ends the wait, and not the pulses.
     fn servo_pulses_sent(&mut self) -> impl Future<Output = Result<(), MotionError>> {
@@ -127,9 +127,9 @@ pub trait Motion {
     }
     /// Several motors that lift Z and are aligned, or not: the code for that is compiled only then.
     type ZMotors: Part;
-    /// Of these motors those in the mask make the steps to come ([`crate::machine::Machine::step_z_motors`]).
+    /// Selects the motors of Z that make the next steps ([`crate::machine::Machine::step_z_motors`]).
     fn step_z_motors(&mut self, _motors: u8) {}
-    /// Several tools, of which one is selected, or not: the code for that is compiled only then.
+    /// Several tools, one of them selected, or not: the code for that is compiled only then.
     type Tools: Part;
     /// The extruder of this tool makes the steps to come, and its nozzle is so far from the first's
     /// ([`crate::machine::Machine::step_extruder`]).
@@ -155,7 +155,7 @@ pub trait Motion {
     fn take_fault(&mut self) -> Option<MotionFault> {
         None
     }
-    /// Whether the end stop of an axis is triggered.
+    /// Returns true if the end stop of an axis is triggered.
     fn is_end_stop_triggered(&self, axis: usize) -> bool;
     /// Stops at once and forgets all queued motion; the position is then where the motors stand. Returns the filament
     /// that was queued and not pushed, units of 0.1 nm.
@@ -174,7 +174,7 @@ pub trait Ports {
     type Heating: Heating;
     /// The time, and waits for it.
     type Clock: Clock + DelayNs + Clone;
-    /// Where replies go.
+    /// Receiver of replies.
     type Replies: Replies;
 }
 
@@ -208,7 +208,7 @@ impl Equipment {
 pub trait Heating {
     /// Sets a target, degrees Celsius; 0 switches the heater off.
     fn set_target(&mut self, heater: Heater, celsius: f32);
-    /// Whether the chamber has a heater beside its thermometer; `None` without either.
+    /// Returns true if the chamber has a heater beside its thermometer; `None` without either.
     fn chamber_is_heated(&self) -> Option<bool> {
         None
     }
@@ -218,7 +218,7 @@ pub trait Heating {
     }
     /// The selected tool's nozzle has this heater from now on.
     fn select_nozzle(&mut self, _heater: Heater) {}
-    /// Whether a further tool has a nozzle of its own.
+    /// Returns true if a further tool has its own nozzle.
     fn has_nozzles(&self) -> bool {
         false
     }
@@ -234,11 +234,11 @@ pub trait Heating {
     fn set_gains(&mut self, _heater: Heater, _gains: PidGains) {}
     /// Tunes a heater by a relay, see [`crate::heat::HeatControl::begin_relay`].
     fn begin_relay(&mut self, _heater: Heater, _celsius: f32, _cycles: u8, _has_fan: bool) {}
-    /// How far the autotune of a heater has come; `None` without one.
+    /// Progress of a heater's autotune; `None` without one.
     fn relay(&self, _heater: Heater) -> Option<RelayProgress> {
         None
     }
-    /// Whether heaters may be controlled by a model.
+    /// [`crate::Present`] if heaters may be controlled by a model.
     type Models: Part;
     /// The model that controls a heater; `None` if a PID loop does.
     fn model(&self, _heater: Heater) -> Option<HeaterModel> {
@@ -248,7 +248,7 @@ pub trait Heating {
     fn set_model(&mut self, _heater: Heater, _model: HeaterModel) {}
     /// Finds the model of a heater, see [`crate::heat::HeatControl::begin_step`].
     fn begin_step(&mut self, _heater: Heater, _celsius: f32, _has_fan: bool) {}
-    /// How far the step response of a heater has come; `None` without one.
+    /// Progress of a heater's step response; `None` without one.
     fn step(&self, _heater: Heater) -> Option<StepProgress> {
         None
     }
@@ -260,13 +260,13 @@ pub trait Heating {
     fn stalled_fan(&self) -> Option<FanOutput> {
         None
     }
-    /// Whether the power supply may be one that is switched.
+    /// [`crate::Present`] if the power supply may be switched.
     type Supply: Part;
-    /// Whether the machine may have outputs that are no fans ([`crate::heat::fans::FanRule::Output`]).
+    /// True if the machine may have outputs other than fans ([`crate::heat::fans::FanRule::Output`]).
     const HAS_OUTPUTS: bool = true;
     /// Switches the power supply; off switches all heaters off as well.
     fn set_supply(&mut self, _on: bool) {}
-    /// Whether the power supply is on; one that cannot be switched is.
+    /// Returns true if the power supply is on; one that cannot be switched always is.
     fn is_supply_on(&self) -> bool {
         true
     }
@@ -294,9 +294,10 @@ pub trait Timing: core::fmt::Debug {
 /// Motor drivers that can be set; machines may have none. Motors are X (A), Y (B), Z and E, 0 to 3, then the further ones of Z, whose
 /// settings are those of Z.
 pub trait MotorDrivers: core::fmt::Debug {
-    /// Whether a driver has confirmed its settings, or has failed; `None` for a motor whose driver cannot be set.
+    /// State of a driver: it has confirmed its settings, or has failed; `None` for a motor whose driver cannot be
+    /// set.
     fn state(&self, motor: usize) -> Option<DriverState>;
-    /// What a driver reports of itself.
+    /// A driver's report.
     fn report(&self, motor: usize) -> Option<DriverReport>;
     /// Checks whether a driver could be set to this.
     ///
@@ -324,11 +325,11 @@ pub trait SettingsMemory: core::fmt::Debug {
     /// # Errors
     /// The memory does not work.
     fn save(&self, record: &[u8]) -> Result<(), StoreError>;
-    /// Whether the processor stands still meanwhile, so that no heater may be on.
+    /// Returns true if the processor is stopped meanwhile, so that no heater may be on.
     fn stalls(&self) -> bool;
 }
 
-/// Where replies go. Several commands may answer, so this takes a shared reference.
+/// Receiver of replies. Several commands may answer, so this takes a shared reference.
 pub trait Replies {
     /// Sends a reply, line by line.
     fn send(&self, reply: Reply<'_>);
@@ -392,5 +393,5 @@ pub fn temperatures(heating: &impl Heating) -> Temperatures {
     }
 }
 
-/// Whether the machine may have several tools.
+/// [`crate::Present`] if the machine may have several tools.
 pub(crate) type ToolsPart<P> = <<P as Ports>::Motion as Motion>::Tools;

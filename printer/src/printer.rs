@@ -31,7 +31,8 @@ pub(crate) enum Answer {
     Given,
 }
 
-/// What a memory makes of the commands that need one. An image whose board has none does not contain their code.
+/// Handling of the commands that need a settings memory. An image whose board has no memory does not contain their
+/// code.
 pub(crate) trait KeepsSettings<P: Ports> {
     /// M500, M501 and M504; `None`: the start. Returns what is still to be set of the motion.
     fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice>;
@@ -40,7 +41,7 @@ pub(crate) trait KeepsSettings<P: Ports> {
     fn keep_statistics(&self, printer: &mut Printer<'_, P>);
 }
 
-/// What a board may have beside motors and heaters.
+/// Optional equipment of a board beside motors and heaters.
 pub(crate) struct Fitted<'a, P: Ports> {
     /// The parts of the board that can be used.
     pub equipment: Equipment,
@@ -55,7 +56,7 @@ pub(crate) struct Fitted<'a, P: Ports> {
 }
 
 impl<P: Ports> Fitted<'_, P> {
-    /// All equipment, and nothing else.
+    /// All equipment, and no optional parts.
     const fn new() -> Self {
         Self {
             equipment: Equipment::ALL,

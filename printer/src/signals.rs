@@ -21,13 +21,13 @@ pub struct Signals {
     heater_timeout_s: AtomicU16,
     host_spoke: AtomicBool,
     is_writing: AtomicBool,
-    /// What the supply's signal says.
+    /// State of the supply's signal.
     supply_failing: AtomicBool,
     /// The supply has failed, and no one has acted on it.
     supply_failed: AtomicBool,
     filament_missing: AtomicBool,
     switch_missing: AtomicBool,
-    /// See [`Self::filament_detection_10nm`].
+    /// Value of [`Self::filament_detection_10nm`].
     filament_detection_10nm: AtomicU32,
     filament_counts_anew: AtomicBool,
     fan_stalled: AtomicBool,
@@ -87,7 +87,7 @@ impl Signals {
         self.prompt_answer.store(button, Ordering::Release);
     }
 
-    /// Takes what a person has answered since, by M108 or a button; buttons that no prompt has are no answer.
+    /// Takes a person's answer since the last call, by M108 or a button; buttons that no prompt has are ignored.
     pub(crate) fn take_answer(&self) -> Option<PauseAnswer> {
         let (button, ends) = (self.prompt_answer.swap(NO_BUTTON, Ordering::AcqRel), self.take_end_wait());
         match button {
@@ -98,7 +98,7 @@ impl Signals {
         }
     }
 
-    /// Whether the command at hand waits for a person (M0, M600 and the like).
+    /// Returns true if the command at hand waits for a person (M0, M600 and the like).
     pub fn is_paused_for_user(&self) -> bool {
         self.paused_for_user.load(Ordering::Relaxed)
     }
@@ -107,7 +107,7 @@ impl Signals {
         self.paused_for_user.store(paused, Ordering::Relaxed);
     }
 
-    /// Whether a command is being executed; a wait counts.
+    /// Returns true if a command is being executed; a wait counts.
     pub fn is_at_work(&self) -> bool {
         self.is_at_work.load(Ordering::Acquire)
     }
@@ -140,12 +140,12 @@ impl Signals {
         self.host_spoke.store(true, Ordering::Release);
     }
 
-    /// The command at hand goes on by itself: heaters are used as if a host had spoken.
+    /// Notes that the command at hand continues by itself: heaters count as used, as if a host had spoken.
     pub(crate) fn note_use(&self) {
         self.note_host();
     }
 
-    /// Whether a host has sent anything since the last [`Self::take_host_spoken`].
+    /// Returns true if a host has sent anything since the last [`Self::take_host_spoken`].
     pub fn has_host_spoken(&self) -> bool {
         self.host_spoke.load(Ordering::Acquire)
     }
@@ -155,7 +155,7 @@ impl Signals {
         self.host_spoke.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether lines of a host go into a file (M28); then only M112 acts before its turn.
+    /// Returns true if lines of a host go into a file (M28); then only M112 acts before its turn.
     pub fn is_writing(&self) -> bool {
         self.is_writing.load(Ordering::Acquire)
     }
@@ -164,7 +164,7 @@ impl Signals {
         self.is_writing.store(is_writing, Ordering::Release);
     }
 
-    /// Whether the supply fails, by its signal.
+    /// Returns true if the supply fails, by its signal.
     pub fn is_supply_failing(&self) -> bool {
         self.supply_failing.load(Ordering::Relaxed)
     }
@@ -192,12 +192,13 @@ impl Signals {
         has_failed
     }
 
-    /// Whether the filament sensor sees none, or none that moves; `false` without a sensor.
+    /// Returns true if the filament sensor sees no filament, or none that moves; `false` without a sensor.
     pub fn is_filament_missing(&self) -> bool {
         self.filament_missing.load(Ordering::Relaxed)
     }
 
-    /// Whether the switch beside a sensor that sees filament move says that there is none; `false` without such a switch.
+    /// Returns true if the switch beside a sensor that sees filament move reports missing filament; `false` without
+    /// such a switch.
     pub fn is_filament_out(&self) -> bool {
         self.switch_missing.load(Ordering::Relaxed)
     }
@@ -220,7 +221,8 @@ impl Signals {
         self.filament_missing.store(is_missing, Ordering::Relaxed);
     }
 
-    /// How much new filament may be pushed without a sign of the encoder before it counts as missing, units of 10 nm (M412 D).
+    /// Length of new filament that may be pushed without a sign of the encoder before it counts as missing, units of
+    /// 10 nm (M412 D).
     pub(crate) fn filament_detection_10nm(&self) -> u32 {
         self.filament_detection_10nm.load(Ordering::Relaxed)
     }
@@ -229,7 +231,7 @@ impl Signals {
         self.filament_detection_10nm.store(length_10nm, Ordering::Relaxed);
     }
 
-    /// What has been pushed so far without a sign of the encoder counts no more.
+    /// Restarts the count of filament pushed without a sign of the encoder.
     pub(crate) fn count_filament_anew(&self) {
         // In this order: whatever the encoder's watch does in between, filament is not missing afterwards.
         self.filament_counts_anew.store(true, Ordering::Release);
@@ -268,7 +270,7 @@ impl Signals {
         self.halted.store(true, Ordering::Release);
     }
 
-    /// Whether the machine is halted.
+    /// Returns true if the machine is halted.
     pub fn is_halted(&self) -> bool {
         self.halted.load(Ordering::Acquire)
     }

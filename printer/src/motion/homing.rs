@@ -170,7 +170,7 @@ impl<M: Motion> Homing<'_, '_, M> {
             // Where something else has failed, that counts.
             outcome = outcome.and(M::Servo::only(move || homing.tell_pin(pin, PinCommand::In)).await);
         }
-        // After a failure, too, the G-code's position is that of the motors.
+        // Also after a failure the G-code's position is that of the motors.
         let found_10nm = self.motion.position_10nm()[axis];
         // The other axes stay, a lifted Z has its part in where they are.
         let mut position = self.interpreter.raised(self.interpreter.modal.machine_10nm);
@@ -210,9 +210,9 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.interpreter.follow_plane(position_10nm);
     }
 
-    /// A fast approach until the sensor triggers, a way back, and a second approach, which counts if it agrees with the
-    /// first. An axis that homes by a stall begins with the way back: it may stand at its end already, and a motor that is
-    /// held back from its first step on never reaches the speed that a stall signal needs.
+    /// A fast approach until the sensor triggers, a move back, and a second approach, which counts if it agrees with
+    /// the first. An axis that homes by a stall begins with the move back: it may be at its end already, and a motor
+    /// that is held back from its first step on never reaches the speed that a stall signal needs.
     ///
     /// Towards the bed the first approach goes `below_10nm` below the lowest place where the sensor should trigger.
     async fn find_home(&mut self, axis: usize, homing: &AxisHoming, below_10nm: i64) -> Result<(), CommandError> {
@@ -259,9 +259,10 @@ impl<M: Motion> Homing<'_, '_, M> {
         Err(CommandError::HomingDisagrees { axis, apart_10nm, agree_10nm: homing.agree_10nm })
     }
 
-    /// Where a first approach ends at the latest, machine coordinate of the motors. Away from the bed that is the whole
-    /// travel and the frame's possible excess. Towards the bed it is a little below the lowest place where the sensor can
-    /// trigger, as the last homing has found it, or an approach from an unknown height that has gone down all the way.
+    /// Last position that a first approach may reach, machine coordinate of the motors. Away from the bed that is the
+    /// whole travel and the frame's possible excess. Towards the bed it is a little below the lowest place where the
+    /// sensor can trigger, as the last homing has found it, or an approach from an unknown height that has gone down
+    /// all the way.
     fn end_of_search_10nm(&mut self, axis: usize, homing: &AxisHoming, below_10nm: i64) -> i64 {
         let position_10nm = self.motion.position_10nm()[axis];
         let length_10nm = self.interpreter.profile.size_10nm[axis] - self.interpreter.profile.lower_end_10nm[axis];
@@ -295,7 +296,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         if self.motion.is_end_stop_triggered(axis) { Err(CommandError::SensorStuck { axis }) } else { Ok(()) }
     }
 
-    /// Refuses an axis whose driver would let the motor push on for ever.
+    /// Refuses an axis whose driver would let the motor push on without end.
     fn needs_stall_signal(&self, axis: usize) -> Result<(), CommandError> {
         let homing = self.interpreter.profile.homing[axis];
         if homing.sensor != HomeSensor::Stall {
@@ -327,7 +328,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         is_first: bool,
     ) -> Result<HomingOutcome, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
-        // Never away from the sensor: a sensor that would lie behind the axis counts as missed.
+        // Never away from the sensor: a sensor beyond the axis's end counts as missed.
         if way_10nm(&self.interpreter.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
             return Ok(HomingOutcome::Missed);
         }
@@ -355,7 +356,7 @@ fn way_10nm(homing: &AxisHoming, from_10nm: i64, to_10nm: i64) -> i64 {
     if homing.end == HomeEnd::Max { to_10nm - from_10nm } else { from_10nm - to_10nm }
 }
 
-/// Whether an axis homes towards the bed, into which the nozzle must not be pressed.
+/// Returns true if an axis homes towards the bed, into which the nozzle must not be pressed.
 fn is_bed(axis: usize, homing: &AxisHoming) -> bool {
     axis == Z && homing.end == HomeEnd::Min
 }

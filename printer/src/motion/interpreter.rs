@@ -1,4 +1,4 @@
-//! From the words of a G-code line to the move that it asks for.
+//! Interpretation of the words of a G-code line as the move that they ask for.
 
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal};
 use ferrostep_planner::extruder::Extruder;
@@ -23,7 +23,7 @@ pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 #[derive(Debug)]
 pub(crate) struct MoveInterpreter<'a> {
     pub profile: &'a Profile,
-    /// Between the machine position and the axes.
+    /// Skew between the machine position and the axes.
     pub skew: Skew,
     pub modal: Modal,
     pub tally: Tally,
@@ -33,13 +33,13 @@ pub(crate) struct MoveInterpreter<'a> {
 /// A move whose words have been checked, and the state after it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AskedMove {
-    /// For the planner.
+    /// The move for the planner.
     pub request: Move,
-    /// Whether it displaces anything; the planner gets no others.
+    /// True if it displaces anything; the planner gets no others.
     pub displaces: bool,
     /// The axes whose target a soft limit has changed.
     pub clamped: [bool; 3],
-    /// Of an arc: between which X and which Y of the machine it was to go.
+    /// Range of an arc in X and in Y of the machine; `None` for a straight move.
     pub reach_10nm: Option<[[i64; 2]; 2]>,
     target: Target,
     extrusion: AdaptiveExtrusion,
@@ -63,7 +63,7 @@ struct Target {
 /// An arc whose words have been checked: its moves, one after the other.
 #[derive(Debug)]
 pub(crate) struct ArcMoves {
-    /// Whether any of them pushes filament.
+    /// True if any of them pushes filament.
     pub extrudes: bool,
     points: InnerPoints,
     reach_10nm: [[i64; 2]; 2],
@@ -259,7 +259,7 @@ impl<'a> MoveInterpreter<'a> {
         }
     }
 
-    /// Whether a move gets filament by its length (M795): one in the plane, without an E of its own, and with the
+    /// Returns true if a move gets filament by its length (M795): one in the plane, without an E word, and with the
     /// filament not drawn back.
     fn extrudes_by_length(&self, axes: &AxisWords, target: &Target) -> bool {
         let [from, to] = [self.modal.machine_10nm[2], target.machine_10nm[2]];
@@ -295,18 +295,20 @@ impl<'a> MoveInterpreter<'a> {
         }
     }
 
-    /// What may be asked of an axis at a machine position, above which Z is lifted: its travel, as its skew has it there.
+    /// Range that may be asked of an axis at a machine position, above which Z is lifted: its travel, shifted by its
+    /// skew there.
     pub fn asked_travel_10nm(&self, axis: usize, [x, y, z]: [i64; 3], lift_10nm: i64) -> [i64; 2] {
         // All are within 5 m.
         let motors_z_10nm = z.wrapping_add(lift_10nm).wrapping_add(self.modal.z.shift_10nm);
         let ahead_10nm = self.skew.ahead_10nm(axis, [x, y, motors_z_10nm]);
         let [lower_10nm, upper_10nm] = self.travel_10nm(axis).map(|end_10nm| end_10nm.wrapping_add(ahead_10nm));
-        // Where an offset has not yet been followed, the nozzle stands at an end of its travel and the G-code sees it beyond.
+        // Until an offset has been followed, the nozzle is at an end of its travel and the G-code sees it beyond.
         let unfollowed_10nm = if axis == 2 { self.modal.z.offset_10nm.max(0) } else { 0 };
         [lower_10nm.wrapping_sub(unfollowed_10nm), upper_10nm]
     }
 
-    /// Where the axes go for a machine position with Z lifted, as far as the soft limits let it, and shifted as M290 has it.
+    /// Position of the axes for a machine position with Z lifted, as far as the soft limits let it, and shifted by
+    /// M290.
     pub fn lifted(&self, machine_10nm: [i64; 3], lift_10nm: i64) -> [i64; 3] {
         let [x, y, z] = machine_10nm;
         let mut lifted = [x, y, z + lift_10nm];
@@ -335,12 +337,13 @@ impl<'a> MoveInterpreter<'a> {
         (*machine_x, *machine_y) = (x, y);
     }
 
-    /// Where the axes go for a machine position of the G-code.
+    /// Position of the axes for a machine position of the G-code.
     pub fn raised(&self, machine_10nm: [i64; 3]) -> [i64; 3] {
         self.lifted(machine_10nm, self.modal.lift_10nm)
     }
 
-    /// The planner has taken the filament of a firmware retraction, which is moved where the machine stands then.
+    /// Notes that the planner has taken the filament of a firmware retraction, which is moved at the machine's
+    /// present position.
     pub fn take_retraction(&mut self, filament_100pm: i64, stands_10nm: [i64; 3]) {
         self.tally.filament_100pm += filament_100pm;
         let motor_steps = self.profile.geometry().motor_steps(stands_10nm);
@@ -350,7 +353,8 @@ impl<'a> MoveInterpreter<'a> {
     /// Motion was stopped, with this much filament unpushed and the motors of X, Y and Z at these steps.
     pub fn take_back(&mut self, dropped_100pm: i64, motor_steps: [i64; 3]) {
         self.tally.filament_100pm -= dropped_100pm;
-        // What moves extrude by their length is no part of the G-code's position, nor is a firmware retraction.
+        // Filament that moves extrude by their length does not belong to the G-code's position, nor does a firmware
+        // retraction.
         if !self.modal.extrusion.settings().adaptive {
             let of_retraction = self.newest_retraction.map_or(0, |newest| newest.dropped(dropped_100pm, motor_steps));
             let counted_100pm = dropped_100pm - of_retraction;

@@ -32,27 +32,27 @@ pub use pushed::{Pushed, PushedFilament};
 use watched_line::WatchedLine;
 use workload::Workload;
 
-/// Motion at hand from which on a host waits for the `ok` of its move: 1 s. The move that comes next is to be within what a person
-/// takes for an answer at once, too.
+/// Motion at hand from which on a host waits for the `ok` of its move: 1 s. The next move is also to come within the
+/// time that a person takes for an answer at once.
 const BOUND_TICKS: u64 = TICKS_PER_SECOND as u64;
 
-/// Of this, what must be certain whatever the host sends next: 0.5 s. A host that must first wake up, or send a line again, takes
-/// less.
+/// The part of it that must be certain whatever the host sends next: 0.5 s. A host that must first wake up, or send a
+/// line again, takes less.
 const MIN_CERTAIN_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
 /// Mask of all motors.
 const ALL_MOTORS: u8 = 0b1111;
 
-/// What the machine may do because the host is silent.
+/// Actions that the machine may take because the host is silent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Silence {
-    /// In motion: let blocks leave the look-ahead ring before it is full, if the step queue runs low.
+    /// True to let blocks leave the look-ahead ring in motion before it is full, if the step queue runs low.
     pub may_release: bool,
-    /// At standstill: execute the moves that wait in the ring, as the host seems to have no more.
+    /// True to execute the moves that wait in the ring at standstill, as the host seems to have no more.
     pub may_flush: bool,
 }
 
-/// How often something went wrong, or could not keep up.
+/// Numbers of faults, and of times that a part could not keep up.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     /// The queue refused an entry.
@@ -65,7 +65,7 @@ struct Counts {
     underruns: u64,
     /// Waiting moves were executed because the host was silent.
     idle_flushes: u64,
-    /// A motor did not stand where its block ends.
+    /// A motor was not where its block ends.
     miscounts: u64,
 }
 
@@ -83,13 +83,13 @@ pub struct Machine<R, Q, M: MotionMethods = Standard> {
     enabled_motors: u8,
     /// Filament that stops have left unpushed since [`Self::take_dropped_100pm`], units of 0.1 nm.
     dropped_100pm: i64,
-    /// Whether all moves taken are to be executed without waiting for more.
+    /// True if all moves taken are to be executed without waiting for more.
     flushed: bool,
-    /// Whether the motors run at the end of the entries queued so far.
+    /// True if the motors run at the end of the entries queued so far.
     in_motion: bool,
     /// Hosts wait for room in time, too ([`Self::set_bounded_in_time`]).
     is_bounded: bool,
-    /// How often motion was stopped.
+    /// Number of stops of motion.
     stops: u32,
     /// The fault that stopped motion, until the printer task has read it.
     fault: Option<MotionFault>,
@@ -144,7 +144,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.add_fan_power(fan as u8, power)
     }
 
-    /// What fans are to do at the present point of the motion.
+    /// Demand on the fans at the present point of the motion.
     pub fn fan_demand(&self) -> FanDemand {
         FanDemand { powers: self.feeder.fan.powers(), motors_on: self.enabled_motors != 0 }
     }
@@ -155,24 +155,25 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.flushed = true;
     }
 
-    /// See [`Planner::take_plan_fault`].
+    /// Takes the planner's fault, see [`Planner::take_plan_fault`].
     pub fn take_plan_fault(&mut self) -> Option<PlanFault> {
         self.planner.take_plan_fault()
     }
 
-    /// Whether a move would be taken now, and answered at once; some are even if this says no.
+    /// Returns true if a move would be taken now, and answered at once. After `false` a move may still be taken.
     pub fn has_room(&mut self) -> bool {
         self.planner.has_room() && !self.feeder.queue.link().is_stopping() && !self.holds_enough()
     }
 
-    /// Whether a host waits for room in time, too, with 1 s (`BOUND_TICKS`) of motion at hand, though the look-ahead ring has room: it is
-    /// to see soon that it pauses, cancels or changes the feed.
+    /// Sets whether a host also waits for room with 1 s (`BOUND_TICKS`) of motion at hand, though the look-ahead ring
+    /// has room: it is to see soon that it pauses, cancels or changes the feed.
     pub fn set_bounded_in_time(&mut self, is_bounded: bool) {
         self.is_bounded = is_bounded;
     }
 
-    /// Bounded in time: whether the motion at hand goes on for long enough. Part of it must be certain whatever comes next: what the
-    /// machine needs to brake from any speed lies beyond that part, so that no speed depends on when the next move comes.
+    /// Returns true if the machine is bounded in time and the motion at hand lasts for long enough. Part of it must
+    /// be certain whatever comes next: the motion that the machine needs to brake from any speed is beyond that part,
+    /// so that no speed depends on when the next move comes.
     pub fn holds_enough(&mut self) -> bool {
         if !self.is_bounded {
             return false;
@@ -185,12 +186,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         certain >= MIN_CERTAIN_TICKS && certain.saturating_add(self.planner.unsettled_ticks()) >= BOUND_TICKS
     }
 
-    /// Whether all moves taken have been executed, to the last step.
+    /// Returns true if all moves taken have been executed, to the last step.
     pub fn is_idle(&self) -> bool {
         self.is_planned() && self.feeder.queue.waiting() == 0 && !self.feeder.queue.link().is_stopping()
     }
 
-    /// Whether all moves taken have become step entries, with their corrections.
+    /// Returns true if all moves taken have become step entries, with their corrections.
     fn is_planned(&self) -> bool {
         self.planner.is_idle() && !self.feeder.is_waiting()
     }
@@ -219,7 +220,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// How the move towards a sensor ended; `None` until the motors stand.
+    /// Result of the move towards a sensor; `None` until the motors are at rest.
     ///
     /// # Errors
     /// It was stopped.
@@ -246,7 +247,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// Lets the planner forget the motion that has not been queued: the motors will stand where the queue ends.
+    /// Lets the planner forget the motion that has not been queued: the motors stop where the queue ends.
     fn forget_plan(&mut self) {
         let motor_steps = self.feeder.stand();
         let ledger = &self.feeder.ledger;
@@ -275,7 +276,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.bed.mesh()
     }
 
-    /// Whether Z follows the bed.
+    /// Returns true if Z follows the bed.
     pub fn follows_bed(&self) -> bool {
         self.feeder.bed.is_on()
     }
@@ -343,12 +344,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// See [`crate::ports::Motion::watch_line`].
+    /// Watches a line, see [`crate::ports::Motion::watch_line`].
     pub fn watch_line(&mut self, line: u32) {
         self.feeder.watched = WatchedLine::Ahead(line);
     }
 
-    /// See [`crate::ports::Motion::has_passed_line`].
+    /// Returns true if the motors have passed it, see [`crate::ports::Motion::has_passed_line`].
     pub fn has_passed_line(&self) -> bool {
         self.feeder.watched.is_passed(self.feeder.queue.played())
     }
@@ -379,10 +380,10 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.set_extruder_steps_per_mm(steps_per_mm)
     }
 
-    /// Sets how far the extruder runs ahead, see [`Planner::set_pressure_advance`].
+    /// Sets the pressure advance, see [`Planner::set_pressure_advance`].
     ///
     /// # Errors
-    /// There is no room now.
+    /// The ring has no room now.
     pub fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> Result<bool, MoveError> {
         self.planner.set_pressure_advance(advance)
     }
@@ -414,12 +415,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         is_over
     }
 
-    /// See [`crate::ports::Motion::take_switched_off`].
+    /// Takes note of the idle timeout, see [`crate::ports::Motion::take_switched_off`].
     pub fn take_switched_off(&mut self) -> bool {
         self.idle_timeout.take_fired()
     }
 
-    /// Whether the end stop of an axis is triggered.
+    /// Returns true if the end stop of an axis is triggered.
     pub fn is_end_stop_triggered(&self, axis: usize) -> bool {
         self.feeder.queue.is_sensor_triggered(axis)
     }
@@ -445,7 +446,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// How often motion was stopped so far; a command that waits for motion compares.
+    /// Number of stops of motion so far; a command that waits for motion compares it.
     pub fn stops(&self) -> u32 {
         self.stops
     }
@@ -471,7 +472,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.feeder.queue.request_stop();
     }
 
-    /// After a stop: plan and ledger follow the motors.
+    /// Makes plan and ledger follow the motors, after a stop.
     fn follow_stop(&mut self) {
         let is_requested = self.feeder.drop_all();
         self.forget_plan();
@@ -492,7 +493,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.stops = self.stops.wrapping_add(1);
     }
 
-    /// For comparison: see [`Planner::plan_block_by_block`].
+    /// Plans block by block, for comparison: see [`Planner::plan_block_by_block`].
     pub fn plan_block_by_block(&mut self) -> bool {
         self.planner.plan_block_by_block()
     }

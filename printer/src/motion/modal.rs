@@ -23,12 +23,12 @@ pub struct Tally {
 /// Knowledge of Z beyond the motors' position. The places are those of the motors, units of 10 nm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct KnownZ {
-    /// Where the sensor of Z triggers, or the lowest place where it can trigger; `None`: unknown. Approaches to the bed end a
-    /// little below it.
+    /// Place where the sensor of Z triggers, or the lowest place where it can trigger; `None`: unknown. Approaches to
+    /// the bed end a little below it.
     pub trigger_10nm: Option<i64>,
-    /// Where homing has raised a Z that is not homed to: it does so once.
+    /// Height to which homing has raised a Z that is not homed: it does so once.
     pub raised_to_10nm: Option<i64>,
-    /// How far the motors stand above what the G-code sees (M290, SET_GCODE_OFFSET).
+    /// Height of the motors above the position that the G-code sees (M290, SET_GCODE_OFFSET).
     pub shift_10nm: i64,
     /// The part of it that homing leaves (SET_GCODE_OFFSET).
     pub offset_10nm: i64,
@@ -36,18 +36,19 @@ pub(crate) struct KnownZ {
     pub pin_is_in: bool,
 }
 
-/// A firmware retraction or recovery after which no move with filament was taken. The machine stands still during it; after a
-/// stop that shows how far it has come.
+/// A firmware retraction or recovery after which no move with filament was taken. The machine is at rest during it;
+/// after a stop that shows how far it has come.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NewestRetraction {
-    /// Where the motors of X, Y and Z stand.
+    /// Position of the motors of X, Y and Z.
     pub motor_steps: [i32; 3],
     /// Its filament, units of 0.1 nm.
     pub filament_100pm: i64,
 }
 
 impl NewestRetraction {
-    /// How much of the filament that a stop has left unpushed belongs to it, units of 0.1 nm, if the motors stand at these steps.
+    /// Filament of it among the filament that a stop has left unpushed, units of 0.1 nm, if the motors are at these
+    /// steps.
     pub fn dropped(&self, dropped_100pm: i64, motor_steps: [i64; 3]) -> i64 {
         if motor_steps == self.motor_steps.map(i64::from) {
             // It is being made, has ended or is about to begin: all filament still to come was its own.
@@ -76,7 +77,7 @@ pub(crate) struct Modal {
     pub feed_10nm_per_min: i64,
     pub feed_percent: u16,
     pub flow_percent: u16,
-    /// What M220 B has kept.
+    /// Percentage kept by M220 B.
     pub kept_feed_percent: u16,
     /// Machine position after all commands so far, as the G-code asks for it (not the axes', which may be skew), the lift of a
     /// firmware retraction left out.
@@ -91,26 +92,26 @@ pub(crate) struct Modal {
     /// times percent.
     pub extruder_rest_100pm: i64,
     pub homed: [bool; 3],
-    /// Axes that are no longer homed, before the host has been told.
+    /// Axes that are no longer homed, until the host has been informed.
     pub lost: [bool; 3],
     /// Axes that have failed to home, and have not been homed since: no print lays lines with them.
     pub failed_home: [bool; 3],
     pub z: KnownZ,
-    /// Whether a prepared job is being received, between whose moves the host's lines are executed.
+    /// True while a prepared job is being received; the host's lines are executed between its moves.
     pub in_prepared_job: bool,
-    /// From the nozzle to the probe (M851).
+    /// Offset from the nozzle to the probe (M851).
     pub probe_offset_10nm: [i64; 3],
-    /// Whether Z follows the bed (M420).
+    /// True if Z follows the bed (M420).
     pub follows_bed: bool,
-    /// How much of Z's travel at its upper end the bed's surface takes.
+    /// Part of Z's travel at its upper end that the bed's surface takes.
     pub mesh_rise_10nm: i64,
-    /// At which height the correction has faded away (M420 Z); 0: it does not fade.
+    /// Height at which the correction has faded away (M420 Z); 0: it does not fade.
     pub mesh_fade_10nm: i64,
     pub soft_limits: bool,
     pub retraction: FirmwareRetraction,
     pub extrusion: AdaptiveExtrusion,
     pub retracted: bool,
-    /// How far Z is lifted while retracted. The G-code's coordinates do not see it.
+    /// Lift of Z while retracted. The G-code's coordinates do not include it.
     pub lift_10nm: i64,
     pub min_extrusion_celsius: f32,
     pub cold_extrusion_allowed: bool,
@@ -188,7 +189,8 @@ impl Modal {
         self.home_offset_10nm = home_offset_10nm;
     }
 
-    /// Takes over the position and the way of reading words of a paused print that goes on; changes to the machine stay.
+    /// Takes over the position and the way of reading words of a paused print that resumes; changes to the machine
+    /// stay.
     pub fn go_on_as(&mut self, print: &Self) {
         self.units = print.units;
         self.relative = print.relative;
@@ -223,7 +225,7 @@ impl Modal {
         }
     }
 
-    /// The motors of the axes in the mask may have been turned: these axes are no longer homed.
+    /// Forgets the home of the axes in the mask: their motors may have been turned.
     pub fn forget_home(&mut self, axes: u8) {
         for (axis, (homed, lost)) in self.homed.iter_mut().zip(&mut self.lost).enumerate() {
             let is_lost = *homed && axes >> axis & 1 == 1;
@@ -304,7 +306,7 @@ impl Modal {
         }
     }
 
-    /// Whether a feed at the present percentage is at least [`MIN_FEED_MM_PER_S`].
+    /// Returns true if a feed at the present percentage is at least [`MIN_FEED_MM_PER_S`].
     pub fn is_feed_fast_enough(&self, feed_10nm_per_min: i64) -> bool {
         const MIN_FEED_10NM_PER_MIN: i64 = (MIN_FEED_MM_PER_S * 60.0 * 100_000.0) as i64;
         const _: () = assert!(MIN_FEED_10NM_PER_MIN == 60_000);

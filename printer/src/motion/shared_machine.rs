@@ -16,7 +16,7 @@ use crate::motion::machine::{Machine, Silence};
 use crate::part::Part;
 use crate::ports::Motion;
 
-/// How a board shares its machine between the task that executes commands and the planner task.
+/// Sharing of a board's machine between the task that executes commands and the planner task.
 pub trait SharedMachine {
     /// Memory of the look-ahead ring.
     type Ring: AsRef<[Slot]> + AsMut<[Slot]>;
@@ -24,21 +24,21 @@ pub trait SharedMachine {
     type Queue: StepOutput;
     /// The methods of motion that the board's image contains.
     type Methods: MotionMethods;
-    /// Whether a servo may move the probe's pin.
+    /// [`crate::Present`] if a servo may move the probe's pin.
     type Servo: Part;
-    /// Whether Z may have several motors that are aligned.
+    /// [`crate::Present`] if Z may have several motors that are aligned.
     type ZMotors: Part;
-    /// Whether there may be several tools.
+    /// [`crate::Present`] if there may be several tools.
     type Tools: Part;
-    /// Whether the drives may have play that is taken up.
+    /// [`crate::Present`] if the drives may have play that is taken up.
     type Backlash: Part;
-    /// Whether a signal says when the supply fails.
+    /// [`crate::Present`] if a signal may report a failing supply.
     type SupplySignal: Part;
 
     /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
 
-    /// Wakes the planner task. It runs before the commands' task goes on, which then sees its effects.
+    /// Wakes the planner task. It runs before the commands' task continues, which then sees its effects.
     fn wake_planner(&self);
 
     /// Does the planner task's work at once.
@@ -46,7 +46,7 @@ pub trait SharedMachine {
         self.with(|machine| machine.work(Silence::default()));
     }
 
-    /// Whether M112 has stopped everything.
+    /// Returns true if M112 has stopped everything.
     fn is_halted(&self) -> bool;
 
     /// Lets a little time pass before a command that waits for motion looks again.
@@ -57,7 +57,7 @@ pub trait SharedMachine {
 #[derive(Debug)]
 pub struct SharedMotion<S> {
     machine: S,
-    /// How often motion had been stopped when the present command began.
+    /// Number of stops of motion when the present command began.
     stops: u32,
 }
 

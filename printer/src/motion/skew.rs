@@ -6,11 +6,11 @@
 
 use ferrostep_planner::square_root::square_root_f32;
 
-/// What a factor of 1 is: the processor takes the upper half of a product by itself.
+/// Value of a factor of 1: the processor takes the upper half of a product by itself.
 const ONE: f64 = 4_294_967_296.0;
 
-/// By how much the axes are off their right angles. The same numbers as Marlin's and Klipper's: where Y leans towards +X by 1 mm in
-/// 100 mm, XY is 0.01.
+/// Deviation of the axes from their right angles. The same numbers as Marlin's and Klipper's: where Y leans towards
+/// +X by 1 mm in 100 mm, XY is 0.01.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Skew {
     /// Tangents of the angles of XY, XZ and YZ, in units of 2^-32.
@@ -40,7 +40,8 @@ impl Skew {
         self.factors.map(|factor| f64::from(factor) / ONE)
     }
 
-    /// The factor of a plane by the lengths AC, BD and AD of a parallelogram, units of 10 nm, to seven decimals; `None`: there is no such one.
+    /// The factor of a plane by the lengths AC, BD and AD of a parallelogram, units of 10 nm, to seven decimals;
+    /// `None` if no parallelogram has these lengths.
     ///
     /// Marlin's formula (`Configuration.h`, `XY_SKEW_FACTOR`): AB = sqrt(2 AC^2 + 2 BD^2 - 4 AD^2) / 2, and the factor is
     /// tan(pi/2 - acos(c)), c = (AC^2 - AB^2 - AD^2) / (2 AB AD). That is c / sqrt(1 - c^2), and c is (AC^2 - BD^2) / (4 AB AD).
@@ -56,7 +57,7 @@ impl Skew {
         if sine_squared > 0.0 { Some(cosine / square_root_f32(sine_squared)) } else { None }
     }
 
-    /// By how much what is asked of an axis is more than where the axis goes, units of 10 nm. It depends on the axes after it.
+    /// Difference between the asked position of an axis and its own, units of 10 nm. It depends on the axes after it.
     #[inline(never)]
     pub(crate) fn ahead_10nm(&self, axis: usize, [_, y, z]: [i64; 3]) -> i64 {
         let [xy, xz, yz] = self.factors.map(i64::from);
@@ -67,13 +68,13 @@ impl Skew {
         }
     }
 
-    /// Where the axes go for a place that is asked for, units of 10 nm.
+    /// Position of the axes for an asked position, units of 10 nm.
     pub(crate) fn axes(&self, asked_10nm: [i64; 3]) -> [i64; 3] {
         let [x, y, z] = asked_10nm;
         [x.wrapping_sub(self.ahead_10nm(0, asked_10nm)), y.wrapping_sub(self.ahead_10nm(1, asked_10nm)), z]
     }
 
-    /// What is asked for where the axes are, units of 10 nm: undoes [`Self::axes`], exactly.
+    /// Asked position for a position of the axes, units of 10 nm: undoes [`Self::axes`], exactly.
     pub(crate) fn asked(&self, axes_10nm: [i64; 3]) -> [i64; 3] {
         let [x, y, z] = axes_10nm;
         let y = y.wrapping_add(self.ahead_10nm(1, axes_10nm));

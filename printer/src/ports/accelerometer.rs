@@ -22,7 +22,7 @@ pub trait Accelerometer: fmt::Debug {
     fn record(&self, samples: u16, at_next_move: bool) -> Result<(), CommandError>;
 }
 
-/// What an accelerometer is and does.
+/// Type and settings of an accelerometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AccelerometerSettings {
     /// Its type.
@@ -34,13 +34,13 @@ pub struct AccelerometerSettings {
 }
 
 impl AccelerometerSettings {
-    /// Of a type that has not been set: the values nearest to these.
+    /// Settings of a type that has not been set: the values nearest to these.
     pub fn new(of: &AccelerometerType, rate_hz: u16, resolution_bits: u8) -> Self {
         let unset = Self { name: of.name, rate_hz, resolution_bits };
         unset.nearest(of, Some(rate_hz), Some(resolution_bits))
     }
 
-    /// With another rate and resolution, the nearest that the type has, where they are given.
+    /// Returns the settings with another rate and resolution, the nearest that the type has, where they are given.
     ///
     /// # Errors
     /// [`CommandError::OutOfRange`]: beyond the type's least and most.
@@ -96,7 +96,7 @@ pub enum RecordEvent {
     Failed(RecordFault),
 }
 
-/// Why a record has ended before its time.
+/// Reason why a record has ended before its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordFault {
     /// The chip gives no samples.
@@ -105,7 +105,7 @@ pub enum RecordFault {
     Unread,
 }
 
-/// Why an accelerometer gives no samples, and what to do.
+/// Text of the reason why an accelerometer gives no samples, and the cure.
 pub(crate) struct FaultText(pub AccelerometerFault);
 
 impl fmt::Display for FaultText {

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// What remembers the last seconds over a reset. Machines may do without.
+/// Memory of the last seconds that survives a reset. Machines may do without.
 pub trait BlackBox: fmt::Debug {
     /// A command begins: its line, and its text without comment.
     fn command(&self, line: u32, text: &str);

@@ -1,6 +1,6 @@
 //! The identity: what M115 says of the board and its firmware.
 
-/// What M115 says of the board and its firmware, beside what the profile says.
+/// Data of the board and its firmware for M115, beside those of the profile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Identity<'a> {
     /// Version of the firmware, `0.1.0 (commit abcdef0)`.

@@ -35,11 +35,11 @@ pub const DEFAULT_EVENTS_PER_S: u32 = 400_000;
 /// Deviation of a corner of 90 degrees, as a share of its speed's square over the acceleration: the square root of 2, less 1.
 pub const SQUARE_CORNER_SHARE: f64 = core::f64::consts::SQRT_2 - 1.0;
 
-/// Default for the moves a second that the processor can read and plan if it does nothing else for motion: an STM32F407 at
+/// Default for the moves a second that the processor can read and plan if motion is its only work: an STM32F407 at
 /// 168 MHz.
 ///
-/// A move takes 7,000 instructions from its line to the first of its events, at 1.4 cycles: 12,000 moves a second in 70 %
-/// of the processor, of which a third is kept in reserve.
+/// A move takes 7,000 instructions from its line to the first of its events, at 1.4 cycles: 12,000 moves a second in
+/// 70 % of the processor. A third of these is kept in reserve.
 pub const DEFAULT_MOVES_PER_S: u32 = 8_000;
 
 /// A power supply of heaters, motors and fans that the board can switch (M80, M81).
@@ -56,9 +56,9 @@ pub struct PowerSupply {
 pub struct DriverTiming {
     /// Shortest high and shortest low time of a step pulse.
     pub pulse_width_ns: u32,
-    /// From a direction change to the step after it.
+    /// Time from a direction change to the step after it.
     pub direction_setup_ns: u32,
-    /// Whether both edges of the step signal step.
+    /// True if both edges of the step signal step.
     pub both_edges: bool,
     /// Motors that turn in the opposite direction: bit i is motor i.
     pub inverted: u8,
@@ -95,7 +95,7 @@ pub struct Profile {
     pub plan_hash: u64,
     /// Names that stand for lines of G-code, in the form that the module `macros` reads.
     pub macros: &'static str,
-    /// How the motors drive the axes.
+    /// Drive of the axes by the motors.
     pub kinematics: Kinematics,
     /// Upper end of X, Y and Z in machine coordinates, units of 10 nm.
     pub size_10nm: [i64; 3],
@@ -123,7 +123,7 @@ pub struct Profile {
     pub safe_homing: SafeHoming,
     /// The probe's pin, if it has one that is put out.
     pub bltouch: Option<BlTouch>,
-    /// How the bed is measured; `None`: it cannot be.
+    /// Measuring of the bed; `None`: it cannot be measured.
     pub mesh: Option<MeshSettings>,
     /// The bed's screws, with a mesh.
     pub bed_screws: Option<BedScrews>,
@@ -147,7 +147,7 @@ pub struct Profile {
     pub control_models: [Option<HeaterModel>; 2],
     /// The chamber, if its temperature is known.
     pub chamber: Option<ChamberSettings>,
-    /// What a pause does.
+    /// Settings of a pause.
     pub pause: PauseSettings,
     /// The fans.
     pub fans: FanTable,
@@ -181,7 +181,7 @@ impl Profile {
         }
     }
 
-    /// How the motors of Z are aligned; `None` for one motor, or for several that are aligned by hand.
+    /// Alignment of the motors of Z; `None` for one motor, or for several that are aligned by hand.
     pub const fn z_alignment(&self) -> Option<&ZAlignment> {
         match &self.z_motors {
             Some(Kept(ZMotors { alignment: Some(alignment), .. })) => Some(alignment),
@@ -189,17 +189,17 @@ impl Profile {
         }
     }
 
-    /// Whether the motors of Z are aligned by G34.
+    /// Returns true if the motors of Z are aligned by G34.
     pub const fn aligns_z(&self) -> bool {
         self.z_alignment().is_some()
     }
 
-    /// Whether there are several tools.
+    /// Returns true if there are several tools.
     pub const fn has_tools(&self) -> bool {
         self.tools.is_some()
     }
 
-    /// The heater of the second tool, if it has one of its own.
+    /// The second tool's own heater, if it has one.
     pub const fn tool_heater(&self) -> Option<&ToolHeater> {
         match &self.tools {
             Some(Kept(tools)) => tools.own_heater(),
@@ -262,8 +262,8 @@ impl Profile {
         self.homing.iter().rev().fold(0, |axes, homing| axes << 1 | stalls(homing))
     }
 
-    /// Counting motors with this machine's end stops, as they stand when it is switched on. An axis that homes by a stall has an
-    /// end stop, too; a model of the drivers takes it away ([`Self::framed_axes`]).
+    /// Counting motors with this machine's end stops, as placed when it is switched on. An axis that homes by a stall
+    /// has an end stop as well; a model of the drivers takes it away ([`Self::framed_axes`]).
     pub fn virtual_motors(&self) -> VirtualMotors {
         let [offset_x, offset_y, offset_z] = self.safe_homing.probe_offset_10nm;
         let end_stops = self.homing.map(|homing| {

@@ -1,4 +1,4 @@
-//! What homing asks of the motors, and where it leaves the machine, whatever the sensors do.
+//! Moves of homing, and the machine's state after it, whatever the sensors do.
 
 mod pin;
 pub mod rig;
@@ -20,15 +20,15 @@ const BACK_OFF: f64 = 5.0;
 /// The axes' length, and what the frame may be longer, mm.
 const REACH: f64 = rig::SIZE_MM as f64 + 5.0;
 
-/// How far below the place where its sensor must trigger an approach of Z may go, mm.
+/// Maximum distance of an approach of Z below the place where its sensor must trigger, mm.
 const PRESS: f64 = 0.5;
 
-/// How far a first approach goes at most: that of Z, of which nothing is known, to a little below the bed of the lowest machine.
+/// Maximum length of a first approach: that of an unknown Z ends a little below the bed of the lowest machine.
 fn reach(axis: usize) -> f64 {
     if axis == 2 { REACH + PRESS } else { REACH }
 }
 
-/// How far a second approach goes at most.
+/// Maximum length of a second approach.
 fn second(axis: usize) -> f64 {
     if axis == 2 { BACK_OFF + PRESS } else { 2.0 * BACK_OFF }
 }
@@ -79,7 +79,7 @@ fn only_what_is_named_is_homed() {
     assert_eq!(printer.interpreter.modal.homed, [false, true, false]);
     assert_eq!(rig.true_mm(), [60.0, 0.0, 40.0]);
     assert_eq!(rig.enabled(), 0b010);
-    // What G92 has said of it is over, and of no other.
+    // Homing ends G92's offset of its axis, and of no other.
     assert_eq!(printer.logical_10nm(), [7 * MM, 0, 9 * MM, 0]);
     rig.take_events();
     execute(&mut printer, "G28 X Z").unwrap();
@@ -91,7 +91,7 @@ fn only_what_is_named_is_homed() {
     assert_eq!(sought.collect::<Vec<_>>(), [0, 0, 2, 2]);
 }
 
-/// An axis that was homed and whose sensor has failed since: it is homed no more, and stands where its motor does. Z goes no
+/// An axis whose sensor fails after it was homed is no longer homed, and its position is that of its motor. Z goes no
 /// lower than just below the place where its sensor triggered before, however often it is tried.
 #[test]
 fn an_axis_that_does_not_find_its_end_is_not_homed() {
@@ -119,8 +119,8 @@ fn an_axis_that_does_not_find_its_end_is_not_homed() {
     }
 }
 
-/// For a Z that is not homed only the frame is known. An approach that has gone down all the way is not repeated until the motors
-/// were off and a hand may have moved it.
+/// Only the frame limits the search of a Z that is not homed. An approach that has gone down all the way is not
+/// repeated until the motors were off and a hand may have moved it.
 #[test]
 fn an_unknown_z_is_searched_once() {
     for off in ["M84", "M18 Z"] {
@@ -136,7 +136,7 @@ fn an_unknown_z_is_searched_once() {
         };
         assert_eq!(search(&mut printer), Some(-reach(2)));
         assert_eq!(search(&mut printer), None);
-        // What is driven up since is searched, and no more.
+        // The height that it was driven up since is searched, and no more.
         execute(&mut printer, "G91").unwrap();
         execute(&mut printer, "G1 Z30 F600").unwrap();
         assert_eq!(search(&mut printer), Some(-30.0));
@@ -154,7 +154,7 @@ fn a_sensor_that_is_triggered_away_from_the_end_is_reported() {
         printer.interpreter.modal.homed = [true; 3];
         let outcome = execute(&mut printer, &format!("G28 {name}"));
         assert_eq!(outcome, refused(CommandError::SensorStuck { axis }));
-        // The fast approach ends at once, the way back does not release it, and there is no slow one.
+        // The fast approach ends at once, the move back does not release the sensor, and there is no slow one.
         assert_eq!(
             rig.take_events(),
             [

@@ -1,5 +1,5 @@
-//! From the planner's entries to the step queue, with the bed's surface and the drives' play on their way and the ledger of what was
-//! queued.
+//! Queueing of the planner's entries, with corrections for the bed's surface and the drives' play, and with the
+//! ledger of the queued steps.
 
 use ferrostep_hal_shim::{Approach, FanOutput, StepOutput};
 use ferrostep_planner::backlash::{Backlash, BacklashCorrection};
@@ -76,7 +76,7 @@ impl FanChanges {
         self.waiting.clear();
     }
 
-    /// Whether no further change fits.
+    /// Returns true if no further change fits.
     pub fn is_full(&self) -> bool {
         self.waiting.is_full()
     }
@@ -90,15 +90,15 @@ impl FanChanges {
 /// Feeds the step queue and keeps the ledger of what it was given.
 #[derive(Debug)]
 pub struct Feeder<Q, B, L> {
-    /// What lets Z follow the bed.
+    /// Bed following, which moves Z with the bed's surface.
     pub bed: B,
-    /// What takes up the play of the drives.
+    /// Correction of the drives' play.
     backlash: L,
     /// The queue, and the board around it.
     pub queue: Q,
-    /// Where the motors are at the end of the queue.
+    /// Position of the motors at the end of the queue.
     pub ledger: StepLedger,
-    /// How much motion is in the queue.
+    /// Amount of motion in the queue.
     pub timeline: Timeline,
     /// The new filament of the queue, where a sensor sees it move.
     filament: FilamentCount,
@@ -117,7 +117,7 @@ pub struct Feeder<Q, B, L> {
 }
 
 impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
-    /// Nothing queued; motors at 0, fans at these powers.
+    /// An empty queue; motors at 0, fans at these powers.
     pub fn new(geometry: &Geometry, limits: &Limits, queue: Q, fan_powers: [u8; FanOutput::COUNT]) -> Self {
         Self {
             bed: B::new(geometry),
@@ -140,7 +140,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.fault.take()
     }
 
-    /// How much motion is in the step queue, at least, ticks.
+    /// Amount of motion in the step queue, at least, ticks.
     pub fn remaining_ticks(&self) -> u64 {
         self.timeline.remaining_ticks(self.ledger.tick())
     }
@@ -158,13 +158,13 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.timeline.mark(self.queue.queued(), self.ledger.tick(), self.filament.at_end());
     }
 
-    /// Where the extruder stands at the end of the queue.
+    /// Position of the extruder at the end of the queue.
     fn extruder_steps(&self) -> i64 {
         let [.., extruder] = self.ledger.motor_steps();
         extruder
     }
 
-    /// What the extruder has pushed now.
+    /// Filament that the extruder has pushed by now.
     pub fn pushed_filament(&self) -> PushedFilament {
         let end = self.filament.at_end();
         if self.queue.waiting() == 0 {
@@ -173,8 +173,8 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.timeline.pushed(end)
     }
 
-    /// After a stop: the queue forgets the entries that were not played, and the ledger takes their steps back. Returns
-    /// whether anything but a sensor has asked for the stop.
+    /// Makes the queue forget the entries that were not played, after a stop, and takes their steps back from the
+    /// ledger. Returns true if anything but a sensor has asked for the stop.
     pub fn drop_all(&mut self) -> bool {
         if !self.watched.is_passed(self.queue.played()) {
             // Its moves are dropped now, and the queue would count them as played.
@@ -190,7 +190,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         requested
     }
 
-    /// Whether something waits for its corrections.
+    /// Returns true if something waits for its corrections.
     pub fn is_waiting(&self) -> bool {
         self.bed.is_waiting() || self.backlash.is_waiting()
     }
@@ -224,7 +224,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         }
     }
 
-    /// Takes a notice behind them.
+    /// Takes a notice after the entries before it.
     fn take_notice(&mut self, notice: Notice) {
         if !self.backlash.take_notice(&notice) {
             self.pass_notice(notice);
@@ -249,7 +249,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.backlash.set_limits(limits);
     }
 
-    /// The motors stand where the ledger ends. Returns where they do by the plan, which knows of no correction.
+    /// Stops the motors where the ledger ends. Returns their position by the plan, which knows of no correction.
     pub fn stand(&mut self) -> [i64; 4] {
         // A move ends half a step after its last event; the clock does not go back before that.
         self.ledger.advance_to(self.last_move_end);
@@ -323,7 +323,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
                 self.ledger.play(entry, &mut self.queue);
             }
             Seeking::Approaching => self.approach(entry),
-            // The sensor has ended the move: the motors do not go on.
+            // The sensor has ended the move: the motors stay.
             Seeking::Ended(_) => {}
         }
     }
@@ -335,7 +335,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
                 self.watched.note(line, self.queue.queued());
                 self.queue.move_ended(tick, line);
             }
-            // After a block that a sensor has ended early the motors stand elsewhere.
+            // After a block that a sensor has ended early the motors are elsewhere.
             Notice::BlockEnded { tick, motor_steps } if !matches!(self.seeking, Seeking::Ended(_)) => {
                 self.last_block_end = tick;
                 if let Some(miscount) = Miscount::between(self.ledger.motor_steps(), motor_steps) {

@@ -3,7 +3,7 @@
 /// Watches for how long the motors have rested with current.
 #[derive(Debug, Default)]
 pub struct IdleTimeout {
-    /// When their rest began, ms of a clock that may wrap.
+    /// Time when their rest began, ms of a clock that may wrap.
     since_ms: Option<u32>,
     /// The timeout has switched the motors off, and the printer task has not read it yet.
     fired: bool,

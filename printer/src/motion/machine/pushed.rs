@@ -1,15 +1,15 @@
-//! How much new filament the extruder pushes: only what is beyond the furthest point so far. What is drawn back and pushed again is
-//! not new.
+//! Count of the new filament that the extruder pushes: only beyond the furthest point so far. Filament that is drawn
+//! back and pushed again is not new.
 
-/// What has been pushed up to a place in the queue: the extruder's steps beyond its furthest point so far, modulo 2^32.
+/// Filament pushed up to a place in the queue: the extruder's steps beyond its furthest point so far, modulo 2^32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pushed(u32);
 
 impl Pushed {
-    /// Nothing yet.
+    /// No filament yet.
     pub const NONE: Self = Self(0);
 
-    /// With so many steps more, modulo 2^32.
+    /// The count with `steps` more, modulo 2^32.
     pub const fn plus(self, steps: u32) -> Self {
         Self(self.0.wrapping_add(steps))
     }
@@ -30,7 +30,7 @@ pub struct FilamentCount {
 }
 
 impl FilamentCount {
-    /// At the end of the queue.
+    /// Count at the end of the queue.
     pub const fn at_end(&self) -> Pushed {
         self.at_end
     }
@@ -44,7 +44,8 @@ impl FilamentCount {
         }
     }
 
-    /// After a stop: of what was queued, at least `played` has been pushed, and the extruder stands at this place, steps.
+    /// Corrects the count after a stop: of the queued filament at least `played` has been pushed, and the extruder is
+    /// at `extruder_steps`.
     pub fn stop_at(&mut self, played: Pushed, extruder_steps: i64) {
         self.furthest -= i64::from(self.at_end.steps_since(played));
         self.at_end = played;
@@ -52,12 +53,12 @@ impl FilamentCount {
     }
 }
 
-/// What the extruder has pushed now. If the two differ, it is pushing new filament.
+/// Filament that the extruder has pushed by now. If the two differ, it is pushing new filament.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PushedFilament {
-    /// At least up to here.
+    /// Least count.
     pub at_least: Pushed,
-    /// At most up to here, but for some steps of a piece that is drawn back between two looks at the queue's end.
+    /// Largest count; some steps of a piece that is drawn back between two looks at the queue's end may be missing.
     pub at_most: Pushed,
 }
 

@@ -377,7 +377,7 @@ proptest! {
             prop_assert_eq!(machine.motor_steps(), interrupt.motor_steps());
             let [x, y, ..] = interrupt.motor_steps();
             prop_assert_eq!(machine.position_10nm(), [x * 1250, y * 1250, 0]);
-            // It goes on from there.
+            // It continues from there.
             let _ = machine.add(&travel(40, 40)).unwrap();
             machine.flush();
             run_until_idle(&mut machine, &mut interrupt);
@@ -387,8 +387,8 @@ proptest! {
     }
 }
 
-/// A few missed updates are counted, and motion goes on. More stop it: whatever has held the interrupt up, or whatever is wrong
-/// with the count, moves no motor.
+/// A few missed updates are counted, and motion continues. More stop it: whatever has held the interrupt up, or
+/// whatever is wrong with the count, moves no motor.
 #[test]
 fn missed_updates_beyond_the_bound_stop_motion_and_move_no_motor() {
     for (missed, stops) in [(MAX_MISSED_UPDATES, false), (MAX_MISSED_UPDATES + 1, true), (16_383, true)] {

@@ -15,7 +15,7 @@ const SPACING_TICKS: u64 = ferrostep_planner::TICKS_PER_SECOND as u64 / 1000;
 struct Mark {
     /// Slots filled up to its end, modulo 2^32.
     queued: u32,
-    /// What has been pushed up to its beginning.
+    /// Filament pushed up to its beginning.
     pushed_before: Pushed,
     /// Its end.
     tick: u64,
@@ -26,7 +26,7 @@ struct Mark {
 pub struct Timeline {
     marks: Deque<Mark, MARKS>,
     last_tick: u64,
-    /// What has been pushed up to the newest mark.
+    /// Filament pushed up to the newest mark.
     marked: Pushed,
 }
 
@@ -85,7 +85,7 @@ impl Timeline {
         }
     }
 
-    /// Drops all marks: the queue is empty, and goes on at `tick`, with so much pushed.
+    /// Drops all marks: the queue is empty, and continues at `tick`, with `pushed` so far.
     pub fn clear(&mut self, tick: u64, pushed: Pushed) {
         self.marks.clear();
         self.last_tick = tick;

@@ -1,9 +1,9 @@
-//! Whether the motors have passed the beginning of a line.
+//! Watch on the motors' passing of the beginning of a line.
 
 /// A line, and what became of it. Lines are counted upwards while one is watched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WatchedLine {
-    /// None is watched.
+    /// No line is watched.
     None,
     /// No move of this line or of one after it has been queued to its end.
     Ahead(u32),
@@ -21,7 +21,7 @@ impl WatchedLine {
         }
     }
 
-    /// Whether the motors have passed it, when `played` slots have been played.
+    /// Returns true if the motors have passed it, when `played` slots have been played.
     pub fn is_passed(&self, played: u32) -> bool {
         matches!(*self, Self::Queued(slot) if played.wrapping_sub(slot) as i32 >= 0)
     }

@@ -19,8 +19,8 @@ const START_TICKS: u64 = 100 * MS;
 /// line.
 const START_ENTRIES: usize = 512;
 
-/// With less motion than this in the step queue, blocks leave the look-ahead ring before it is full: several visits of the
-/// planner task, and the time in which it makes a block's steps.
+/// Minimum motion in the step queue; below it, blocks leave the look-ahead ring before it is full. Several visits of
+/// the planner task, and the time in which it makes a block's steps.
 const LOW_TICKS: u64 = 8 * MS;
 
 /// Updates of the step timer that may be missed between two visits of the planner task, 2 ms apart. Nothing in the
@@ -76,7 +76,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// At standstill: executes the moves that wait, as the host seems to have no more.
+    /// Executes the moves that wait, at standstill, as the host seems to have no more.
     fn flush_at_standstill(&mut self) {
         let queue = &self.feeder.queue;
         let something_waits = !self.planner.is_look_ahead_empty() || queue.waiting() > 0;
@@ -92,7 +92,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         may_leave && self.planner.release_final()
     }
 
-    /// In motion: lets a block leave a look-ahead ring that is not full, if steps run out. Returns whether it did.
+    /// Lets a block leave a look-ahead ring that is not full, in motion, if steps run out. Returns true if it did.
     fn release(&mut self) -> bool {
         let runs_out = self.planner.is_in_motion() && self.feeder.remaining_ticks() < LOW_TICKS;
         let releases = runs_out && self.feeder.queue.link().is_running() && !self.planner.is_look_ahead_empty();
@@ -102,7 +102,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         releases
     }
 
-    /// After planning that began at tick `began`: sets the pace that planning can keep for the blocks to come.
+    /// Sets the pace that planning can keep for the blocks to come, after planning that began at tick `began`.
     fn adjust_pace(&mut self, began: Option<u32>) {
         self.feeder.update_timeline();
         let (Some(began), Some(now)) = (began, self.feeder.queue.now_ticks()) else { return };

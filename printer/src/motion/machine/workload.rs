@@ -8,7 +8,7 @@ const JUDGED_AFTER_TICKS: u64 = TICKS_PER_SECOND as u64 / 500;
 /// Planning may take four fifths of the time that motion takes; the rest is for reading lines, and a reserve.
 const SHARE: (u64, u64) = (4, 5);
 
-/// How long planning took, and how long the planned motion would last at full speed.
+/// Time that planning took, and time that the planned motion would last at full speed.
 ///
 /// Both are known before the motors start, and do not depend on ramps. A queue that runs low would show it too late: braking
 /// takes more blocks than can be planned in the time that the queue has left.
@@ -38,7 +38,7 @@ impl Workload {
         let wanted = done.saturating_sub(self.before);
         let (most, of) = SHARE;
         let share = wanted.saturating_mul(256 * most) / (self.taken * of);
-        // What is older counts half.
+        // Older work counts half.
         self.taken /= 2;
         self.before = done - wanted / 2;
         Some(Pace::from_256ths(share.min(256) as u16))

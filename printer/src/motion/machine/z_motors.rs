@@ -1,4 +1,4 @@
-//! Several motors of Z, of which some move alone, and several extruders, of which one moves.
+//! Several motors of Z, some of which may move alone, and several extruders, one of which moves.
 
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::MotionMethods;
@@ -8,8 +8,8 @@ use ferrostep_planner::surface::Bed as _;
 use super::Machine;
 
 impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<R, Q, M> {
-    /// Of Z's motors those in the mask make the steps to come ([`ferrostep_hal_shim::MotorEnable::step_z_motors`]). Only at standstill:
-    /// otherwise motion was stopped, and all of them will take part.
+    /// Selects the motors of Z that make the next steps ([`ferrostep_hal_shim::MotorEnable::step_z_motors`]). Only at
+    /// standstill: otherwise motion was stopped, and all of them will take part.
     pub fn step_z_motors(&mut self, motors: u8) {
         if self.is_idle() {
             self.feeder.queue.step_z_motors(motors);

@@ -33,10 +33,10 @@ struct Record {
     /// The last call, and the time from the beginning to it.
     now_ticks: u32,
     elapsed_ticks: u64,
-    /// When a sample came last, and since when the host takes no line.
+    /// Time when a sample came last, and since when the host takes no line.
     came_ticks: u64,
     unread_since_ticks: Option<u64>,
-    /// When the chip was first and last seen to have taken samples, and how many it had taken then.
+    /// Time of the first and of the last look at which the chip had taken samples, and their number then.
     first: Option<(u64, u32)>,
     last: (u64, u32),
 }
@@ -95,7 +95,7 @@ impl Record {
     }
 }
 
-/// What it does.
+/// State of the recorder.
 #[derive(Clone, Copy, Debug)]
 enum State {
     Idle,
@@ -116,13 +116,13 @@ pub struct Recorder<C> {
 }
 
 impl<C: AccelerometerChip> Recorder<C> {
-    /// Of a chip that has not been asked yet.
+    /// A recorder for a chip that has not been asked yet.
     pub fn new(chip: C) -> Self {
         let settings = AccelerometerSettings::new(&C::TYPE, USUAL_RATE_HZ, USUAL_RESOLUTION_BITS);
         Self { chip, settings, state: State::Idle, ended: None }
     }
 
-    /// See [`Accelerometer::set`](super::Accelerometer::set).
+    /// Sets rate and resolution, see [`Accelerometer::set`](super::Accelerometer::set).
     ///
     /// # Errors
     /// A value is out of range, or the chip does not answer; nothing has changed.
@@ -140,7 +140,7 @@ impl<C: AccelerometerChip> Recorder<C> {
         Ok(settings)
     }
 
-    /// See [`Accelerometer::record`](super::Accelerometer::record).
+    /// Begins a record, see [`Accelerometer::record`](super::Accelerometer::record).
     ///
     /// # Errors
     /// The chip does not answer; the record before has ended.
@@ -156,7 +156,7 @@ impl<C: AccelerometerChip> Recorder<C> {
         Ok(())
     }
 
-    /// Whether a record waits for a move of X, Y or Z.
+    /// Returns true if a record waits for a move of X, Y or Z.
     pub const fn awaits_move(&self) -> bool {
         matches!(self.state, State::Armed(_))
     }
@@ -170,7 +170,7 @@ impl<C: AccelerometerChip> Recorder<C> {
         }
     }
 
-    /// The next line of the record, for which there is room; `None` if there is nothing to be told yet.
+    /// The next line of the record, which must have room; `None` if there is no line to send yet.
     pub fn next(&mut self, now_ticks: u32) -> Option<RecordEvent> {
         if let Some(ended) = self.ended.take() {
             return Some(ended);
@@ -222,7 +222,7 @@ impl<C: AccelerometerChip> Recorder<C> {
         self.chip.begin(self.settings.rate_hz, self.settings.resolution_bits)
     }
 
-    /// Ends the record. One of which the host knows nothing yet ends silently.
+    /// Ends the record. A record that the host does not know of yet ends silently.
     fn end(&mut self) {
         if let State::Recording(record) = core::mem::replace(&mut self.state, State::Idle) {
             self.chip.end();

@@ -15,18 +15,18 @@ pub struct FirmwareRetraction {
     pub lift_10nm: i64,
 }
 
-/// What a pause does (M125, M226, M600, M601, M25).
+/// Settings of a pause (M125, M226, M600, M601, M25).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PauseSettings {
-    /// Where the nozzle waits: X and Y in machine coordinates, units of 10 nm, within the travel.
+    /// Waiting place of the nozzle: X and Y in machine coordinates, units of 10 nm, within the travel.
     pub place_10nm: [i64; 2],
-    /// By how much it rises before, units of 10 nm.
+    /// Rise before that, units of 10 nm.
     pub rise_10nm: i64,
     /// M600: filament that is drawn out before the motor lets it go, units of 10 nm; 0: a person pulls.
     pub unload_10nm: i64,
     /// M600: filament that is pushed in before the nozzle goes back, units of 10 nm; 0: a person pushes.
     pub load_10nm: i64,
-    /// M600: filament that the second button of its prompt pushes, units of 10 nm; 0: there is no such button.
+    /// M600: filament that the second button of its prompt pushes, units of 10 nm; 0: without this button.
     pub more_10nm: i64,
     /// Speed of all three, units of 10 nm a second.
     pub filament_10nm_per_s: i64,
@@ -39,7 +39,7 @@ impl PauseSettings {
     /// The most filament that is drawn out or pushed in, units of 10 nm: 2 m.
     pub const MAX_FILAMENT_10NM: i64 = 200_000_000;
 
-    /// What a filament change draws out and pushes in, units of 10 nm.
+    /// Filament that a change draws out and pushes in, units of 10 nm.
     pub const fn filament_10nm(&self) -> [i64; 2] {
         [self.unload_10nm, self.load_10nm]
     }
@@ -48,23 +48,23 @@ impl PauseSettings {
 /// A sensor in the filament's path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilamentSensor {
-    /// What its signal tells.
+    /// Kind of its signal.
     pub kind: FilamentSensorKind,
-    /// How long a level must last to count, ms.
+    /// Time for which a level must last to count, ms.
     pub debounce_ms: u16,
 }
 
-/// What a filament sensor's signal tells.
+/// Kind of a filament sensor's signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilamentSensorKind {
-    /// Whether there is filament.
+    /// The signal shows that filament is present.
     Switch {
         /// The signal is low while filament is missing.
         missing_is_low: bool,
     },
-    /// That filament moves: the signal changes its level every few millimetres.
+    /// The signal shows that filament moves: it changes its level every few millimetres.
     Encoder {
-        /// How much filament is pushed without a change before it counts as standing still, units of 10 nm.
+        /// Filament pushed without a change before it counts as standing still, units of 10 nm.
         detection_10nm: u32,
     },
 }
@@ -88,7 +88,7 @@ impl FilamentSensor {
 /// Filament for moves without E words (Wu 2024, eqs. 10 and 11).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExtrusionSettings {
-    /// Whether G1 to G3 in the plane without E extrude by their length.
+    /// True if G1 to G3 in the plane without E extrude by their length.
     pub adaptive: bool,
     /// h, units of 10 nm.
     pub layer_height_10nm: i64,

@@ -9,7 +9,7 @@ use crate::heat::gains::PidGains;
 /// Default for the seconds without use after which heaters go off: Prusa's (`SafetyTimer`, 30 minutes).
 pub const DEFAULT_HEATER_TIMEOUT_S: u16 = 1800;
 
-/// When a heater that should heat counts as failed ([`crate::heat::safety`]). The defaults are Marlin's.
+/// Limits at which a heater that should heat counts as failed ([`crate::heat::safety`]). The defaults are Marlin's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeaterWatch {
     /// While it heats up, the temperature must rise within this time, milliseconds ...
@@ -40,11 +40,11 @@ pub struct HeaterSettings {
     pub thermistor: Thermistor,
     /// Below this all heaters are switched off.
     pub min_celsius: f32,
-    /// At or above this all heaters are switched off.
+    /// Temperature at or above which all heaters are switched off.
     pub max_celsius: f32,
     /// Higher targets are refused, and so is [`Self::max_celsius`].
     pub max_target_celsius: f32,
-    /// When it counts as failed.
+    /// Limits at which it counts as failed.
     pub watch: HeaterWatch,
     /// Gains of its control loop.
     pub gains: PidGains,
@@ -56,7 +56,7 @@ pub struct HeaterSettings {
     pub mass: HeatedMass,
     /// There is a heater, and not only a thermometer.
     pub is_heated: bool,
-    /// Others heat it, too: without power of its own it may become hotter, and stay hot.
+    /// True if others heat it as well: without power it may become hotter, and stay hot.
     pub is_warmed_by_others: bool,
 }
 

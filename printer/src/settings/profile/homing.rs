@@ -1,4 +1,4 @@
-//! How axes home, and how the bed is probed.
+//! Homing of the axes, and probing of the bed.
 
 use ferrostep_planner::surface::MeshInterpolation;
 use ferrostep_virtual_board::SheetShape;
@@ -23,14 +23,14 @@ pub enum HomeSensor {
     Stall,
 }
 
-/// How an axis homes.
+/// Homing of an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisHoming {
     /// The end to which it homes.
     pub end: HomeEnd,
     /// The sensor at that end.
     pub sensor: HomeSensor,
-    /// Whether the sensor's signal is low when it triggers; a driver's stall signal is high then.
+    /// True if the sensor's signal is low when it triggers; a driver's stall signal is high then.
     pub triggers_low: bool,
     /// Machine coordinate at which the sensor triggers, in units of 10 nm. With a probe it is that of the bed: the probe triggers
     /// at this less the Z of [`SafeHoming::probe_offset_10nm`].
@@ -41,15 +41,16 @@ pub struct AxisHoming {
     pub slow_mm_per_s: f64,
     /// Path back between the two, in units of 10 nm.
     pub back_off_10nm: i64,
-    /// How much longer than the travel the frame may be, in units of 10 nm: an approach from an unknown place goes no farther than
-    /// the sum of both.
+    /// Maximum excess of the frame over the travel, in units of 10 nm: an approach from an unknown place goes no
+    /// farther than the sum of both.
     pub overrun_10nm: i64,
     /// Greatest distance between the places where the two approaches trigger, in units of 10 nm.
     pub agree_10nm: i64,
 }
 
 impl AxisHoming {
-    /// How far an approach to the bed may go below the place where its sensor must trigger, units of 10 nm: 0.5 mm.
+    /// Maximum distance of an approach to the bed below the place where its sensor must trigger, units of 10 nm: 0.5
+    /// mm.
     pub const MAX_PRESS_10NM: i64 = 50_000;
 }
 
@@ -58,12 +59,12 @@ impl AxisHoming {
 pub struct SafeHoming {
     /// Least height over the bed while X and Y move; a Z that is unknown is raised by this.
     pub raise_10nm: i64,
-    /// Where the nozzle stands (X, Y) while Z homes; `None`: at any place.
+    /// Place of the nozzle (X, Y) while Z homes; `None`: at any place.
     pub home_at_10nm: Option<[i64; 2]>,
-    /// From the nozzle's tip to where the probe triggers (X, Y, Z), as M851 has it: a Z of -1 mm says that the nozzle is 1 mm
-    /// above the bed when the probe triggers.
+    /// Offset from the nozzle's tip to the place where the probe triggers (X, Y, Z), as M851 has it: a Z of -1 mm
+    /// says that the nozzle is 1 mm above the bed when the probe triggers.
     pub probe_offset_10nm: [i64; 3],
-    /// Where the probe finds the bed: lower and upper end along X and along Y, machine coordinates.
+    /// Area in which the probe finds the bed: lower and upper end along X and along Y, machine coordinates.
     pub bed_10nm: [[i64; 2]; 2],
     /// The bed is the circle between these ends, which are as far from each other along Y as along X.
     pub is_round: bool,
@@ -78,7 +79,7 @@ impl SafeHoming {
     pub const NONE: Self =
         Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2], is_round: false };
 
-    /// Whether a place of the probe within the ends of the bed is above it.
+    /// Returns true if a place of the probe within the ends of the bed is above it.
     pub fn is_above_bed(&self, place_10nm: [i64; 2]) -> bool {
         let [[left, right], [front, back]] = self.bed_10nm;
         let [x, y] = place_10nm;
@@ -93,48 +94,48 @@ impl SafeHoming {
 /// A probe whose pin a servo's signal puts out and draws in (BLTouch).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlTouch {
-    /// How long the pin may take, and the signal lasts, ms.
+    /// Time that the pin may take, and that the signal lasts, ms.
     pub move_ms: u16,
     /// The pin goes in and out between the two approaches to a place.
     pub stows_each_touch: bool,
-    /// Before each deployment the pin, which is up, must read as triggered in touch mode.
+    /// True to test the pin before each deployment: up, it must read as triggered in touch mode.
     pub tests_signal: bool,
 }
 
-/// How the bed is measured, and how far up Z follows it. Lengths in units of 10 nm.
+/// Measuring of the bed, and the height up to which Z follows it. Lengths in units of 10 nm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshSettings {
     /// Points along X and along Y, 2 to [`ferrostep_planner::surface::MAX_MESH_POINTS`].
     pub points: [u8; 2],
-    /// What the surface is between them.
+    /// Interpolation of the surface between them.
     pub interpolation: MeshInterpolation,
-    /// Where they are: lower and upper end along X and along Y, machine coordinates of the probe.
+    /// Area of the points: lower and upper end along X and along Y, machine coordinates of the probe.
     pub area_10nm: [[i64; 2]; 2],
-    /// At which height of the nozzle Z follows no more; 0: it follows to the top.
+    /// Height of the nozzle from which on Z no longer follows; 0: it follows to the top.
     pub fade_10nm: i64,
     /// Height of the nozzle on the way from point to point.
     pub lift_10nm: i64,
-    /// How far below its height at home the bed may be.
+    /// Maximum depth of the bed below its height at home.
     pub depth_10nm: i64,
-    /// How often a point is probed.
+    /// Number of probings of a point.
     pub samples: u8,
     /// The shape of the virtual board's sheet; nothing else uses it.
     pub sheet: SheetShape,
 }
 
-/// A screw that the bed stands on.
+/// A levelling screw of the bed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BedScrew {
-    /// What people call it.
+    /// Its usual name.
     pub name: &'static str,
-    /// Where it is: X and Y in machine coordinates, units of 10 nm, within reach of the probe.
+    /// Its place: X and Y in machine coordinates, units of 10 nm, within reach of the probe.
     pub place_10nm: [i64; 2],
 }
 
-/// The screws that the bed stands on (G35).
+/// The levelling screws of the bed (G35).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BedScrews {
-    /// By how much a turn moves the bed, units of 10 nm, above 0.
+    /// Move of the bed by a turn, units of 10 nm, above 0.
     pub pitch_10nm: i64,
     /// A turn clockwise lifts the bed.
     pub clockwise_lifts: bool,

@@ -5,8 +5,8 @@
 pub struct SupplySignal {
     /// It is low while the supply fails.
     pub failing_is_low: bool,
-    /// How long it must say so, ms.
+    /// Time for which it must report the failure, ms.
     pub debounce_ms: u16,
-    /// By how much the nozzle rises from the print when its place is kept, units of 10 nm; 0: it stays.
+    /// Rise of the nozzle from the print when its place is kept, units of 10 nm; 0: it stays.
     pub rise_10nm: i64,
 }

@@ -7,7 +7,7 @@ use ferrostep_tmc2209::DriverSettings;
 use crate::heat::model::HeaterModel;
 use crate::settings::profile::heaters::HeaterSettings;
 
-/// The most tools that a machine may have. Each further one needs its heater in [`Heater`], too.
+/// The most tools that a machine may have. Each further one also needs its heater in [`Heater`].
 pub const MAX_TOOLS: usize = 2;
 
 /// The heater of a further tool.
@@ -28,13 +28,13 @@ pub struct ToolHeater {
 pub struct FurtherTool {
     /// The board's name for the motor of its extruder.
     pub socket: &'static str,
-    /// That runs the other way round.
+    /// True if that motor runs the other way round.
     pub is_inverted: bool,
-    /// From T0's nozzle to this one (M218), units of 10 nm.
+    /// Offset from T0's nozzle to this one (M218), units of 10 nm.
     pub offset_10nm: [i64; 3],
     /// Steps of its motor in a millimetre of filament.
     pub steps_per_mm: StepsPerMm,
-    /// How far its extruder runs ahead.
+    /// Pressure advance of its extruder.
     pub advance: PressureAdvance,
     /// Settings of its motor's driver; `None` for a driver that cannot be set.
     pub driver: Option<DriverSettings>,
@@ -44,20 +44,20 @@ pub struct FurtherTool {
     pub fan: Option<u8>,
 }
 
-/// What a change of the tool does by itself. Lengths are units of 10 nm, speeds of 10 nm a second.
+/// Actions of a change of the tool. Lengths are units of 10 nm, speeds of 10 nm a second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ToolChange {
-    /// By how much the nozzle rises before it goes aside; the offset along Z is added where the new nozzle is the lower one.
+    /// Rise of the nozzle before it goes aside; the offset along Z is added where the new nozzle is the lower one.
     pub lift_10nm: i64,
-    /// How fast the new nozzle goes to where the old one was.
+    /// Speed of the new nozzle on its way to the old one's place.
     pub travel_10nm_per_s: i64,
     /// Filament that the old tool draws back.
     pub retract_10nm: i64,
-    /// How fast.
+    /// Speed of that.
     pub retract_10nm_per_s: i64,
     /// Filament that the new tool pushes beyond what it had drawn back when it was left.
     pub prime_10nm: i64,
-    /// How fast it pushes both.
+    /// Speed at which it pushes both.
     pub prime_10nm_per_s: i64,
     /// The macro whose lines come before it. It and the next one are called with `FROM` and `TO`, the numbers of the tools.
     pub before: Option<&'static str>,
@@ -70,7 +70,7 @@ pub struct ToolChange {
 pub struct Tools {
     /// T1, and so on.
     pub further: [Option<FurtherTool>; MAX_TOOLS - 1],
-    /// What a change does.
+    /// Settings of a change.
     pub change: ToolChange,
 }
 
@@ -97,7 +97,7 @@ impl Tools {
         }
     }
 
-    /// The heater of a tool that has one of its own.
+    /// The own heater of the further tool, if it has one.
     pub const fn own_heater(&self) -> Option<&ToolHeater> {
         match self.get(1) {
             Some(FurtherTool { heater: Some(heater), .. }) => Some(heater),

@@ -26,7 +26,7 @@ impl<T: core::fmt::Debug> core::fmt::Debug for Kept<T> {
 pub struct ZMotors {
     /// The further ones.
     pub further: [Option<ZMotor>; ZMotors::FURTHER],
-    /// How they are aligned (G34); `None`: by hand.
+    /// Alignment of the motors (G34); `None`: by hand.
     pub alignment: Option<ZAlignment>,
 }
 
@@ -44,16 +44,16 @@ impl ZMotors {
     }
 }
 
-/// How the motors of Z are aligned. Places are machine coordinates X and Y, units of 10 nm.
+/// Alignment of the motors of Z. Places are machine coordinates X and Y, units of 10 nm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZAlignment {
-    /// Where each motor lifts the bed or the gantry.
+    /// Places where each motor lifts the bed or the gantry.
     pub places_10nm: [[i64; 2]; ZMotors::FURTHER + 1],
-    /// Where the bed is probed.
+    /// Places where the bed is probed.
     pub points_10nm: [Option<[i64; 2]>; ZAlignment::MAX_POINTS],
-    /// For each motor the weights with which the heights at these points make the height at its place.
+    /// Weights, for each motor, of the heights at these points for the height at its place.
     pub weights: [[f32; ZAlignment::MAX_POINTS]; ZMotors::FURTHER + 1],
-    /// How far apart the motors may be, units of 10 nm.
+    /// Maximum distance between the heights of the motors, units of 10 nm.
     pub max_correction_10nm: i64,
 }
 

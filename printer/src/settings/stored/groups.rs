@@ -26,7 +26,7 @@ pub(crate) struct Setting<M: Parts> {
     pub letters: &'static str,
     /// Least and most, in the profile's unit; those of the command.
     pub range: [f64; 2],
-    /// What the command's unit is of the profile's.
+    /// Factor from the profile's unit to the command's.
     pub scale: f64,
     /// Its value number `index`, where this machine has it.
     pub place: fn(&mut Values<M>, usize) -> Option<Place<'_>>,
@@ -36,7 +36,7 @@ pub(crate) struct Setting<M: Parts> {
 pub(crate) struct Group<M: Parts> {
     /// The command.
     pub code: &'static str,
-    /// What they are.
+    /// Heading of the group in a report.
     pub heading: &'static str,
     /// `Some`: a line for each of these axes, and in it a word for each setting. `None`: all values in a line.
     pub axes: Option<&'static str>,
@@ -54,14 +54,14 @@ const fn setting<M: Parts>(
 
 const AXES: &str = "XYZE";
 const LIMITS: [f64; 2] = [SMALLEST_LIMIT, LARGEST_LIMIT];
-/// Of a profile.
+/// Range of the steps in a profile.
 const STEPS: [f64; 2] = [1.0, 10_000.0];
 const LENGTHS: [f64; 2] = [0.0, 100.0];
 /// The slowest and the fastest feed of M207 and M208.
 const SPEEDS: [f64; 2] = [0.01, 1000.0];
 /// mA.
 const CURRENT: [f64; 2] = [0.0, 3000.0];
-/// Of M913, mm/s.
+/// Range of the speed of M913, mm/s.
 const CHOPPER_SPEED: [f64; 2] = [0.0, 2000.0];
 const SKEW: [f64; 2] = [-(Skew::MAX_FACTOR as f64), Skew::MAX_FACTOR as f64];
 const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
@@ -350,7 +350,7 @@ const fn gain<M: Parts>(
 }
 
 impl<M: Parts> Group<M> {
-    /// How many values each of its settings has at most.
+    /// Largest number of values of a setting.
     pub fn values_of(&self, setting: &Setting<M>) -> usize {
         self.axes.unwrap_or(setting.letters).len()
     }

@@ -16,7 +16,7 @@ use crate::settings::profile::z_motors::Kept;
 /// Units of 10 nm in a millimetre.
 pub(super) const MM: f64 = 100_000.0;
 
-/// What a machine may have that has settings.
+/// Optional parts of a machine that have settings.
 pub(crate) trait Parts: Copy + core::fmt::Debug + PartialEq + 'static {
     /// Heaters that are controlled by a model.
     type Models: Part;
@@ -39,13 +39,13 @@ pub(crate) struct ToolValues {
     pub extruder_steps_per_mm: f64,
     /// M218.
     pub offset_10nm: [i64; 3],
-    /// As [`Values::advance`].
+    /// Its pressure advance, as in [`Values::advance`].
     pub advance: [Option<f64>; 4],
-    /// Of the heater of its own nozzle.
+    /// Gains of its nozzle's own heater.
     pub gains: Option<PidGains>,
     /// The model that controls it instead.
     pub model: Option<HeaterModel>,
-    /// Of its motor, where that can be set.
+    /// Settings of its motor's driver, where that can be set.
     pub driver: Option<DriverSettings>,
 }
 
@@ -62,16 +62,16 @@ pub(crate) struct Values<M: Parts> {
     pub skew_factors: [f64; 3],
     /// M425, of a machine whose profile says of play.
     pub backlash: <M::Backlash as Part>::Of<Option<Backlash>>,
-    /// Of a machine with a probe.
+    /// Offset of the probe, of a machine with one.
     pub probe_offset_10nm: Option<[i64; 3]>,
-    /// What a filament change draws out and pushes in (M603).
+    /// Filament that a change draws out and pushes in (M603).
     pub filament_10nm: [i64; 2],
     pub shapers: [AxisShaper; 2],
     /// K, the time it is averaged over, the K of fast flow, and from which flow on.
     pub advance: [Option<f64>; 4],
-    /// Of those that can be set.
+    /// Settings of the drivers that can be set.
     pub drivers: [Option<DriverSettings>; 4],
-    /// Of the nozzle's and the bed's heater, where the machine has heaters.
+    /// Gains of the nozzle's and the bed's heater, where the machine has heaters.
     pub gains: Option<[PidGains; 2]>,
     /// Those that control the same heaters instead.
     pub models: <M::Models as Part>::Of<[Option<HeaterModel>; 2]>,
@@ -164,7 +164,7 @@ pub(crate) fn advance_numbers(advance: &PressureAdvance) -> [Option<f64>; 4] {
     [Some(seconds), smooth_time_s, fast, speed]
 }
 
-/// Where a value lives.
+/// Reference to the memory of a value.
 pub(crate) enum Place<'a> {
     Number(&'a mut f64),
     Single(&'a mut f32),
@@ -191,7 +191,7 @@ const KINDS: [ShaperKind; 9] = [
     ShaperKind::ThreeHumpEi,
 ];
 
-/// A kind with numbers of its own: its impulses times this, and the thousandths.
+/// Factor in the number of a kind with parameters: its impulses times this, and the thousandths.
 const EVEN: u32 = 100_000;
 
 fn number_of(kind: ShaperKind) -> f64 {
@@ -211,7 +211,7 @@ fn kind_of(number: u32) -> Option<ShaperKind> {
 }
 
 impl Place<'_> {
-    /// What it contains; NaN for an optional one that is absent.
+    /// Its value; NaN for an optional one that is absent.
     pub fn get(&self) -> f64 {
         match self {
             Self::Number(value) => **value,

@@ -28,7 +28,7 @@ pub const SIZE_MM: i64 = 200;
 /// Units of 10 nm in a millimetre.
 pub const MM: i64 = 100_000;
 
-/// What an axis has at its end.
+/// The sensor at an axis's end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sensor {
     /// It triggers at the end of the true travel.
@@ -41,7 +41,7 @@ pub enum Sensor {
     WiredTo(usize),
 }
 
-/// What was asked of the motors. Distances in mm, speeds in mm/s.
+/// A command to the motors. Distances in mm, speeds in mm/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// A move by so much along X, Y and Z.
@@ -59,7 +59,7 @@ pub enum Event {
 pub struct Rig {
     pub profile: Profile,
     pub sensors: [Cell<Sensor>; 3],
-    /// How much too early the next approaches end, units of 10 nm; right where it is absent.
+    /// Distances by which the next approaches end too early, units of 10 nm; missing ones end at the right place.
     pub early_10nm: RefCell<Vec<i64>>,
     /// The seek with this number is stopped from outside.
     pub stopped_seek: Cell<Option<usize>>,
@@ -72,7 +72,7 @@ pub struct Rig {
     extruder_steps_per_mm: Cell<StepsPerMm>,
     /// Moves wait since the machine last stood still.
     is_moving: Cell<bool>,
-    /// How often motion was stopped from outside.
+    /// Number of stops of motion from outside.
     stops: Cell<u32>,
     /// Widths of the pulses that the probe's pin was sent.
     told_us: RefCell<Vec<u16>>,
@@ -89,7 +89,7 @@ fn mm(units: [i64; 3]) -> [f64; 3] {
 }
 
 impl Rig {
-    /// Motors that stand at 60, 50 and 40 mm and believe 0, of a machine that a test may change.
+    /// Motors that are at 60, 50 and 40 mm and believe 0, of a machine that a test may change.
     pub fn new(change: impl FnOnce(&mut Profile)) -> Self {
         let mut profile = Profile { size_10nm: [SIZE_MM * MM; 3], ..profile() };
         change(&mut profile);
@@ -119,7 +119,7 @@ impl Rig {
         Printer::new(&self.profile, RigMotion(self), Cold::of(&self.profile), NoTime, self, &self.signals)
     }
 
-    /// What has been asked of the motors since the last call.
+    /// Takes the commands to the motors since the last call.
     pub fn take_events(&self) -> Vec<Event> {
         self.events.take()
     }
@@ -134,17 +134,17 @@ impl Rig {
         self.texts.take()
     }
 
-    /// Where the motors truly stand, mm.
+    /// True position of the motors, mm.
     pub fn true_mm(&self) -> [f64; 3] {
         mm(self.true_10nm.get())
     }
 
-    /// Where they believe to stand, mm.
+    /// Position that the motors believe, mm.
     pub fn believed_mm(&self) -> [f64; 3] {
         mm(self.believed_10nm.get())
     }
 
-    /// Whether moves wait.
+    /// Returns true if moves wait.
     pub fn is_moving(&self) -> bool {
         self.is_moving.get()
     }
@@ -179,7 +179,7 @@ impl Rig {
         core::array::from_fn(|axis| target_10nm[axis] - self.believed_10nm.get()[axis])
     }
 
-    /// How far it is to where a sound sensor of an axis is, along a direction; not below 0.
+    /// Distance to the place of a sound sensor of an axis, along a direction; not below 0.
     fn way_to_place(&self, axis: usize, direction: i64) -> Option<i64> {
         let at_max = self.profile.homing[axis].end == HomeEnd::Max;
         let end = if at_max { SIZE_MM * MM } else { 0 };
@@ -188,7 +188,7 @@ impl Rig {
         (left <= 0 || towards == direction).then_some(left.max(0))
     }
 
-    /// How far it is to where the input of an axis triggers, along a direction; not below 0.
+    /// Distance to the place where the input of an axis triggers, along a direction; not below 0.
     fn way_to_sensor(&self, axis: usize, direction: i64) -> Option<i64> {
         match self.sensors[axis].get() {
             Sensor::Good => self.way_to_place(axis, direction),
@@ -465,7 +465,7 @@ impl MotorDrivers for Drivers {
     }
 }
 
-/// Lets whatever else waits go on, once.
+/// Lets all other waiting tasks continue, once.
 pub async fn wait_once() {
     let mut has_waited = false;
     core::future::poll_fn(|_| if core::mem::replace(&mut has_waited, true) { Poll::Ready(()) } else { Poll::Pending })

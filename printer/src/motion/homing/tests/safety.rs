@@ -147,7 +147,7 @@ fn approaches_that_agree_at_the_second_attempt_home() {
     assert_eq!(ways(&rig.take_events(), 1).len(), 2);
 }
 
-/// Before the second attempt an axis moves back that stands at its sensor, or whose motor has to become fast.
+/// An axis moves back before the second attempt if it is at its sensor, or if its motor has to become fast.
 #[test]
 fn the_second_attempt_begins_where_a_sensor_can_tell() {
     let back = Event::Moved(along(0, BACK_OFF), FAST);

@@ -89,7 +89,7 @@ proptest! {
         prop_assert_eq!(steps(run.count.at_end()), run.new_steps);
     }
 
-    /// After a stop no filament is new that was drawn back, and none is lost but the part between two marks.
+    /// No filament that was drawn back counts as new after a stop, and only the part between two marks is lost.
     #[test]
     fn a_stop_forgets_what_was_not_played(
         before in slots(), after in slots(), played in 0usize..2000,

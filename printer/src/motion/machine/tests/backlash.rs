@@ -1,4 +1,4 @@
-//! Axes that their motors move with play, behind the step interrupt's own player.
+//! Axes that their motors move with play, driven by the step interrupt's own player.
 
 use ferrostep_planner::Standard;
 use ferrostep_planner::backlash::BacklashStage;

@@ -7,7 +7,7 @@ fn a_seek_ends_at_the_event_that_triggers() {
     with_queue(|queue, mut interrupt| {
         let queue = ModelledSensors::new(queue, profile().virtual_motors());
         let mut machine = Machine::new(&profile(), vec![Slot::EMPTY; 8], queue);
-        // The head truly stands at 60 mm, where the machine believes 0.
+        // The head is truly at 60 mm, where the machine believes 0.
         let _ = machine.add(&travel(-100, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
@@ -24,7 +24,7 @@ fn a_seek_ends_at_the_event_that_triggers() {
             (machine.take_homing_result(), interrupt.motor_steps()),
             (Some(Ok(HomingOutcome::Triggered)), [-4800, 0, 0, 0])
         );
-        // Y stands at 50 mm and goes 10 mm only.
+        // Y is at 50 mm and goes 10 mm only.
         let _ = machine.add(&travel(0, -10)).unwrap();
         machine.begin_seek(1);
         assert_eq!(machine.take_homing_result(), None);
@@ -94,11 +94,11 @@ fn a_requested_stop_during_a_seek_is_not_the_sensor_s() {
         // The sensor comes too late.
         interrupt.player.link().request_sensor_stop();
         machine.work(NO_SILENCE);
-        // The stop ends the seek, which tells so: a command that waits for it does not wait for ever.
+        // The stop ends the seek with an error: a command that waits for it returns.
         assert_eq!((machine.stops(), machine.take_homing_result()), (1, Some(Err(MotionError::Stopped))));
         assert_eq!(interrupt.sensors.watched.get(), None);
         assert_eq!(machine.motor_steps(), interrupt.motor_steps());
-        // And later still: it is no stop of its own.
+        // And later still: it does not count as another stop.
         interrupt.player.link().request_sensor_stop();
         machine.work(NO_SILENCE);
         assert_eq!((machine.stops(), machine.is_idle()), (1, true));
@@ -108,7 +108,7 @@ fn a_requested_stop_during_a_seek_is_not_the_sensor_s() {
 #[test]
 fn a_sensor_s_edge_before_its_level_is_looked_at_ends_the_seek_once() {
     with_machine(32, |mut machine, mut interrupt| {
-        // It triggers where the motor stands already: level and edge tell the same.
+        // It triggers at the motor's present place: level and edge report the same.
         interrupt.sensors.trigger_at.set(1000);
         machine.add(&travel(-30, 0)).unwrap();
         machine.begin_seek(0);

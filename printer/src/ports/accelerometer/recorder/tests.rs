@@ -1,4 +1,4 @@
-//! Records of a chip in memory, which samples at a rate of its own.
+//! Records of a chip in memory, whose rate differs from the set one.
 
 use std::cell::RefCell;
 
@@ -15,7 +15,7 @@ const CAPACITY: u64 = 32;
 #[derive(Debug, Default)]
 struct Chip {
     now_ticks: u64,
-    /// When it began to sample; `None` at rest.
+    /// Time when it began to sample; `None` at rest.
     since_ticks: Option<u64>,
     rate_hz: u16,
     /// Per thousand that it is faster than it was set.
@@ -144,7 +144,7 @@ fn the_rate_of_a_long_record_is_measured() {
         rig.record(50_000, false).unwrap();
         rig.pass(35_000, 2 * MS);
         assert_eq!(rig.heard.last(), Some(&RecordEvent::Ended { rate_hz: expected_hz, overflows: 0 }));
-        // Of a short one the chip's own word counts.
+        // The rate of a short record is the set one.
         rig.record(900, false).unwrap();
         rig.pass(1000, 2 * MS);
         assert_eq!(rig.heard.last(), Some(&RecordEvent::Ended { rate_hz: 800, overflows: 0 }));

@@ -60,7 +60,7 @@ impl<M: Parts> Group<M> {
         },
     ];
 
-    /// That of the second tool's heater.
+    /// The model of the second tool's heater.
     pub(super) const OF_TOOL_MODELS: &'static [Self] = &[Self {
         code: "M306 E1",
         heading: "echo:; Model predictive control of T1:",
