@@ -280,8 +280,8 @@ impl Board {
         self.spare(profile, 2, further.map(|motor| (motor.socket, motor.is_inverted)))
     }
 
-    /// Motors in these sockets that the board has, by what the profile says of each, and whether each runs the other way round than motor
-    /// `own`.
+    /// Motors in these sockets that the board has, selected by the profile's settings, and whether each runs the
+    /// other way round than motor `own`.
     fn spare(
         &self,
         profile: &Profile,

@@ -42,7 +42,7 @@ pub struct Pll {
 
 impl Pll {
     /// The word of RCC_PLLCFGR. Bits 28 to 30 are the divider R of an STM32F446, which must not be 0, and elsewhere
-    /// reserved: 2 is what they have after reset.
+    /// reserved: their value after reset is 2.
     pub const fn register(self, is_from_crystal: bool) -> u32 {
         let source = (is_from_crystal as u32) << 22;
         self.m | self.n << 6 | (self.p / 2 - 1) << 16 | source | self.q << 24 | 2 << 28

@@ -146,7 +146,7 @@ fn thermal(board: &Board) -> String {
         number: pin.number,
         on_is_low: settings.on_is_low,
     });
-    // Most machines have none, and the name of its type would be imported for nothing.
+    // Most machines have none, and the name of its type would be an unused import.
     let supply = supply.map_or("None".to_owned(), |pin| format!("Some(ferrostep_stm32f4::{pin:?})"));
     let pins = match (heater("nozzle"), heater("bed")) {
         (Some((nozzle, nozzle_sensor)), Some((bed, bed_sensor))) => {
@@ -188,7 +188,7 @@ impl Registers for Script {
         self.0.push(Store { address, clear, set });
     }
 
-    /// A store that changes nothing stands for a read-back.
+    /// A store without changes represents a read-back.
     fn switch_clocks_on(&mut self, address: u32, clocks: u32) {
         self.modify(address, 0, clocks);
         self.modify(address, 0, clocks);
@@ -336,7 +336,7 @@ mod tests {
         assert_eq!(Memory::of(&bench, 0x1000_0000, 4), Some(Memory::Ccm));
     }
 
-    /// No image reaches into the sectors that settings are kept in, and a debugger's tool is not told that it may.
+    /// No image reaches into the sectors that settings are kept in, and a debugger's tool learns the same limit.
     #[test]
     fn images_end_before_the_settings() {
         for (name, length) in [("bench", 0xc_0000), ("prusa-buddy", 0x9_fe00)] {

@@ -48,8 +48,8 @@ pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3]
     std::array::from_fn(|_| sensors.next().flatten())
 }
 
-/// The pin of the profile's filament sensor, and whether it is low while filament is missing (of an encoder neither level says so);
-/// `None` without such a sensor or such an input.
+/// The pin of the profile's filament sensor, and whether it is low while filament is missing (an encoder has no such
+/// level); `None` without such a sensor or such an input.
 pub fn filament_pin(board: &Board, profile: &Profile) -> Option<(Pin, bool)> {
     filament_input(board, "filament", profile.filament_sensor)
 }

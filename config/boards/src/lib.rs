@@ -1,4 +1,4 @@
-//! Printer boards as TOML: their pins and clocks, checked, and what the firmware is built from.
+//! Printer boards as TOML: their pins and clocks, checked, as the source of the firmware's constants.
 //!
 //! The boards are the files next to this crate's `Cargo.toml`. A key is one line of code that reads it (`keys.rs`), with its
 //! range, its default and its meaning; the book's table of keys is made from the same lines ([`schema`]). [`constants::rust`]
@@ -64,7 +64,7 @@ pub fn load(name_or_path: &str) -> Result<Board, BoardError> {
     }
 }
 
-/// Parses and checks a board; `origin` (a path or a name) stands in front of the line number in errors.
+/// Parses and checks a board; `origin` (a path or a name) precedes the line number in errors.
 ///
 /// # Errors
 ///

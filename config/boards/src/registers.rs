@@ -1,4 +1,4 @@
-//! A board's pins as stores to registers: what the firmware writes, in this order, without knowing a pin.
+//! A board's pins as stores to registers: the firmware makes them in this order, without knowing a pin.
 
 use ferrostep_stm32f4::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OTYPER, OUTPUT, PULL_UP, PUPDR};
 use ferrostep_stm32f4::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
@@ -266,7 +266,7 @@ mod tests {
 
     use super::*;
 
-    /// Registers after some stores, from what they are after reset as far as it matters here: zeros.
+    /// Registers after some stores, starting from their reset values, which are zeros as far as the tests need them.
     fn after(stores: &[Store]) -> BTreeMap<u32, u32> {
         let mut registers = BTreeMap::new();
         for Store { address, clear, set } in stores {

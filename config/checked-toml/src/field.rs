@@ -1,4 +1,4 @@
-//! A key that has been read: what holds if the text leaves it out, and what it means.
+//! A key that has been read: its default and its meaning.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use crate::schema::Key;
 use crate::section::Section;
 
 /// A key of a [`Section`], read as far as the text goes. One of [`required`](Self::required), [`or`](Self::or) and
-/// [`optional`](Self::optional) says what holds if the text leaves it out, and what the key means, in the book's words.
+/// [`optional`](Self::optional) sets its value for texts without the key, and its meaning, in the book's words.
 #[must_use = "a key is declared by `required`, `or` or `optional`"]
 pub struct Field<'r, T> {
     section: Section<'r>,
@@ -66,7 +66,7 @@ impl<'r, T: Clone + fmt::Debug> Field<'r, T> {
         value
     }
 
-    /// The value; `None` if the key is left out, and `absent` is what the book says then.
+    /// The value; `None` if the key is left out, for which `absent` is the book's text.
     pub fn optional(self, absent: &'static str, about: &'static str) -> Option<T> {
         let key = Key { about, absent: absent.to_owned(), ..self.key };
         self.section.note(self.row, key, &self.value);

@@ -8,7 +8,7 @@ pub fn line_of(text: &str, offset: usize) -> usize {
     1 + before.iter().filter(|byte| **byte == b'\n').count()
 }
 
-/// Line on which the value of a key (a path with dots) stands; `None` if the text has no such key.
+/// Line of the value of a key (a path with dots); `None` if the text has no such key.
 pub fn line_of_key(text: &str, key: &str) -> Option<usize> {
     let root = DeTable::parse(text).ok()?;
     let (tables, last) = key.rsplit_once('.').map_or((None, key), |(tables, last)| (Some(tables), last));

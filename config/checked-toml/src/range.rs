@@ -1,4 +1,4 @@
-//! Ranges of numbers, as they are checked and as they are shown.
+//! Ranges of numbers: their check and their text.
 
 use std::fmt;
 

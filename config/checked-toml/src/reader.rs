@@ -48,7 +48,7 @@ pub(crate) enum Rank {
     Contradiction,
 }
 
-/// A value that was read well, and a number that stands for all its [bound](crate::Section::apart) keys and their values.
+/// A value that was read well, with a hash of all its [bound](crate::Section::apart) keys and their values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Checked<T> {
     /// The value.
@@ -109,7 +109,7 @@ impl<'a> Reader<'a> {
     }
 
     fn find_unknown_keys(&self, table: &DeTable<'_>, path: &str) {
-        // Tables that nothing was asked of are unknown themselves.
+        // Tables of which no key was read are unknown themselves.
         let Some(names) = self.state.borrow().names.get(path).cloned() else { return };
         for (key, value) in table {
             let inner = join(path, key.get_ref());

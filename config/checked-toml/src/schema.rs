@@ -48,8 +48,8 @@ impl Schema {
         &self.keys
     }
 
-    /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, what holds without it, and what it means.
-    /// Tables of the same keys share their lines.
+    /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, default, and meaning. Tables
+    /// of the same keys share their lines.
     pub fn markdown(&self) -> String {
         let mut text = "| key | unit | value | if left out | meaning |\n|---|---|---|---|---|\n".to_owned();
         for row in rows(&self.keys.iter().collect::<Vec<_>>(), "", 0) {

@@ -82,7 +82,7 @@ impl<'r> Section<'r> {
         self.open(key, about, "each key its default").0
     }
 
-    /// A table that may be left out; `absent` says what holds then. While a schema is described it is there.
+    /// A table that may be left out; `absent` is the book's text for that. While a schema is described it is there.
     pub fn optional_section(&self, key: &'static str, absent: &'static str, about: &'static str) -> Option<Self> {
         let (inner, is_missing) = self.open(key, about, absent);
         (!is_missing || self.is_describing()).then_some(inner)

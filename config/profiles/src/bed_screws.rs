@@ -1,4 +1,4 @@
-//! The screws that the bed stands on.
+//! The levelling screws of the bed.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_printer::{BedScrew, BedScrews, SafeHoming};
@@ -11,7 +11,8 @@ const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 /// Longest name, bytes.
 const MAX_NAME: usize = 24;
 
-/// The bed's screws, where the profile names some; the probe reaches so much of the bed along X and Y.
+/// The bed's screws, if the profile names some; `reach_mm` is the part of the bed that the probe reaches along X and
+/// Y.
 pub(crate) fn bed_screws(
     keys: &Section<'_>,
     reach_mm: &[[f64; 2]; 2],

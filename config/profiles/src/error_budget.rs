@@ -58,7 +58,7 @@ fn mode(keys: &Section<'_>) -> FrameMode {
 }
 
 impl ErrorBudget {
-    /// Lowers the accelerations of X and Y to what keeps the budget.
+    /// Lowers the accelerations of X and Y until they keep the budget.
     pub(crate) fn apply(
         &self,
         keys: &Section<'_>,
@@ -74,7 +74,7 @@ impl ErrorBudget {
         };
         let mut too_small: Option<(&str, f64)> = None;
         for (axis, mode) in [x, y].into_iter().enumerate() {
-            // A filter that cannot be made is refused where it stands.
+            // A filter that cannot be made is refused by its own keys.
             let Ok(kernel) = motion.shapers[axis].kernel() else { continue };
             let smooth_ticks = smooth_ticks(motion.smooth_time_s).unwrap_or(0);
             let axis_error = AxisError {

@@ -1,4 +1,4 @@
-//! The fans: their outputs, what makes them turn, and how slow they may be.
+//! The fans: their outputs, their control, and their slowest speed.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_hal_shim::FanOutput;
@@ -85,7 +85,7 @@ pub(crate) fn fans(keys: &Section<'_>) -> FanTable {
     table
 }
 
-/// A fan and its output; `None` for what is refused.
+/// A fan and its output; `None` if it is refused.
 fn fan(name: &'static str, keys: &Section<'_>) -> (Option<FanOutput>, FanSettings) {
     let output = keys
         .word("output", FanOutput::ALL.map(|output| (output.name(), output)))

@@ -59,7 +59,7 @@ struct Kind<'a> {
     mass_in_words: &'static str,
     /// Default where the profile has no keys for it; `None` if it must have them.
     control: Option<Control>,
-    /// Another heater, whose values are those that the profile does not say.
+    /// Another heater, whose values replace missing keys.
     base: Option<&'a HeaterSettings>,
 }
 
@@ -70,7 +70,7 @@ struct Control {
     residency_s: f64,
 }
 
-/// Stands for what a further tool's nozzle has from the first.
+/// Text for a key whose default is that of the first nozzle.
 const OF_FIRST: &str = "as `nozzle`";
 
 const FAN_GAIN: &str = "power that the part-cooling fan takes, for each degree between 25 °C and the target (M303)";
@@ -141,7 +141,7 @@ pub(crate) fn chamber(keys: &Section<'_>) -> Option<ChamberSettings> {
     Some(ChamberSettings { thermistor, heater, settings })
 }
 
-/// The nozzle of a further tool, and the model that controls it if one does: of its settings what it does not say is as T0's.
+/// The nozzle of a further tool, and the model that controls it if one does: T0's values replace missing keys.
 pub(crate) fn further_nozzle(table: &Section<'_>, first: &HeaterSettings) -> (HeaterSettings, Option<HeaterModel>) {
     const NAME: &str = "tools.t1.nozzle";
     let kind = Kind { watch: first.watch, mass: first.mass, base: Some(first), ..NOZZLE };

@@ -22,7 +22,7 @@ const DEFAULT_AGREE_MM: f64 = 0.5;
 /// The same of a probe, which triggers without a stalling motor in between.
 const DEFAULT_PROBE_AGREE_MM: f64 = 0.2;
 
-/// Homing of X, Y and Z, and what keeps the nozzle off the bed.
+/// Homing of X, Y and Z, and the keys that keep the nozzle off the bed.
 pub(crate) fn homing(
     keys: &Section<'_>,
     travel: &Travel,

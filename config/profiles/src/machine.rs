@@ -43,9 +43,8 @@ const MAX_MODEL_NAMES: usize = 64;
 
 /// The machine. Its name, its models' names and its macros are separate, because a [`Profile`] needs them `'static`;
 /// so is the budget, which only the desk needs.
-///
-/// A prepared job is bound to every key but those that are read `apart`: what changes neither the plan nor what it may ask of
-/// the machine.
+/// A prepared job is bound to every key but those that are read `apart`: these change neither the plan nor the
+/// demands of the plan on the machine.
 pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 3], ErrorBudget) {
     let apart = keys.apart();
     let name = name(&apart);
@@ -228,7 +227,7 @@ fn limits(keys: &Section<'_>) -> Limits {
         travel_acceleration_mm_per_s2: travel,
         retract_acceleration_mm_per_s2: retract,
         junction_deviation_mm,
-        // For Z half of what the extruder has, which is what makers of printers with such a limit give it.
+        // Z has half of the extruder's value, as makers of printers with such a limit choose it.
         instantaneous_corner_velocity_mm_per_s: [unlimited("x"), unlimited("y"), limited("z", 5.0), limited("e", 10.0)],
     }
 }
@@ -238,7 +237,7 @@ fn limits(keys: &Section<'_>) -> Limits {
 fn holds_corner_speed(keys: &Section<'_>, limits: &Limits) -> bool {
     let about = "speed in a corner of 90° at every acceleration, as Klipper's: M204 then changes the deviation, not the speed; it is the \
                  one that `junction_deviation_mm` makes at `acceleration_mm_per_s2.print`";
-    // Bound only where it is there: jobs prepared before this key was known stay what they are.
+    // Bound only if it is there: jobs that were prepared before this key existed remain valid.
     let speed = keys
         .apart()
         .number("square_corner_velocity_mm_per_s", CORNER_VELOCITY)

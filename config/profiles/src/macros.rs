@@ -1,4 +1,4 @@
-//! Macros: names that stand for lines of G-code.
+//! Macros: names for lines of G-code.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -17,7 +17,7 @@ const MAX_DEPTH: usize = 8;
 const MAX_LINES: usize = 512;
 /// Value of a parameter without a default when its line is read for a trial.
 const TRIAL: &str = "1";
-/// The keys that name macros at a change of the tool, and what they may be.
+/// The keys that name macros at a change of the tool, and the values that they may have.
 const KEYS_AT_CHANGE: [&str; 2] = ["tools.before_change", "tools.after_change"];
 pub(crate) const A_MACRO: &str = "the name of a macro, as in [macro.NAME]";
 /// Parameters that these macros are called with.
@@ -66,8 +66,8 @@ impl Flat {
     }
 }
 
-/// The macros in the form that the printer reads; nothing where one is wrong, which is noted. `at_change` are the names of those before
-/// and after a change of the tool.
+/// The macros in the form that the printer reads; empty if one is wrong, which is noted. `at_change` are the names of
+/// those before and after a change of the tool.
 pub(crate) fn macros(keys: &Section<'_>, at_change: [Option<&str>; 2]) -> String {
     let sections = keys.named_sections(
         "macro",

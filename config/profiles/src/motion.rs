@@ -26,8 +26,8 @@ const MIN_ACCELERATION_MM_PER_S2: f64 = 100.0;
 
 const AXES_SMOOTH_TIME: Range = range(SMOOTH_TIME_S[0], SMOOTH_TIME_S[1], "s");
 
-/// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves are apart, and what is shaped is
-/// the motion as it is played, so that shapers are.
+/// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves do not bind them;
+/// shapers change the motion as it is played, so that they do not bind them either.
 pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
     let default = MotionChoice::DEFAULT;
     let interpolation = keys
@@ -147,7 +147,7 @@ fn filters(keys: &Section<'_>) -> ([AxisShaper; 2], Option<f64>) {
     {
         let alone = |shaper: &AxisShaper| shaper.kernel().is_ok();
         for (axis, shaper) in &shapers {
-            // One that is too long by itself is refused where it stands.
+            // A filter that is too long alone is refused by its own keys.
             if let Some(shaper) = shaper.filter(alone)
                 && let Err(ShaperError::TooLong { .. }) = shaper.kernel_beside(ticks)
             {

@@ -12,7 +12,7 @@ const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 const FROM_END_MM: f64 = 10.0;
 const RISE_MM: f64 = 20.0;
 
-/// Four to five times what a hot end holds.
+/// Four to five times the contents of a hot end.
 const MORE_MM: f64 = 50.0;
 
 /// A speed at which filament is still pushed into a nozzle that melts 12 mm^3/s of 1.75 mm.

@@ -16,8 +16,8 @@ pub struct FrameMode {
     pub damping: f64,
 }
 
-/// The largest distances from the commanded motion that one change of it leads to while an earlier one of the same size still rings,
-/// apart from a delay of the whole axis: a delay leaves the nozzle on its path.
+/// The largest distances from the commanded motion that one change of it causes while an earlier one of the same size
+/// still rings, apart from a delay of the whole axis: a delay leaves the nozzle on its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// mm for each mm/s^2 by which the acceleration jumps: s^2.
@@ -26,7 +26,7 @@ pub struct Response {
     pub of_speed_s: f64,
 }
 
-/// Frequencies that are tried between the ends of what the frame may have, and the ends.
+/// Number of frequencies that are tried between the ends of the frame's range; the ends are tried as well.
 const FREQUENCIES: u32 = 9;
 
 /// Damping ratios that are tried: parts of the one that was measured, which is known far worse than the frequency.

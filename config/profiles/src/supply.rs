@@ -1,4 +1,4 @@
-//! The power supply: whether it is switched, and what says that it fails.
+//! The power supply: its switch, and the signal of its failure.
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_printer::{PowerSupply, SupplySignal};
@@ -25,7 +25,7 @@ pub(crate) fn power_supply(keys: &Section<'_>) -> Option<PowerSupply> {
     })
 }
 
-/// The signal that says that the supply fails, if the machine has a module for it.
+/// The signal of a failing supply, if the machine has a module for it.
 pub(crate) fn supply_signal(keys: &Section<'_>) -> Option<SupplySignal> {
     let table = keys.optional_section(
         "power_loss",

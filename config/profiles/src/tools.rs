@@ -158,7 +158,7 @@ fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
     Some(ToolHeater { heater, thermistor, settings, control_model })
 }
 
-/// The fan that blows at what it prints.
+/// The fan that blows at the tool's part.
 fn fan(table: &Section<'_>, fans: &FanTable) -> Option<u8> {
     let name = table
         .text("part_fan", "the name of a fan that M106 sets", |name| !name.is_empty())

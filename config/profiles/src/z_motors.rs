@@ -18,7 +18,8 @@ const MAX_NAME: usize = 24;
 /// Maximum ratio of the error at a motor to that of the probe at the points, all of them in the worst directions.
 const MAX_LEVER: f64 = 10.0;
 
-/// The motors of Z, where the profile names several; the probe reaches so much of the bed along X and Y.
+/// The motors of Z, if the profile names several; `reach_mm` is the part of the bed that the probe reaches along X
+/// and Y.
 pub(crate) fn z_motors(
     keys: &Section<'_>,
     reach_mm: &[[f64; 2]; 2],
@@ -81,7 +82,7 @@ pub(crate) fn z_motors(
     Some(Kept(Box::leak(Box::new(ZMotors { further, alignment }))))
 }
 
-/// The places where the probe measures how the motors stand.
+/// The places where the probe measures the heights of the motors.
 fn points(table: &Section<'_>, reach_mm: &[[f64; 2]; 2], safe: &SafeHoming, is_measured: bool) -> Vec<[f64; 2]> {
     let places = table.named_sections(
         "points",

@@ -1,4 +1,4 @@
-//! Version and commit of what is being built, for build scripts: `0.1.0 (commit abcdef0)`.
+//! Version and commit of the package that is being built, for build scripts: `0.1.0 (commit abcdef0)`.
 //!
 //! The text depends on the sources alone: no date, no machine. `-dirty` follows the commit where a source differs from it, and
 //! sources without a repository (an archive) have `commit unknown`.
@@ -47,7 +47,7 @@ impl Version {
         Self { text: format!("{number} (commit {commit})"), depends_on }
     }
 
-    /// Tells cargo what it depends on. To be called by a build script.
+    /// Tells cargo the files that the text depends on. To be called by a build script.
     pub fn watch(&self) {
         for path in self.depends_on.iter().filter(|path| path.exists()) {
             println!("cargo:rerun-if-changed={}", path.display());

@@ -69,7 +69,7 @@ impl Chip {
         }
     }
 
-    /// A part of 1 KiB forgets what was stored.
+    /// Resets a part of 1 KiB: its stored values are lost.
     fn reset(&mut self, start: u32) {
         self.values.extend((start..start + 0x400).step_by(4).map(|address| (address, 0)));
     }

@@ -1,4 +1,4 @@
-//! Every built-in board is right, and says what its maker says.
+//! Every built-in board is right, and agrees with its maker's documents.
 
 use ferrostep_boards::registers::{all_off, pins};
 use ferrostep_boards::{
@@ -176,7 +176,7 @@ fn the_octopus_alone_has_an_eeprom() {
     assert_eq!(with_eeprom.image_room(), 0x10_0000);
 }
 
-/// Klipper's `spi3` (src/stm32/spi.c), and PA15 as an owner's settings have it.
+/// Klipper's `spi3` (src/stm32/spi.c), and PA15 as in an owner's settings.
 #[test]
 fn the_octopus_alone_has_a_plug_for_an_accelerometer() {
     let plug = board("btt-octopus-1.1").accelerometer.unwrap();

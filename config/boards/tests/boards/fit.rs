@@ -1,10 +1,10 @@
-//! A profile that names what the board has not is refused, with the profile's line.
+//! A profile that names a part that the board lacks is refused, with the profile's line.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use ferrostep_boards::{builtin_names, fit, load};
 
-/// The line of a built-in profile on which a text stands.
+/// The line number of a text in a built-in profile.
 fn line_of(profile: &str, part: &str) -> usize {
     let text = ferrostep_profiles::builtin_text(profile).unwrap();
     1 + text.lines().position(|line| line.starts_with(part)).unwrap()

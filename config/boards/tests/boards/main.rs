@@ -1,4 +1,4 @@
-//! The boards' files, and what is refused.
+//! The boards' files, and the refusal of wrong ones.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod book;

@@ -147,7 +147,7 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 62] = [
         "fans.hotend.timer = \"TIM3_CH1\"",
         "another timer than TIM3, which switches a heater",
     ),
-    // A heater that nothing watches.
+    // A heater without supervision.
     (
         BUDDY,
         "sensor = \"bed\"",

@@ -1,4 +1,4 @@
-//! The screws that the bed stands on: the table `bed_screws`.
+//! The levelling screws of the bed: the table `bed_screws`.
 
 use ferrostep_printer::{BedScrew, BedScrews, Profile};
 use ferrostep_profiles::{ProfileError, builtin_text, parse};

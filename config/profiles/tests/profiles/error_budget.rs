@@ -69,7 +69,7 @@ fn prepared_jobs_are_bound_to_the_accelerations_that_follow() {
     let (none, budget, more) = ("", "error_budget_mm = 0.03", "error_budget_mm = 1");
     let hash = |keys: &str, tables: &str| accelerations(keys, tables).unwrap().1;
     assert_ne!(hash(none, &shaped), hash(budget, &shaped));
-    // A budget that asks for nothing, and another way to the same accelerations.
+    // A budget that changes no acceleration, and another way to the same accelerations.
     assert_eq!(hash(none, &shaped), hash(more, &shaped));
     let ([x, y], bound) = accelerations(budget, &shaped).unwrap();
     let written = format!("x = {x}, y = {y}, z = 500");

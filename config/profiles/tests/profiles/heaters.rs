@@ -3,7 +3,7 @@
 //!
 //! A plain f64 simulation: one heat capacity, loss to the room, a sensor that follows with a delay of first order,
 //! and a PID at a fixed period. The derivative is that of the measurement, so that a new target gives no kick; the
-//! integral is of the error that the slope leads to, and stands still while the power is at its limit.
+//! integral is of the error that the slope leads to, and pauses while the power is at its limit.
 
 use ferrostep_printer::{HeaterSettings, PidGains};
 use ferrostep_profiles::{builtin_names, load};
@@ -40,7 +40,7 @@ struct Outcome {
 fn simulate(heater: Heater, settings: &HeaterSettings, period_s: f64, start: f64, target: f64) -> Outcome {
     let steps_per_period = (period_s / STEP_S).round() as usize;
     let (mut temperature, mut measured, mut previous) = (start, start, start);
-    // At rest at the start: the integral is what holds this temperature.
+    // At rest at the start: the integral is the power that holds this temperature.
     let mut integral = heater.watts_per_kelvin * (start - ROOM_CELSIUS) / heater.watts;
     let mut power = integral;
     let mut outcome = Outcome { overshoot: 0.0, settled_s: 0.0, reversals: 0 };
@@ -99,7 +99,7 @@ fn check(name: &str, heater: Heater, settings: &HeaterSettings, targets: &[f64],
                     let case =
                         format!("{name} {start} to {target}, {period_s} s, delay {sensor_delay_s} s: {outcome:?}");
                     assert!(outcome.overshoot < 2.0, "{case}");
-                    // One way back from the overshoot, and perhaps one more towards the target: no more.
+                    // One return from the overshoot, and perhaps one more towards the target.
                     assert!(outcome.reversals <= 2, "{case}");
                     let limit_s = full_power_s(heater, start, target) + 60.0;
                     assert!(outcome.settled_s < limit_s, "{case}, expected {limit_s:.0} s");

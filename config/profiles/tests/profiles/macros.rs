@@ -1,4 +1,4 @@
-//! Macros: what is read, and what is refused with its line.
+//! Macros: reading them, and refusing wrong ones by their lines.
 
 use ferrostep_profiles::{builtin_text, parse};
 

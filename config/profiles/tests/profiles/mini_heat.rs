@@ -88,7 +88,8 @@ fn the_bed_does_not_overshoot() {
     }
 }
 
-/// A pause of seconds, with the fan on and a weak supply: the control has not forgotten what holds the target.
+/// After a pause of seconds, with the fan on and a weak supply, the control still knows the power that holds the
+/// target.
 #[test]
 fn a_short_pause_costs_little() {
     let profile = load("prusa-mini").unwrap();

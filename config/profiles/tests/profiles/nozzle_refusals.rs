@@ -1,4 +1,4 @@
-//! The refusal of a nozzle's thermistor, and of a watch that would watch nothing.
+//! The refusal of a nozzle's thermistor, and of a watch without effect.
 
 use ferrostep_printer::{HeaterWatch, Profile};
 use ferrostep_profiles::{Problem, ProfileError, parse};
@@ -96,7 +96,8 @@ fn limits_are_what_the_thermistor_can_read() {
     let platinum =
         text().replace("\"semitec-104gt-2\"", "\"pt1000\"").replace("max_celsius = 275", "max_celsius = 500");
     assert_eq!(parse(&platinum, "test.toml").unwrap().nozzle.max_celsius, 500.0);
-    // 130 ohms at 275 degrees are nothing beside 100 kilohms, and 275 kilohms at 5 degrees endless beside 100 ohms.
+    // 130 ohms at 275 degrees count as a short beside 100 kilohms, and 275 kilohms at 5 degrees as an open circuit
+    // beside 100 ohms.
     assert_eq!(with_nozzle("pull_up_ohm = 100000").unwrap_err().key(), Some("nozzle.max_celsius"));
     assert_eq!(with_nozzle("pull_up_ohm = 100").unwrap_err().key(), Some("nozzle.min_celsius"));
     assert_eq!(with_nozzle("pull_up_ohm = 99").unwrap_err().key(), Some("nozzle.pull_up_ohm"));
@@ -118,7 +119,7 @@ fn the_watch_may_be_changed_but_not_away() {
             assert_eq!(error.line(), Some(line("[nozzle]") + 1), "{error}");
         }
     }
-    // A window of 1 degree around the target would reach beyond what the runaway check allows.
+    // A window of 1 degree around the target would reach beyond the range of the runaway check.
     let wide = text().replacen("residency_window_celsius = 1", "residency_window_celsius = 5", 1);
     assert_eq!(
         parse(&wide, "test.toml").unwrap_err().to_string(),

@@ -25,7 +25,7 @@ fn error_after(from: &str, to: &str) -> String {
     parse(&text().replace(from, to), "test.toml").expect_err(to).to_string()
 }
 
-/// Line of the cartesian profile, counted from 1, on which a text stands.
+/// Line number of a text in the cartesian profile, counted from 1.
 pub(crate) fn line(wanted: &str) -> usize {
     1 + text().lines().position(|line| line.contains(wanted)).unwrap()
 }

@@ -17,7 +17,7 @@ fn error(changes: &[(&str, &str)]) -> String {
     parse(&mini(changes), "mini.toml").expect_err("refused").to_string()
 }
 
-/// The line on which a text stands, counted from 1.
+/// The line number of a text, counted from 1.
 fn line(text: &str, wanted: &str) -> usize {
     1 + text.lines().position(|line| line.starts_with(wanted)).unwrap()
 }
@@ -37,7 +37,7 @@ fn a_probe_without_what_it_needs_is_refused() {
         let start = format!("mini.toml:{number}: homing.z.sensor = \"probe\": expected {key} with it: ");
         assert!(error.starts_with(&start) && error.contains(", such as "), "{error}");
     }
-    // A switch needs none of it, and has no offset.
+    // A switch needs none of these keys, and has no offset.
     let switch = ("sensor = \"probe\"", "sensor = \"end-stop\"");
     let no_mesh = (crate::mesh::MESH, "");
     parse(&mini(&[switch, no_mesh, (HOME_AT, ""), (RAISE, ""), (OFFSET, "")]), "mini.toml").unwrap();

@@ -39,7 +39,7 @@ fn the_axis_own_motor_is_the_first() {
     assert_eq!(mini(THREE).unwrap().plan_hash, mini("").unwrap().plan_hash);
 }
 
-/// Heights that a surface of the motors' shape has at the points: what they say at a motor is its height there.
+/// Heights at the points, of a surface of the motors' shape: they give its height at each motor.
 fn assert_exact(alignment: &ZAlignment, motors: usize, height: impl Fn([f64; 2]) -> f64) {
     let mm = |[x, y]: [i64; 2]| [x as f64 / 1e5, y as f64 / 1e5];
     for (weights, place) in alignment.weights.iter().zip(alignment.places_10nm).take(motors) {

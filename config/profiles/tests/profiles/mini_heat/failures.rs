@@ -1,4 +1,5 @@
-//! Each failure of the MINI's heaters, in each state, and when it is noticed: on the virtual board's model of it.
+//! Each failure of the MINI's heaters, in each state, and the time until it is noticed: on the virtual board's model
+//! of it.
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::heat::safety::Trip;
@@ -54,7 +55,7 @@ impl Rig {
         rig
     }
 
-    /// Lets the heater fail; what was noticed after how many seconds, and the hottest that it truly was until then.
+    /// Lets the heater fail. Returns the trip, the seconds until it, and the highest true temperature until then.
     fn fail(mut self, heater: Heater, failure: HeaterFailure, at_most_s: f32) -> Option<(Trip, f32, f32)> {
         self.board.set_failure(heater, Some(failure));
         let mut highest = 0.0_f32;
@@ -81,7 +82,7 @@ fn periods_s(heater: Heater) -> (f32, f32) {
 /// Time from a failure to the third reading that shows it, s.
 const MEDIAN_S: f32 = 0.03;
 
-/// Heat on its way when the heater fails: the temperature rises for so much longer, s.
+/// Heat on its way when the heater fails: the time for which the temperature still rises, s.
 const DEAD_S: f32 = 4.0;
 
 /// The failure is noticed within this many seconds, for this reason.
