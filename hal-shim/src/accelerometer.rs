@@ -3,7 +3,7 @@
 /// Reason why an accelerometer gives no samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AccelerometerFault {
-    /// Its bus has failed.
+    /// The chip's bus has failed.
     Bus,
     /// The identity register holds another number: the chip is missing or another one, or a wire is loose.
     Identity {
@@ -14,9 +14,9 @@ pub enum AccelerometerFault {
     },
     /// A setting that was written reads otherwise.
     Settings,
-    /// It says that more samples wait than its memory holds.
+    /// The chip reports more samples than its memory holds.
     Count(u8),
-    /// It answers, and takes no samples.
+    /// The chip answers, and takes no samples.
     Silent,
 }
 
@@ -60,10 +60,10 @@ pub trait AccelerometerChip {
     /// Ends sampling. A chip that is gone has ended as well.
     fn end(&mut self);
 
-    /// Asks what waits in its memory.
+    /// Returns the number of samples in its memory.
     ///
     /// # Errors
-    /// It does not answer as it should.
+    /// The chip does not answer as it should.
     fn waiting(&mut self) -> Result<WaitingSamples, AccelerometerFault>;
 
     /// Takes the oldest sample: accelerations along the chip's x, y and z, millionths of standard gravity.

@@ -179,7 +179,7 @@ pub trait StepQueue {
     /// Adds an entry.
     ///
     /// # Errors
-    /// It does not fit, or comes too soon after the one before; nothing was added.
+    /// The entry does not fit, or comes too soon after the one before; the queue is unchanged.
     fn push(&mut self, entry: StepEntry) -> Result<(), FeedError>;
     /// Adds entries. A queue may do so at a lower cost than one by one.
     ///

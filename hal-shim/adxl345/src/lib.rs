@@ -22,7 +22,7 @@ pub const MAX_CLOCK_HZ: u32 = 1_600_000;
 const READ: u8 = 0x80;
 const MANY: u8 = 0x40;
 
-/// DEVID and what it reads.
+/// DEVID and its value.
 const DEVICE_ID: u8 = 0x00;
 const IDENTITY: u8 = 0xe5;
 /// BW_RATE: the code of 25 Hz, whose successors double it.

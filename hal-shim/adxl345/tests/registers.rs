@@ -175,7 +175,7 @@ fn loose_wires_and_other_chips_are_told_apart_from_samples() {
         (|byte| byte, |_| 0x00, identity(0x00)),
         // Another chip's number.
         (|byte| byte, |byte| if byte == 0xe5 { 0x44 } else { byte }, identity(0x44)),
-        // A bit of what is sent is lost: settings stay what they were.
+        // A bit of the sent bytes is lost: settings stay unchanged.
         (|byte| byte & !0x08, |byte| byte, AccelerometerFault::Settings),
     ];
     for (hears, says, fault) in faults {

@@ -44,7 +44,7 @@ pub unsafe trait Impl {
     /// Begins a section.
     ///
     /// # Safety
-    /// A `release` with what this returns follows, in nested order.
+    /// A `release` with the returned value follows, in nested order.
     unsafe fn acquire() -> RawRestoreState;
     /// Ends a section.
     ///
@@ -67,7 +67,7 @@ macro_rules! set_impl {
 /// Begins a critical section: raises BASEPRI.
 ///
 /// # Safety
-/// A [`release`] with what this returns follows, in nested order.
+/// A [`release`] with the returned value follows, in nested order.
 #[inline(always)]
 pub unsafe fn acquire() -> RestoreState {
     RestoreState(sections::raise())

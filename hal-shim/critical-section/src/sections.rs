@@ -54,15 +54,15 @@ pub unsafe fn restore(before: u32) {
     }
 }
 
-/// The desk only compiles this crate: nothing there has critical sections.
+/// A placeholder: the desk only compiles this crate, and has no critical sections.
 #[cfg(not(target_arch = "arm"))]
 pub fn raise() -> u32 {
     unimplemented!("critical sections are the Cortex-M's")
 }
 
-/// The desk only compiles this crate.
+/// A placeholder: the desk only compiles this crate.
 ///
 /// # Safety
-/// Any use is safe: it does nothing.
+/// Any use is safe: it has no effect.
 #[cfg(not(target_arch = "arm"))]
 pub unsafe fn restore(_before: u32) {}

@@ -33,7 +33,7 @@ const MAX_ASKED: u32 = 200;
 pub enum EepromFault {
     /// No acknowledge of its address for longer than a write takes.
     Silent,
-    /// It does not acknowledge data.
+    /// The EEPROM does not acknowledge data.
     Protected,
     /// The bus: one of its lines stays low.
     Bus,

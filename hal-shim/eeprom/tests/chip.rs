@@ -16,7 +16,8 @@ const WRITE_S: f64 = 0.010;
 struct Cut {
     /// Pages that are still written.
     pages: u32,
-    /// The seed of what the page at which it goes contains then; `None`: it goes before the stop, which begins the write.
+    /// Seed of the contents of the page in which the power fails; `None`: it fails before the stop, which begins the
+    /// write.
     within: Option<u32>,
 }
 

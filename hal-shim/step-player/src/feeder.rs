@@ -15,8 +15,8 @@ use super::{IDLE_TICKS, StepLink};
 /// the others.
 pub const MAX_SLOTS_AN_ENTRY: usize = 3;
 
-/// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in play and the one before,
-/// which show after a stop what was not played.
+/// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in play and the one
+/// before, which show after a stop the entries that were not played.
 const SPARE_SLOTS: usize = 3;
 
 /// The share of the ring that keeps the past, 1 / this ([`StepFeeder::keeping_past`]).
@@ -115,8 +115,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.words = Self::step_words(&pins.fold(self.pins, PinMap::without_steps));
     }
 
-    /// A quarter of the ring keeps what was played last, for [`StepPlayer::past`]. Without this a planner that is far ahead fills the
-    /// whole ring with what is to come.
+    /// Keeps a quarter of the ring for the slots played last, for [`StepPlayer::past`]. Without this a planner that
+    /// is far ahead fills the whole ring with slots to come.
     #[must_use]
     pub fn keeping_past(mut self) -> Self {
         self.spare = SPARE_SLOTS + N / PAST_SHARE;
@@ -169,7 +169,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Adds an entry.
     ///
     /// # Errors
-    /// The ring is full, or the entry is nearer to the one before than the drivers allow; nothing was added.
+    /// The ring is full, or the entry is nearer to the one before than the drivers allow; the ring is unchanged.
     #[inline]
     pub fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
         self.push_all(&[entry])
@@ -183,7 +183,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.extend(entries.iter().copied())
     }
 
-    /// Adds entries as they are made: it needs no memory for them, and looks up once what they all share.
+    /// Adds entries as they are made: it needs no memory for them, and looks up the values that all share only once.
     ///
     /// # Errors
     /// As [`Self::push`]; the entries before the refused one were added, and none after it is taken from `entries`.
@@ -244,7 +244,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
                 if interval_ticks < self.shortest_interval() {
                     return Err(FeedError::TooNear);
                 }
-                // No stair of the planner's is so long that this is more.
+                // The planner makes no stair long enough for this to be more.
                 let slots = usize::from(count) / (MAX_EVENTS as usize / M::EVENTS_A_STEP as usize) + MAX_SLOTS_AN_ENTRY;
                 if self.free() < slots {
                     return Err(FeedError::Full);
@@ -354,7 +354,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         (upto.wrapping_sub(before) & MAX_EVENTS).into()
     }
 
-    /// The next slot to be begun, and what is left of the events of the one in play, as of one moment.
+    /// The next slot to be begun, and the events left of the one in play, as of one moment.
     fn next_and_in_play(&self) -> (u32, u32) {
         let mut next = self.player.next_number();
         // The interrupt begins a slot more seldom than this loop turns; a bound holds whatever it does.

@@ -9,7 +9,7 @@ pub struct StepLink {
     ran_dry: WordU8,
     /// Motion must stop; the interrupt reads this.
     stop: WordU8,
-    /// A command or a fault asks for it, not only the sensor that an axis seeks.
+    /// True if a command or a fault asks for the stop, not only the sensor that an axis seeks.
     requested: WordU8,
 }
 
@@ -65,7 +65,7 @@ impl StepLink {
         self.stop.load() != 0
     }
 
-    /// The stop has been taken note of; nothing runs. Whether more than a sensor has asked for it.
+    /// Notes that the stop was handled; the motors are at rest. Returns true if more than a sensor has asked for it.
     ///
     /// The reason is taken after the flag is cleared: a request that comes in between sets it again, and is followed once
     /// more, then as if a sensor had asked.

@@ -54,7 +54,7 @@ pub struct Past {
     pub events_left: u16,
     /// Directions after the newest slot; bit i = motor i runs backwards.
     pub directions: u8,
-    /// A stop or a reset has left it, and nothing has moved since.
+    /// True if a stop or a reset has left it, and no motor has moved since.
     pub is_kept: bool,
     /// The newest notes of the position, the newer one first.
     pub positions: [Option<PositionMark>; 2],

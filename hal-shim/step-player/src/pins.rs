@@ -120,7 +120,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
         self.step.each_ref().map(|masks| u32::from(masks[usize::from(axes & 15)]))
     }
 
-    /// A word that lowers what the other raises, and the other way round.
+    /// Swaps a word's halves: the result lowers the pins that the word raises, and the other way round.
     #[inline(always)]
     pub fn turned(word: u32) -> u32 {
         word.rotate_left(RESET_SHIFT)

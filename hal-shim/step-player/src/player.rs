@@ -46,8 +46,8 @@ pub trait UpdateTimer {
 
 /// The ports that carry a board's step and direction signals.
 pub trait OutputPorts<const PORTS: usize> {
-    /// The word's lower half's ones set pins of a port, 0 to `PORTS` - 1, the upper half's reset them, at once; zeros do
-    /// nothing.
+    /// Writes a word to a port, 0 to `PORTS` - 1, at once: ones of the lower half set pins, ones of the upper half
+    /// reset them, and zeros leave them.
     fn write(&self, port: usize, word: u32);
 }
 
@@ -318,7 +318,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.link.stopped()
     }
 
-    /// Notes for [`Self::past`] what has been played, once: after a stop without a motion since, that is what was noted then.
+    /// Notes the played slots for [`Self::past`], once: after a stop without a motion since, the notes of that stop
+    /// stay.
     fn keep(&self, filled: u32) {
         if !self.marks.are_kept() {
             self.marks.keep(self.next.load(), self.left(), filled);
@@ -338,7 +339,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     }
 }
 
-/// The past: what a ring still holds that outlived a stop, or a reset in memory that the start leaves alone.
+/// The past: contents of a ring that outlived a stop, or a reset in memory that the start leaves alone.
 impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     /// Prepares a player in memory that the start of the program does not fill: no slot is left to play. If
     /// `is_trusted` (the supply has lasted) and the memory was a ring before, the slots stay readable; otherwise the

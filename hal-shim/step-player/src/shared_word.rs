@@ -1,8 +1,8 @@
 //! Memory shared by the planner task and the step interrupt.
 //!
 //! Both run on one core and the interrupt is never interrupted by the task, so that plain loads and stores of whole
-//! words, which is what relaxed atomics are on a Cortex-M, and an order that the compiler keeps are enough: no barrier
-//! instruction. On a host, where tests run the two sides in threads, the order is the processor's too.
+//! words, which is what relaxed atomics are on a Cortex-M, and an order that the compiler keeps are enough: no
+//! barrier instruction. On a host, where tests run the two sides in threads, the processor keeps the order as well.
 
 use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering};
 

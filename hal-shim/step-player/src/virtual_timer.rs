@@ -7,7 +7,7 @@ use crate::{IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepPlayer, Stepping
 /// Cycles of the core in a tick of the timer.
 pub const CYCLES_A_TICK: u64 = 2;
 
-/// Time in cycles of the core; what the interrupt does takes time.
+/// Time in cycles of the core; the interrupt's accesses take time.
 #[derive(Debug)]
 pub struct VirtualUpdateTimer {
     now: Cell<u64>,

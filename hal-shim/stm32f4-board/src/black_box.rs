@@ -11,7 +11,8 @@ pub fn start(_rcc: &Rcc) -> &'static RecordMemory {
     // SAFETY: registers of the RCC, which is the caller's, and of the power control, which no task writes to.
     backup_memory::start(&mut unsafe { Volatile::new() });
     const { assert!(size_of::<RecordMemory>() == 4096) };
-    // SAFETY: 4 KiB of memory that is used here alone, of atomics only, for which every value is valid. Where a chip has none, as in an
-    // emulator, loads give something else than what was stored, which `RecordMemory::restart` notices.
+    // SAFETY: 4 KiB of memory that is used here alone, of atomics only, for which every value is valid. On a chip
+    // without this memory, as in an emulator, loads give other values than the stored ones, which
+    // `RecordMemory::restart` notices.
     unsafe { &*(BACKUP_MEMORY as *const RecordMemory) }
 }

@@ -98,7 +98,7 @@ impl BoardPins {
     // Seven interrupts call it.
     #[inline(never)]
     pub fn sensed(&self, link: &StepLink) {
-        // SAFETY: what opens and closes lines stores whole registers.
+        // SAFETY: opening and closing lines stores whole registers.
         let mut registers = unsafe { Volatile::new() };
         if self.sensors.interrupt(&mut registers) {
             step_timer::stop_at_sensor(link);

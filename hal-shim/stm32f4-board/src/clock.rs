@@ -1,4 +1,4 @@
-//! The system clock, with every wait bounded: a board with a broken crystal still prints, and says so.
+//! The system clock, with every wait bounded: a board with a broken crystal still prints, and reports it.
 
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::SystemHandler;

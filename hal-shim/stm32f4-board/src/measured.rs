@@ -52,7 +52,7 @@ pub fn all() -> [Measured; 3] {
     ]
 }
 
-/// Forgets what has been measured.
+/// Forgets the measured times.
 pub fn clear() {
     for histogram in [&STEP_LATENCY, &STEP_DURATION, &PLANNING] {
         histogram.clear();

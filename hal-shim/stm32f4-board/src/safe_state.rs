@@ -16,9 +16,9 @@ const MAX_LOOKS: u32 = 200_000;
 /// oscillator, of its second.
 const REST_CYCLES: u32 = CORE_HZ / 50;
 
-/// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB port off
-/// the bus, so that its host ends too.
-// Inlined, so that the test of what masks interrupts sees each caller.
+/// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB
+/// port off the bus, so that its host ends as well.
+// Inlined, so that the test of interrupt masking sees each caller.
 #[inline(always)]
 pub fn enter() {
     cortex_m::interrupt::disable();

@@ -1,4 +1,4 @@
-//! The signal of a servo, for a probe with a pin: what a task sends, and TIM6's interrupt.
+//! The signal of a servo, for a probe with a pin: a task's side, and TIM6's interrupt.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

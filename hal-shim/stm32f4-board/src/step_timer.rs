@@ -70,8 +70,8 @@ impl MotorPort {
     /// A store to BSRR sets and resets pins at once, without a read.
     #[inline(always)]
     pub(crate) fn write(self, word: u32) {
-        // SAFETY: the address is a port's BSRR, always writable; zeros do nothing, and ones name pins that are the
-        // caller's by the contract of `of`.
+        // SAFETY: the address is a port's BSRR, always writable; zeros have no effect, and ones name pins that are
+        // the caller's by the contract of `of`.
         unsafe { self.bsrr.write_volatile(word) }
     }
 }
@@ -156,7 +156,7 @@ impl Timer {
     }
 }
 
-/// Lets TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator) nothing counts.
+/// Lets TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator) there is no count.
 ///
 /// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99: TIM9's ITR0 is TIM2).
 fn start_count(counter: TIM9, rcc: &RCC) {
@@ -172,8 +172,8 @@ fn start_count(counter: TIM9, rcc: &RCC) {
 impl UpdateTimer for Timer {
     #[inline(always)]
     fn clear_update(&self) {
-        // Zeros clear flags, ones do nothing, and all flags but the update's, bit 0, are unused. So any word with that
-        // bit clear will do: an address that is in a register anyway saves an instruction.
+        // Zeros clear flags, ones have no effect, and all flags but the update's, bit 0, are unused. So any word with
+        // that bit clear will do: an address that is in a register anyway saves an instruction.
         let word = core::ptr::from_ref(self.0) as u32;
         // SAFETY: as said.
         self.0.sr().write(|w| unsafe { w.bits(word) });

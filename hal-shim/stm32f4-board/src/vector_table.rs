@@ -1,8 +1,8 @@
-//! Another handler for an interrupt while the program runs.
+//! Replacement of an interrupt's handler while the program runs.
 //!
-//! The core finds its handlers in a table, by an address that it keeps in VTOR (PM0214, 4.4.4). The table of the image
-//! lies in flash. To replace a handler, a copy in RAM takes its place for as long; then the interrupt's own code needs
-//! no flag to look at, and costs what it did before when nothing is replaced.
+//! The core finds its handlers in a table, by an address that it keeps in VTOR (PM0214, 4.4.4). The table of the
+//! image lies in flash. While a handler is replaced, a copy in RAM takes the table's place; then the interrupt's own
+//! code needs no flag to look at, and costs nothing extra without a replacement.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

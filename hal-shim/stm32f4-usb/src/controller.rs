@@ -23,8 +23,8 @@ pub struct Controller {
     core_hz: u32,
 }
 
-// SAFETY: the registers are those of OTG_FS, whose owner was given up in `start`. 320 words of FIFO and four endpoints each
-// way are what the smallest of the chips has (RM0090 34.4; an STM32F446 has six endpoints).
+// SAFETY: the registers are those of OTG_FS, whose owner was given up in `start`. 320 words of FIFO and four
+// endpoints each way are the resources of the smallest of the chips (RM0090 34.4; an STM32F446 has six endpoints).
 unsafe impl UsbPeripheral for Controller {
     const REGISTERS: *const () = OTG_FS_GLOBAL::PTR.cast();
     const HIGH_SPEED: bool = false;

@@ -22,9 +22,9 @@ use usb_device::bus::UsbBusAllocator;
 use controller::{Bus, PACKET_WORDS};
 pub use controller::{NoUsb, Registers};
 
-/// The port's place, and that of what it refers to. Made in place: on the way through `init` it would be copied several
-/// times, and all copies would be on the stack when the first tasks begin. What is not there yet has no value at all: an
-/// `Option` would be a kilobyte of initial values in flash.
+/// Memory of the port, and of the parts that it refers to. Made in place: on the way through `init` it would be
+/// copied several times, and all copies would be on the stack when the first tasks begin. Parts that are not made yet
+/// have no value at all: an `Option` would be a kilobyte of initial values in flash.
 pub struct Memory {
     packets: [u32; PACKET_WORDS],
     bus: MaybeUninit<UsbBusAllocator<Bus>>,

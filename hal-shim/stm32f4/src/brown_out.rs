@@ -34,9 +34,9 @@ const MAX_LOOKS: u32 = 50_000_000;
 /// The state of the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrownOut {
-    /// It was set before.
+    /// The level was set before.
     WasSet,
-    /// It has been written, and takes effect at the next reset.
+    /// The level has been written, and takes effect at the next reset.
     Written,
     /// The supply is so low that writing might go wrong.
     LowSupply,

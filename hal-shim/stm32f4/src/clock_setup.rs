@@ -116,7 +116,8 @@ impl<R: Registers> ClockRegisters<R> {
                 registers.write(register, 0);
             }
         }
-        // At 16 MHz flash needs no wait states. A boot loader has written to it: the caches may hold what was there before.
+        // At 16 MHz flash needs no wait states. A boot loader has written to it: the caches may hold earlier
+        // contents.
         for word in [0, CACHES_EMPTY, 0] {
             registers.write(FLASH_ACR, word);
         }

@@ -17,8 +17,8 @@ const TAKEN: u16 = u16::MAX;
 /// A working one makes a reading in 4 ms ([`Converter`]); the start may take several readings at once.
 const MAX_OLD: u8 = 8;
 
-/// A pair of looks at a register takes two cycles of the fast bus or more, so this is 3 us or longer up to 84 MHz: what
-/// the converter takes to wake up (DS8626, ADC characteristics, tSTAB).
+/// Number of looks at a register while the converter wakes up (DS8626, ADC characteristics, tSTAB): a pair of looks
+/// takes two cycles of the fast bus or more, so these take 3 us or longer up to 84 MHz.
 const WAKE_UP_LOOKS: u32 = 256;
 
 /// Looks at the memory for the first reading: 20 ms or longer.
@@ -164,7 +164,7 @@ impl Converter {
     #[inline(never)]
     fn begin(&self, registers: &mut impl Registers) {
         let base = self.number.base();
-        // Off: an overrun's flag is cleared, and DMA is asked for nothing.
+        // Off: an overrun's flag is cleared, and DMA gets no requests.
         registers.write(base + CR2, 0);
         registers.write(base + SR, 0);
         registers.modify(S0CR, STREAM_ENABLE, 0);
@@ -302,7 +302,7 @@ mod tests {
         assert_eq!((registers.value(0x4001_220c) >> 12 & 7, registers.value(0x4001_2210) >> 12 & 7), (7, 7));
         assert_eq!(registers.value(0x4001_2304), 0b11 << 16, "an eighth of 84 MHz");
         assert_eq!(registers.value(0x4001_2204), 1 << 8, "scan, 12 bits, no interrupts");
-        // On and told what to do first, started last.
+        // Switched on and set up first, started last.
         assert_eq!(registers.stored(0x4001_2208), [0, 0x303, 0x4000_0303]);
         assert_eq!(registers.stores.last(), Some(&(0x4001_2208, 0x4000_0303)));
     }

@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(line.registers.value(0x4002_0024), 7 << 4);
     }
 
-    /// A port with chips on its wire: what is sent comes back, and a chip's reply after it.
+    /// A port with chips on its wire: sent bytes come back, and a chip's reply after them.
     #[derive(Default)]
     struct Port {
         recorder: Recorder,

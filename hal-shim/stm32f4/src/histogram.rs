@@ -47,7 +47,7 @@ impl Histogram {
     /// Counts a value. For one writer: two that interrupt each other would lose some.
     #[inline(always)]
     pub fn add(&self, value: u32) {
-        // The mask changes nothing but spares a branch that could panic.
+        // The mask has no effect but spares a branch that could panic.
         let bucket = &self.buckets[bucket_of(value) & (BUCKETS - 1)];
         bucket.store(bucket.load(Ordering::Relaxed).saturating_add(1), Ordering::Relaxed);
         if value > self.max.load(Ordering::Relaxed) {

@@ -89,7 +89,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the order: it says yes exactly when each task was last seen no longer ago than it may be.
+        /// The vigil returns true, in any order of events, exactly when each task was last seen no longer ago than
+        /// its patience.
         #[test]
         fn the_vigil_counts_right(rounds in prop::collection::vec((0_u8..4, 1_u32..2_000), 0..60)) {
             let (signs, mut vigil) = (LifeSigns::new(), Vigil::default());

@@ -193,7 +193,7 @@ mod tests {
                 while let Some(byte) = serial.receive(0) {
                     heard.push(byte);
                 }
-                // Its own reply, which it hears too.
+                // Its own reply, which it hears as well.
                 if *is_replying {
                     *is_replying = !serial.is_quiet();
                     heard.clear();

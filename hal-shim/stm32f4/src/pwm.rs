@@ -5,8 +5,8 @@ use crate::gpio::{AFRL, ALTERNATE, BSRR, MODER, port};
 use crate::rcc::{RCC_APB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
 
-/// Frequency of heaters, Hz: slow enough for a bed's solid-state relay, which switches at the mains' zero crossings, and
-/// ten times in what the fastest nozzle needs for a degree.
+/// Frequency of heaters, Hz: slow enough for a bed's solid-state relay, which switches at the mains' zero crossings,
+/// and ten periods in the time in which the fastest nozzle gains a degree.
 pub const HEATER_HZ: u32 = 10;
 
 /// Frequency of fans on a timer, Hz: two-wire fans run smoothly, and their transistors, made for slow switching, stay cool.
@@ -62,7 +62,7 @@ const TIMERS: [(&str, u32, u8, u8, bool); 9] = [
 ];
 
 impl TimerChannel {
-    /// The channel of a name such as `TIM3_CH4`; which pins have it is not known here.
+    /// The channel of a name such as `TIM3_CH4`; its pins are not known here.
     pub fn named(name: &str) -> Option<Self> {
         let (timer, channel) = name.split_once("_CH")?;
         let channel = channel.parse().ok().filter(|channel| (1..=4).contains(channel))?;

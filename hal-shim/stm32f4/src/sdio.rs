@@ -99,8 +99,8 @@ const MS: u32 = TICKS_PER_SECOND / 1000;
 const COMMAND_MS: u32 = 5;
 /// A card may take 100 ms for a block's first bit.
 const READ_MS: u32 = 250;
-/// A card writes for up to 250 ms; the specification's own advice is 500. The SDIO's timer counts while the card is busy, too
-/// (RM0090 31.3.1).
+/// Longest write, ms: a card writes for up to 250; the specification's own advice is 500. The SDIO's timer also
+/// counts while the card is busy (RM0090 31.3.1).
 const WRITE_MS: u32 = 500;
 /// The block itself, with all interruptions.
 const BLOCK_MS: u32 = 50;

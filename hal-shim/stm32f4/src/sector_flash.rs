@@ -39,7 +39,7 @@ const LOCK: u32 = 1 << 31;
 /// Maximum number of looks at the flag: some seconds, during most of which the core is stopped.
 const MAX_LOOKS: u32 = 50_000_000;
 
-/// The flash has not done what was asked, or would not have.
+/// The flash has not executed a request, or would not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashError;
 
@@ -100,7 +100,7 @@ impl<R: Registers, const OFFSET: u32, const SECTORS: usize> SectorFlash<R, OFFSE
         let is_done = act(registers);
         let is_right = registers.read(SR) & ERRORS == 0;
         registers.write(CR, LOCK);
-        // The caches may have what was there before (RM0090, 3.5.4: data cache). They are emptied while they are off.
+        // The caches may hold earlier contents (RM0090, 3.5.4: data cache). They are emptied while they are off.
         let caches = registers.read(ACR) & CACHES_ON;
         registers.modify(ACR, CACHES_ON, 0);
         registers.modify(ACR, 0, CACHES_EMPTY);

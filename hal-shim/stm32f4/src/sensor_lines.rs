@@ -24,7 +24,7 @@ pub struct SensorPin {
     pub port: u8,
     /// Its number there, 0 to 15, which is also its interrupt line.
     pub number: u8,
-    /// Its level when the sensor triggers is low.
+    /// True if its level is low when the sensor triggers.
     pub triggers_low: bool,
 }
 
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(registers.value(0x4002_100c), 0b0101 << 2);
         assert_eq!(registers.value(0x4002_000c), 0b01 << 16);
         assert_eq!(registers.value(EXTI_IMR), 0);
-        // The clock of what is written to comes first, and no line is open meanwhile.
+        // The clock of the registers comes first, and no line is open meanwhile.
         assert_eq!(registers.stores.first().map(|(to, _)| *to), Some(RCC_APB2ENR));
         assert!(registers.stored(EXTI_IMR).iter().all(|lines| *lines == 0));
     }

@@ -105,8 +105,8 @@ impl<R: Registers> ServoLine<R> {
 /// Most looks at the timer for a phase: more than its 20 ms take.
 const MAX_LOOKS: u32 = 2_000_000;
 
-/// Sends one pulse and waits for its end and the pause after it, where no interrupt comes any more. A timer that was not set up leaves
-/// a pulse that means nothing.
+/// Sends one pulse and waits for its end and the pause after it, where no interrupt comes any more. A timer that was
+/// not set up gives a meaningless pulse.
 pub fn send_one(registers: &mut impl Registers, (port, number): (u8, u8), width_us: u16) {
     let (port, bit) = (gpio::port(port) + BSRR, 1 << (number & 15));
     let width_us = width_us.clamp(1, ServoPulses::PERIOD_US / 2);
@@ -151,7 +151,7 @@ mod tests {
         let (mut line, pulses) = (line(), AtomicU32::new(ServoPulses { width_us: 650, count: 2 }.word()));
         assert_eq!(stores(&mut line, &pulses, false), [HIGH, (TIM6_ARR, 649), (TIM6_CR1, 1)]);
         for _ in 0..2 {
-            // Called again in between, which changes nothing.
+            // Called again in between, without effect.
             assert_eq!(stores(&mut line, &pulses, false), []);
             assert_eq!(stores(&mut line, &pulses, true), [LOW, (TIM6_ARR, 19_349)]);
             assert_ne!(pulses.load(Ordering::Relaxed), 0, "the pause belongs to it");
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(stores[1..], [phase(1_475, HIGH), phase(18_525, LOW)].concat());
     }
 
-    /// Whatever is asked for, the pin is high for no more than half of the period.
+    /// The pin is high for no more than half of the period, whatever the requested width.
     #[test]
     fn other_pulses_begin_with_the_next_one() {
         let (mut line, pulses) = (line(), AtomicU32::new(ServoPulses { width_us: 650, count: 100 }.word()));

@@ -89,7 +89,7 @@ mod tests {
             prop_assert!(on.abs_diff(usize::from(percent) * 10) <= 1, "{on} of 1000");
         }
 
-        /// Whatever is set when: after off nothing is on.
+        /// The output stays off after off, whatever was set before and when.
         #[test]
         fn nothing_is_owed_after_off(powers in prop::collection::vec((0.0_f32..=1.0, 0_usize..25), 0..20)) {
             let mut pwm = SoftwarePwm::new();

@@ -109,7 +109,7 @@ mod tests {
     /// The Octopus's: three pins of port B, one of A.
     const PINS: SpiPins = SpiPins { sck: (1, 3), miso: (1, 4), mosi: (1, 5), cs: (0, 15) };
 
-    /// Ports with a part on the bus that answers each byte with what it heard before, plus one.
+    /// Ports with a part on the bus that answers each byte with the byte before, plus one.
     #[derive(Default)]
     struct Part {
         outputs: [u32; 2],

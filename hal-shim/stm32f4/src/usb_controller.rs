@@ -47,7 +47,7 @@ mod tests {
             let status = speed << 1 | 0x003f_fff9;
             let mut registers = Recorder::default().with(0x5000_0808, status).with(0x5000_0014, 1 << 13);
             assert_eq!(has_wrong_speed(&mut registers), is_wrong, "{speed:#b}");
-            // Before a bus reset has ended the speed means nothing.
+            // Until a bus reset has ended the speed has no meaning.
             registers.fix(0x5000_0014, !(1 << 13));
             assert!(!has_wrong_speed(&mut registers));
         }

@@ -40,19 +40,19 @@ const MAX_LOOKS: u32 = 1_000_000;
 /// Behaviour of the watchdog while a debugger has halted the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnderDebugger {
-    /// It resets the chip: on a board with heaters. The timers keep the heaters at their last power, so
-    /// a halted core would let a bed heat without limit.
+    /// The watchdog resets the chip: on a board with heaters. The timers keep the heaters at their last power, so a
+    /// halted core would let a bed heat without limit.
     Runs,
-    /// It is paused as well: on a board without heaters.
+    /// The watchdog is paused as well: on a board without heaters.
     StandsStill,
 }
 
-/// The watchdog, which runs: nothing but a reset stops it.
+/// The watchdog, which runs: only a reset stops it.
 #[derive(Clone, Copy, Debug)]
 pub struct Watchdog(());
 
 impl Watchdog {
-    /// Starts it with a time-out of a second: 0.68 to 1.88 s, as its oscillator has it.
+    /// Starts it with a time-out of a second: 0.68 to 1.88 s, by its oscillator's tolerance.
     pub fn start(under_debugger: UnderDebugger, registers: &mut impl Registers) -> Self {
         let frozen = match under_debugger {
             UnderDebugger::Runs => 0,
@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(registers.stores, [(0x4000_3000, 0xaaaa)]);
     }
 
-    /// Also where a debugger had frozen it: nothing but power-on resets that register.
+    /// It runs even if a debugger had frozen it before: only power-on resets that register.
     #[test]
     fn with_heaters_a_halted_core_is_reset() {
         let mut registers = Recorder::default().with(DEBUG_FREEZE, u32::MAX);

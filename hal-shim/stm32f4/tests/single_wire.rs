@@ -115,7 +115,8 @@ struct Wire {
     serial: SoftwareSerial,
     chips: Vec<ChipPort>,
     driven_low: bool,
-    /// Our timer's error, as a factor of its interval, and what it may be early or late, in intervals.
+    /// Error of this side's timer: a factor of its interval, and the most by which a tick may be early or late, in
+    /// intervals.
     clock: f64,
     jitter: f64,
     /// Samples in ten thousand that are wrong.
@@ -157,7 +158,7 @@ impl Wire {
     }
 }
 
-/// Sets up two drivers on one wire; what has happened within two seconds.
+/// Sets up two drivers on one wire; returns the events within two seconds.
 fn set_up(clock: f64, jitter: f64, noise: u32, seed: u32) -> (Vec<DriverEventKind>, [bool; 2]) {
     let wiring = [0, 3].map(|address| DriverWiring { line: 0, address, sense_milliohm: 110 });
     let drivers = [Some((SETTINGS, wiring[0])), None, None, Some((SETTINGS, wiring[1]))];
@@ -198,7 +199,7 @@ proptest! {
         prop_assert_eq!(set_up(clock, jitter, 0, seed), (vec![DriverEventKind::Confirmed; 2], [true; 2]));
     }
 
-    /// Wrong samples cost repetitions; nothing is confirmed that is not so.
+    /// Wrong samples cost repetitions; only drivers that are set up count as confirmed.
     #[test]
     fn noise_is_survived(noise in 0_u32..200, seed: u32) {
         let (events, holds) = set_up(1.0, 0.0, noise, seed);

@@ -136,8 +136,8 @@ impl ThermistorType {
     }
 }
 
-/// Temperature of a platinum resistor, degrees Celsius, from its resistance as a share of that at 0 degrees. The square root is of
-/// what is below 0 only beyond 3000 degrees, whose resistance is taken then.
+/// Temperature of a platinum resistor, degrees Celsius, from its resistance as a share of that at 0 degrees. The
+/// radicand is negative only beyond 3000 degrees; it is then taken as 0.
 fn platinum_celsius(share: f32) -> f32 {
     let [a, b] = PLATINUM;
     let root = libm::sqrtf((a * a - 4.0 * b * (1.0 - share)).max(0.0));

@@ -28,7 +28,7 @@ const SEMITEC_TABLE: [(f32, f32); 21] = [
     (300.0, 0.08065),
 ];
 
-/// B57560G104F as others have charted its data sheet, in ohms: rounded, and smoothed between what is printed there.
+/// B57560G104F by others' chart of its data sheet, in ohms: rounded, and smoothed between the printed values.
 const EPCOS_CHART: [(f32, f32); 7] = [
     (0.0, 333_964.0),
     (49.4667, 36_272.8),
@@ -175,7 +175,7 @@ fn what_can_be_told_depends_on_the_resistor() {
 }
 
 proptest! {
-    /// There and back: off by the half of a step that the reading is rounded by.
+    /// A temperature, converted to a reading and back, differs by at most the half step of the rounding.
     #[test]
     fn a_temperature_and_its_reading_are_one(
         kind in prop_oneof![

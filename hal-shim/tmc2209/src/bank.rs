@@ -118,8 +118,8 @@ impl<const N: usize> DriverBank<N> {
         })
     }
 
-    /// Changes a driver's settings, of Z's those of all its motors; it is then unconfirmed until it is set up anew. Without effect for a
-    /// motor without a driver.
+    /// Changes a driver's settings, for Z those of all its motors; it is then unconfirmed until it is set up anew.
+    /// Without effect for a motor without a driver.
     ///
     /// # Errors
     /// The chip cannot do that with this board's sense resistors; nothing has changed.
@@ -152,7 +152,7 @@ impl<const N: usize> DriverBank<N> {
         self.drivers.get(motor).and_then(Option::as_ref)
     }
 
-    /// Does what is due, and returns an event of a driver; call again until it returns `None`.
+    /// Executes due work, and returns an event of a driver; call again until it returns `None`.
     pub fn poll(&mut self, uart: &mut impl SingleWireUart, now_ticks: u32) -> Option<DriverEvent> {
         if self.to_tell != 0 {
             let motor = self.to_tell.trailing_zeros() as usize;

@@ -66,7 +66,7 @@ pub fn read_request(address: u8, register: Register) -> [u8; READ_REQUEST_BYTES]
 /// Reason why bytes are not the expected reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplyError {
-    /// There are fewer than a reply has.
+    /// The bytes are fewer than a reply has.
     Short {
         /// Number of bytes.
         received: usize,
@@ -80,9 +80,9 @@ pub enum ReplyError {
     },
     /// The first byte is not the synchronisation.
     WrongSync(u8),
-    /// It has another address.
+    /// The reply has another address.
     WrongAddress(u8),
-    /// It is of another register.
+    /// The reply is of another register.
     WrongRegister(u8),
 }
 

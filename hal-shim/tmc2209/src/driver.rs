@@ -16,11 +16,11 @@ pub(super) const ATTEMPTS: u8 = 3;
 /// Reliability of a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverState {
-    /// It is being set up.
+    /// The driver is being set up.
     Unconfirmed,
-    /// It has confirmed all its registers.
+    /// The driver has confirmed all its registers.
     Confirmed,
-    /// Its set-up has failed. The bank tries again from time to time.
+    /// The set-up has failed. The bank tries again from time to time.
     Failed(Failure),
 }
 
@@ -162,7 +162,7 @@ impl Driver {
     pub(super) fn look(&mut self) {
         match self.state {
             DriverState::Confirmed => self.go(Step::ReadReset),
-            // Settings that are impossible are so the next time too.
+            // Impossible settings stay impossible at the next attempt.
             DriverState::Failed(Failure::Settings(_)) => {}
             DriverState::Failed(_) | DriverState::Unconfirmed => {
                 self.attempts = 0;

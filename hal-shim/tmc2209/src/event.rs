@@ -25,7 +25,7 @@ pub enum Failure {
     Version(u8),
     /// The chip does not count a write.
     NotAccepted(Register),
-    /// A register does not hold what was written.
+    /// A register does not hold the written value.
     ReadBack {
         /// The register.
         register: Register,
@@ -64,17 +64,17 @@ impl fmt::Display for Failure {
 /// Kind of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverEventKind {
-    /// It is set up, and has confirmed it.
+    /// The driver is set up, and has confirmed it.
     Confirmed,
-    /// It could not be set up. Later failures to do so are not reported.
+    /// The driver could not be set up. Later failures to do so are not reported.
     Failed(Failure),
-    /// It was set up, and does not answer any more.
+    /// The driver was set up, and does not answer any more.
     Lost(ExchangeError),
-    /// It has been reset (by its supply), and is set up anew; the motor may have moved.
+    /// The driver has been reset (by its supply), and is set up anew; the motor may have moved.
     Reset,
-    /// It has switched the motor off: over-temperature or a short.
+    /// The driver has switched the motor off: over-temperature or a short.
     SwitchedOff(DriverStatus),
-    /// Its charge pump has too little voltage, and the motor is off for as long.
+    /// The charge pump has too little voltage, and the motor is off until it recovers.
     ChargePumpLow,
     /// A warning, reported once for as long as it lasts.
     Warning(DriverStatus),

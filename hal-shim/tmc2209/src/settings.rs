@@ -32,7 +32,7 @@ const POWER_DOWN: u32 = 20;
 /// Time of each step down to the hold current, 2^18 clocks.
 const HOLD_DELAY: u8 = 8;
 
-/// PWMCONF: both automatic tunings on, 2/683 of the clock, and the rest as the chip has it at reset (section 5.5.2).
+/// PWMCONF: both automatic tunings on, 2/683 of the clock, and the rest at its reset value (section 5.5.2).
 const PWM_CONF: u32 = 0xc10d_0024;
 
 /// The machine's settings for a motor's driver.

@@ -9,10 +9,10 @@ pub struct LineBusy;
 ///
 /// No call waits. `now_ticks` is the clock of the caller, modulo 2^32; hardware need not look at it.
 pub trait SingleWireUart {
-    /// Begins to send at most eight bytes on a line, and forgets what was received before.
+    /// Begins to send at most eight bytes on a line, and forgets earlier received bytes.
     ///
     /// # Errors
-    /// Something is still being sent; nothing was begun.
+    /// A datagram is still being sent; the new one was not begun.
     fn send(&mut self, line: u8, bytes: &[u8], now_ticks: u32) -> Result<(), LineBusy>;
 
     /// The next byte that has been received whole, the echo included.

@@ -1,4 +1,4 @@
-//! The bank against model chips, in virtual time: it always ends, and what it calls confirmed is.
+//! The bank against model chips, in virtual time: it always ends, and confirms only drivers that are set up.
 #![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
@@ -43,7 +43,7 @@ impl Bench {
         Self { bank: DriverBank::new(drivers, TIMING, start), lines, now: start }
     }
 
-    /// Lets time pass; what has happened.
+    /// Lets time pass; returns the events.
     fn pass(&mut self, us: u32) -> Vec<DriverEvent> {
         let end = self.now.wrapping_add(us);
         let mut events = Vec::new();
@@ -108,7 +108,7 @@ fn each_on_a_line_of_its_own() {
     assert!(bench.bank.poll(&mut bench.lines, 0).is_none());
 }
 
-/// Hears what is sent, and says nothing.
+/// Hears the sent bytes, and does not answer.
 struct Deaf(Vec<Vec<u8>>);
 
 impl SingleWireUart for Deaf {
@@ -277,7 +277,7 @@ fn a_noisy_line_is_good_enough() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(48))]
 
-    /// Whatever is garbled: within a bounded time each driver is confirmed or has failed.
+    /// Each driver is confirmed or has failed within a bounded time, whatever is garbled.
     #[test]
     fn it_always_ends(per_mille in 0_u32..400, seed: u32) {
         let mut bench = Bench::new(0);
@@ -321,7 +321,7 @@ proptest! {
     }
 }
 
-/// The further motors of Z have Z's settings, all of them or none, and what happens to them happens to Z.
+/// The further motors of Z have Z's settings, all of them or none, and their events are Z's.
 #[test]
 fn motors_of_one_axis_have_the_same_settings() {
     let mut wiring = [DriverWiring { line: 0, address: 0, sense_milliohm: 110 }; 6];

@@ -153,7 +153,7 @@ fn a_stop_at_every_moment_knows_what_was_not_played() {
         let dropped = dropped.unwrap();
         let played = machine.ports[0].steps();
         assert_eq!([dropped.signed[0] + played[0], dropped.signed[1] + played[1]], [0, 1]);
-        // And it runs again, from the levels where the signals stand.
+        // And it runs again, from the present levels of the signals.
         let before = machine.ports[0].steps();
         feeder.push(StepEntry::stair(200, 3, 3, 0).unwrap()).unwrap();
         feeder.seal();

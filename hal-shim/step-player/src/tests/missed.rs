@@ -12,7 +12,7 @@ fn board<M: Stepping + 'static>(updates_before: u32) -> (&'static Board<M>, Step
     board.timer.wire_update_count(true);
     for _ in 0..updates_before {
         board.timer.next_update();
-        // Nobody is called, for nothing is played.
+        // The interrupt is not called, because no slot is played.
         board.timer.forget_served();
         board.timer.clear_update();
     }
@@ -38,7 +38,7 @@ fn play<M: Stepping>(board: &Board<M>, feeder: &mut StepFeeder<'_, M, 1, 64>) ->
 fn assert_none_missed_on_time<M: Stepping + 'static>() {
     for updates_before in [0, 1, 5, 1_000] {
         let (board, mut feeder) = board::<M>(updates_before);
-        // Nothing has been played: nothing was missed, whatever the count says.
+        // Before the first slot no update was missed, whatever the count is.
         assert_eq!(feeder.missed_updates(board.timer.update_count()), 0);
         for motion in 0..6 {
             for _ in 0..3 {

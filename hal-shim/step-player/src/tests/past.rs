@@ -1,4 +1,4 @@
-//! A reset at any moment: what the ring then says was played is what the pins have shown.
+//! A reset at any moment: the ring then reports exactly the events that the pins have shown.
 
 use ferrostep_planner::{StepEntry, StepLedger};
 use proptest::prelude::*;
@@ -9,7 +9,7 @@ use crate::*;
 
 const RING: usize = 64;
 
-/// A board that plays entries until this many updates have come; what its motors should do at the end of the queue.
+/// A board that plays entries up to some update; and the motors' right positions at the end of the queue.
 struct Run<M: 'static, const PORTS: usize> {
     board: &'static Interrupt<M, PORTS, RING>,
     ledger: StepLedger,
@@ -86,7 +86,7 @@ fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry],
     }
     run.assert_replayed(0);
     let (past, slots, _) = run.past();
-    // A quarter of the ring is of the past, as soon as so much was played.
+    // A quarter of the ring keeps the past, as soon as a quarter was played.
     assert!(past.oldest == 0 || past.next - past.oldest >= RING as u32 / 4, "{past:?}");
     // One of the two notes is from before the newest slots, unless that was the first.
     let places = past.positions.map(|mark| mark.map(|mark| mark.filled));
@@ -104,7 +104,7 @@ fn assert_past<M: Stepping + 'static, const PORTS: usize>(entries: &[StepEntry],
     let mut again = Run::<M, PORTS> { board, ledger: StepLedger::default(), queued: 0 };
     let stair = [StepEntry::directions(0b0110), StepEntry::stair(400, 20, 0b1111, 0b0100).unwrap()];
     let mut feeder = again.go(&stair, 13);
-    // A stop keeps what was played until then.
+    // A stop keeps the slots played until then.
     board.stop();
     let dropped = feeder.drop_all();
     let moved = again.assert_replayed(begun);

@@ -1,4 +1,4 @@
-//! The pins show what the entries say.
+//! The pins show the entries' steps.
 
 use super::model::{CYCLES_A_TICK, Edges, Interrupt, SIGNALS, any_stair};
 use crate::*;

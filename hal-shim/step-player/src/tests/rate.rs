@@ -67,7 +67,7 @@ fn changing(random: &mut Random, shortest: u32) -> Vec<StepEntry> {
     entries
 }
 
-/// Plays entries, and holds the steps against what they say.
+/// Plays entries, and compares the steps with their plan.
 fn run<M: Stepping + 'static>(entries: &[StepEntry], signals: Signals, delays: Delays) -> Outcome {
     let board = Interrupt::<M, 1, 2048>::leaked();
     let timer = &board.timer;

@@ -33,7 +33,7 @@ struct Chip {
     pll_is_broken: bool,
     regulator_is_broken: bool,
     flash_is_broken: bool,
-    /// CFGR's last store, and what was read of it since.
+    /// CFGR's last store, and the looks at it since.
     looks_since_dividers: u32,
 }
 

@@ -12,15 +12,15 @@ use super::*;
 pub struct Faults {
     /// No card is in the slot.
     pub missing: bool,
-    /// The card answers nothing.
+    /// The card does not answer.
     pub silent: bool,
-    /// It never ends its start.
+    /// The card never ends its start.
     pub never_starts: bool,
-    /// It stays busy after a write.
+    /// The card stays busy after a write.
     pub stays_busy: bool,
     /// A block's checksum is wrong.
     pub bad_block: bool,
-    /// The stream moves nothing.
+    /// The stream moves no data.
     pub no_stream: bool,
     /// A transfer never ends.
     pub no_end: bool,
