@@ -33,7 +33,7 @@ pub enum CommandError {
     TooFar,
     /// More filament than one move may push.
     TooMuchFilament,
-    /// The feed is below what the planner takes.
+    /// The feed is below the planner's minimum.
     FeedTooSlow {
         /// The feed, mm/s.
         feed_mm_per_s: f64,
@@ -59,7 +59,7 @@ pub enum CommandError {
         /// Distance between start and end, mm.
         chord_mm: f64,
     },
-    /// A target above what the heater may reach.
+    /// A target above the heater's maximum.
     TooHot {
         /// The target.
         celsius: f64,
@@ -110,7 +110,7 @@ pub enum CommandError {
     },
     /// M303 while the nozzle has a target, or a print is paused.
     TunesNoPrint,
-    /// An autotune has found nothing, or the command is for the other kind of control: which, and what to do.
+    /// An autotune has failed, or the command is for the other kind of control: which, and the cure.
     HeaterControl(&'static str),
     /// M290 has shifted Z, and a prepared job brings its own heights.
     Shifted {
@@ -162,9 +162,9 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
-    /// The probe's pin does not do what it was told, or its signal does not say so.
+    /// The probe's pin does not follow its command, or its signal does not show that it does.
     ProbePin(&'static str),
-    /// A motor's driver has failed, so nothing may move.
+    /// A motor's driver has failed, so no motor may move.
     Driver {
         /// The motor, 0 to 3.
         motor: usize,
@@ -178,7 +178,7 @@ pub enum CommandError {
         /// The fault of the setting.
         error: SettingsError,
     },
-    /// This board does not have what the command needs: `heaters`, `thermometers`, `end stops`, `fan`, `black box`.
+    /// This board lacks a part that the command needs: `heaters`, `thermometers`, `end stops`, `fan`, `black box`.
     NotEquipped(&'static str),
     /// The accelerometer gives no samples.
     Accelerometer(AccelerometerFault),
@@ -314,9 +314,9 @@ impl From<MotionError> for CommandError {
 /// Reason why a line was not executed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Failure {
-    /// It cannot be read.
+    /// The line cannot be read.
     Parse(ParseError),
-    /// It cannot be done.
+    /// The command cannot be executed.
     Command(CommandError),
 }
 

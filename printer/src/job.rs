@@ -1,4 +1,4 @@
-//! A print's course: what is known of the job at hand from line to line, and what pauses, changes or ends it.
+//! A print's course: the state of the job at hand from line to line, and the parts that pause, change or end it.
 
 pub(crate) mod button;
 pub(crate) mod card;

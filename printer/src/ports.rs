@@ -50,7 +50,8 @@ pub trait Motion {
     fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
-    /// Waits while so much motion is queued that a host should send no more ([`crate::machine::Machine::holds_enough`]).
+    /// Waits while enough motion is queued that a host should not send more
+    /// ([`crate::machine::Machine::holds_enough`]).
     fn wait_for_room_in_time(&mut self) -> impl Future<Output = Result<(), MotionError>> {
         async { Ok(()) }
     }
@@ -60,8 +61,8 @@ pub trait Motion {
     }
     /// Changes a fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, fan: FanOutput, power: u8) -> impl Future<Output = Result<(), MotionError>>;
-    /// Sets how far the extruder runs ahead from the motion queued so far on; waits for room. `false`, and nothing has changed:
-    /// it needs a standstill and [`Self::set_motion_choice`].
+    /// Sets the pressure advance from the motion queued so far on; waits for room. `false`, and the advance is
+    /// unchanged: it needs a standstill and [`Self::set_motion_choice`].
     fn set_pressure_advance(&mut self, advance: &PressureAdvance) -> impl Future<Output = Result<bool, MotionError>>;
     /// Watches until the motors have passed the beginning of a line: all moves of the lines before it have ended then.
     fn watch_line(&mut self, _line: u32) {}
@@ -93,14 +94,14 @@ pub trait Motion {
     /// Sets the methods that make the steps.
     ///
     /// # Errors
-    /// [`ChoiceError`]; nothing has changed then.
+    /// [`ChoiceError`]; the choice is unchanged then.
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError>;
     /// Steps of the extruder in a millimetre of filament.
     fn extruder_steps_per_mm(&self) -> StepsPerMm;
     /// Sets the steps of the extruder in a millimetre of filament.
     ///
     /// # Errors
-    /// [`ChoiceError::InMotion`]: the machine is not at standstill; nothing has changed then.
+    /// [`ChoiceError::InMotion`]: the machine is not at standstill; the steps are unchanged then.
     fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError>;
     /// Bed following, or a type without it: its code is compiled only for a bed that is followed.
     type Bed: Bed;
@@ -113,7 +114,7 @@ pub trait Motion {
     /// Lets Z follow the bed, or stops it, at standstill ([`crate::machine::Machine::follow_bed`]).
     ///
     /// # Errors
-    /// [`MeshError`]; Z follows nothing then.
+    /// [`MeshError`]; Z does not follow the bed then.
     fn follow_bed(&mut self, _on: bool) -> Result<(), MeshError> {
         Ok(())
     }
@@ -131,7 +132,7 @@ pub trait Motion {
     fn step_z_motors(&mut self, _motors: u8) {}
     /// Several tools, one of them selected, or not: the code for that is compiled only then.
     type Tools: Part;
-    /// The extruder of this tool makes the steps to come, and its nozzle is so far from the first's
+    /// Selects the extruder that makes the next steps, by its tool, whose nozzle has this offset from the first's
     /// ([`crate::machine::Machine::step_extruder`]).
     fn step_extruder(&mut self, _tool: u8, _offset_10nm: [i32; 2]) {}
     /// Play of the drives that is taken up, or none: the code for that is compiled only then.
@@ -157,7 +158,7 @@ pub trait Motion {
     }
     /// Returns true if the end stop of an axis is triggered.
     fn is_end_stop_triggered(&self, axis: usize) -> bool;
-    /// Stops at once and forgets all queued motion; the position is then where the motors stand. Returns the filament
+    /// Stops at once and forgets all queued motion; the position is then that of the motors. Returns the filament
     /// that was queued and not pushed, units of 0.1 nm.
     fn stop(&mut self) -> i64;
     /// Takes the filament that stops of others have left unpushed, units of 0.1 nm.
@@ -172,7 +173,7 @@ pub trait Ports {
     type Motion: Motion;
     /// The heaters.
     type Heating: Heating;
-    /// The time, and waits for it.
+    /// The time, and waits.
     type Clock: Clock + DelayNs + Clone;
     /// Receiver of replies.
     type Replies: Replies;
@@ -307,7 +308,7 @@ pub trait MotorDrivers: core::fmt::Debug {
     /// Sets a driver, which is then unconfirmed for a while.
     ///
     /// # Errors
-    /// It does not have such a setting; nothing has changed.
+    /// The driver does not have this setting, and keeps the old ones.
     fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError>;
     /// Takes the mask of the motors (0 to 3, Z's as one) that may not be where their steps say since the last call.
     fn take_moved(&self) -> u8;

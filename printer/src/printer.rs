@@ -1,4 +1,4 @@
-//! The printer: its parts, and what it consists of.
+//! The printer: its parts and its set-up.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::SettingsCommand;
@@ -34,10 +34,10 @@ pub(crate) enum Answer {
 /// Handling of the commands that need a settings memory. An image whose board has no memory does not contain their
 /// code.
 pub(crate) trait KeepsSettings<P: Ports> {
-    /// M500, M501 and M504; `None`: the start. Returns what is still to be set of the motion.
+    /// Executes M500, M501 and M504; `None`: the start. Returns the choice of motion that is still to be set.
     fn keep(&self, printer: &mut Printer<'_, P>, command: Option<SettingsCommand>) -> Option<MotionChoice>;
 
-    /// Stores what the machine has done in its life, and leaves the stored settings.
+    /// Stores the machine's statistics, and leaves the stored settings.
     fn keep_statistics(&self, printer: &mut Printer<'_, P>);
 }
 
@@ -45,7 +45,7 @@ pub(crate) trait KeepsSettings<P: Ports> {
 pub(crate) struct Fitted<'a, P: Ports> {
     /// The parts of the board that can be used.
     pub equipment: Equipment,
-    /// It measures its times (M798).
+    /// Measures the board's times (M798).
     pub timing: Option<&'a dyn Timing>,
     /// The motors' drivers can be set.
     pub drivers: Option<&'a dyn MotorDrivers>,
@@ -89,7 +89,7 @@ pub struct Printer<'a, P: Ports> {
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
-    /// A printer that has just been switched on: nothing homed, everything cold.
+    /// A printer that has just been switched on: no axis homed, all heaters cold.
     pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
         signals.set_heater_timeout_s(profile.heater_timeout_s);
         if M::FOLLOWS_FILAMENT
@@ -141,7 +141,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.fitted.timing = Some(timing);
     }
 
-    /// The motors' drivers can be set (M122, M569, M906, M913, M914); nothing moves before all have confirmed their settings.
+    /// Sets the motors' drivers, for M122, M569, M906, M913, M914; no motor moves before all have confirmed their
+    /// settings.
     pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
         self.fitted.drivers = Some(drivers);
     }
@@ -151,7 +152,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.fitted.equipment = equipment;
     }
 
-    /// Counts of what has been done so far.
+    /// Counts of the actions so far.
     pub fn tally(&self) -> Tally {
         self.interpreter.tally
     }

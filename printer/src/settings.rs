@@ -1,4 +1,4 @@
-//! Settings: a printer's profile, what a memory keeps of it, and the bounds of what commands set.
+//! Settings: a printer's profile, its values in a memory, and the bounds of those set by commands.
 
 pub(crate) mod bounds;
 pub(crate) mod profile;

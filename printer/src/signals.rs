@@ -23,7 +23,7 @@ pub struct Signals {
     is_writing: AtomicBool,
     /// State of the supply's signal.
     supply_failing: AtomicBool,
-    /// The supply has failed, and no one has acted on it.
+    /// The supply has failed, and the failure has not been handled yet.
     supply_failed: AtomicBool,
     filament_missing: AtomicBool,
     switch_missing: AtomicBool,

@@ -1,4 +1,4 @@
-//! The answer to a line: its command, or its macro's lines, and what hosts read.
+//! The answer to a line: its command, or its macro's lines, and the replies that hosts read.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, Remarks, Reply, ShortText, parse_with_remarks};
@@ -20,7 +20,7 @@ impl<P: Ports> Printer<'_, P> {
         macros::call(self.profile.macros, text).is_some()
     }
 
-    /// Executes a line, or the lines that it stands for, and answers it.
+    /// Executes a line, or the lines of the macro that it calls, and answers it.
     pub(crate) async fn answer(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         let (failure, is_stop) = match self.execute_lines(line, text, None).await {
             Ok(answer) => {
@@ -114,7 +114,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Decides by the source whether a command may be executed now: a host's beside a print from the card, or the
-    /// card's own. It has been [answered](Answer::Given) if nothing is left to do.
+    /// card's own. It has been [answered](Answer::Given) if it needs no further work.
     fn may_execute(
         &mut self,
         line: u32,
@@ -139,8 +139,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Ends or pauses the print of a host whose line was refused, in words that hosts know. Otherwise they would stream the rest
-    /// into a machine that does nothing.
+    /// Ends or pauses the print of a host whose line was refused, in words that hosts know. Otherwise they would
+    /// stream the rest into a machine that is halted.
     #[cold]
     fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
         match error {
@@ -169,7 +169,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Reports what is ignored or changed in a line, each thing once a job.
+    /// Reports ignored or changed parts of a line, each once a job.
     #[cold]
     pub(crate) fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
         let new = self.lines.said.merge(remarks);

@@ -122,7 +122,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Z follows nothing, and the mesh has no points.
+    /// Stops bed following, and empties the mesh.
     pub(crate) fn forget_mesh(&mut self) {
         // Only on can fail.
         let _off = self.switch_bed(false);
@@ -260,7 +260,7 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.z.trigger_10nm.unwrap_or_else(|| self.interpreter.trigger_10nm(Z))
     }
 
-    /// Probes a place of the bed, so often, with the nozzle above it on the way there and afterwards.
+    /// Probes a place of the bed `samples` times, with the nozzle above it on the way there and afterwards.
     async fn probe(
         &mut self,
         place_10nm: [i64; 2],
@@ -393,7 +393,7 @@ impl Heights {
         self.first_10nm + (2 * self.sum_10nm + count * self.sum_10nm.signum()) / (2 * count)
     }
 
-    /// Standard deviation, units of 10 nm: of these heights, as Marlin has it.
+    /// Standard deviation, units of 10 nm: of these heights, as Marlin works it out.
     fn deviation_10nm(&self) -> f32 {
         let count = f64::from(self.count.max(1));
         let mean = self.sum_10nm as f64 / count;
@@ -401,7 +401,7 @@ impl Heights {
     }
 }
 
-/// A height as the mesh has it, um, rounded.
+/// A height in the unit of the mesh, um, rounded.
 fn height_um(height_10nm: i64) -> i16 {
     let rounded = (height_10nm + height_10nm.signum() * (UM / 2)) / UM;
     rounded.clamp((i16::MIN + 1).into(), i16::MAX.into()) as i16

@@ -483,7 +483,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::ProbePin(_) if self.pin().is_none() => {}
             Command::ProbePin(command) => return waiting(Waiting::ProbePin(command)),
             Command::Finish => return waiting(Waiting::Finish(Then::Nothing)),
-            // The drivers' part is all that there is to the first three. Without a display the others change nothing here.
+            // The first three are only the drivers' part. Without a display the others have no effect here.
             Command::ReportDrivers
             | Command::StealthChop { .. }
             | Command::Driver(..)

@@ -1,4 +1,4 @@
-//! M122, M569, M906, M913 and M914. Before the drivers are set up nothing moves, and no motor gets current.
+//! M122, M569, M906, M913 and M914. No motor moves or gets current before the drivers are set up.
 
 use core::fmt;
 
@@ -16,9 +16,8 @@ use crate::printer::Printer;
 /// Interval at which a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
 
-/// Reports what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
-/// steps say, and the caller must halt the machine as M112 does and send `Reply::Killed`; all else has been
-/// reported.
+/// Reports an event of a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its steps
+/// say, and the caller must halt the machine as M112 does and send `Reply::Killed`; all else has been reported.
 ///
 /// Without current only the axis' home is lost. Printers are often without motor supply, so that is only a notice: hosts end a
 /// print at each `Error:`.
@@ -70,7 +69,7 @@ impl<P: Ports> Printer<'_, P> {
             {
                 return Ok(false);
             }
-            // Also M17: until its driver is set, a motor's current is what the chip has after a reset.
+            // Also M17: until its driver is set, a motor's current is the chip's default.
             Command::Linear { .. }
             | Command::Arc { .. }
             | Command::Retract

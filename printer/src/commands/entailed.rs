@@ -94,8 +94,9 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// A nozzle, and its new target at which nothing can be pushed any more, where it has one at which filament is pushed. The moves that
-    /// the board knows already, which may take minutes, are to be made with the heat that they were written for.
+    /// Returns the nozzle, and its new target too cold for pushing filament, if a command lowers a target at which
+    /// filament is pushed. The moves that the board knows already, which may take minutes, are to be made with the
+    /// heat that they were written for.
     #[inline(never)]
     fn cools_print(&self, command: &Command<'_>) -> Option<(Heater, f64)> {
         let (tool, celsius) = match *command {

@@ -1,4 +1,4 @@
-//! A line is executed: its source, what a stop or a halt makes of it, and signs of life while it takes long.
+//! Execution of a line: its source, the effects of a stop or a halt on it, and signs of life while it takes long.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -87,7 +87,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         if self.signals.is_halted() && !matches!(command, Command::Restart) {
             self.cancel();
             self.stop_print_clock(false);
-            // Ask what has happened now: the planner task may not have followed the stop yet.
+            // The planner task may not have followed the stop yet: ask now.
             self.stop_motion();
             match while_halted(command) {
                 WhileHalted::Works => {}
@@ -131,7 +131,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.interpreter.follow(self.motion.position_10nm());
     }
 
-    /// Stops motion at once; position, extruder and filament become what has really happened.
+    /// Stops motion at once; position, extruder and filament follow the motors.
     pub(crate) fn stop_motion(&mut self) {
         let dropped_100pm = self.motion.stop();
         self.reckon_stop(dropped_100pm);

@@ -1,7 +1,7 @@
 //! M92: steps of the extruder for each mm of filament.
 //!
-//! Those of X, Y and Z are the profile's: what a job is planned with depends on them. The extruder's are measured, with every other
-//! drive gear anew, and M500 stores them.
+//! Those of X, Y and Z are the profile's: the plan of a job depends on them. The extruder's are measured, with every
+//! other drive gear anew, and M500 stores them.
 
 use ferrostep_gcode::{AxisWords, Real};
 use ferrostep_planner::StepsPerMm;
@@ -15,7 +15,7 @@ use crate::printer::Printer;
 /// another machine, gear or number of microsteps, such as in the start code of a slicer for many machines.
 const FARTHEST: f64 = 0.25;
 
-/// Steps as they are reported.
+/// Steps in the form of reports.
 fn shown(steps_per_mm: StepsPerMm) -> Real {
     Real::fixed(steps_per_mm.to_f64(), 2)
 }

@@ -14,8 +14,8 @@ use crate::signals::Signals;
 /// Command of a print whose fan does not turn: M125.
 pub(crate) static PAUSE: Command<'static> = Command::Pause(AxisWords { x: None, y: None, z: None, e: None });
 
-/// Says that a fan does not turn, and lets the next line of a print pause it. To be called several times a second; `told` is the fan
-/// that was reported last.
+/// Reports that a fan does not turn, and lets the next line of a print pause it. To be called several times a second;
+/// `told` is the fan that was reported last.
 pub fn tell_stalled_fan(
     told: &mut Option<FanOutput>,
     table: &FanTable,

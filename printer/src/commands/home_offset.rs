@@ -1,4 +1,4 @@
-//! M206: what the G-code's coordinates of home are beyond the profile's.
+//! M206: the G-code's coordinates of home, as an offset from the profile's.
 
 use ferrostep_gcode::AxisWords;
 

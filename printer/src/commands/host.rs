@@ -16,13 +16,12 @@ pub struct Host {
 }
 
 impl Host {
-    /// A host that has said nothing yet.
+    /// A host before its first byte.
     pub const fn new() -> Self {
         Self { numbers: LineNumbers::new(), writes: false, writes_numbered: false }
     }
 
-    /// Answers what the line reader made of some bytes: executes a good line, `ok`s a repeated one, asks for a
-    /// garbled one again.
+    /// Answers a line reader's result: executes a good line, `ok`s a repeated one, asks for a garbled one again.
     pub async fn answer<P: Ports>(&mut self, printer: &mut Printer<'_, P>, line: Result<Line<'_>, LineError>) {
         let replies = printer.replies();
         match line {

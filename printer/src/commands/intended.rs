@@ -22,7 +22,7 @@ fn asks_for_cold(command: &Command<'_>) -> bool {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Adds to the parser's remarks what depends on the machine.
+    /// Adds the remarks that depend on the machine to the parser's.
     pub(crate) fn add_remarks(&mut self, command: &Command<'_>, remarks: &mut Remarks) {
         match command {
             Command::Linear { axes, .. } | Command::Arc { axes, .. } => {

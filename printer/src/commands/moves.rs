@@ -41,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
             self.motion.add(asked.request).await?;
         }
         self.taken(&asked);
-        // After the move, not before: what a host sends next while it waits would be one move more to end.
+        // After the move, not before: a move that a host sends during the wait would be one more to end.
         Ok(self.motion.wait_for_room_in_time().await?)
     }
 

@@ -1,4 +1,4 @@
-//! A print that pauses: the nozzle goes aside, waits for a person, and goes back to where it was.
+//! A pausing print: the nozzle goes aside, waits for a person, and returns to its place.
 //!
 //! A reader of jobs uses [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`] only. Commands that pause a host's print
 //! (M0, M600, ...) do all of it before their `ok`, because until then a host sends no more of its print; a reader that can wait
@@ -20,7 +20,7 @@ use crate::settings::profile::filament::PauseSettings;
 /// Units of 10 nm in a millimetre.
 const MM: i64 = 100_000;
 
-/// Feed on the way there and back, mm/s; the axes' own limits hold too.
+/// Feed on the way there and back, mm/s; the axes' own limits hold as well.
 const PARK_FEED_MM_PER_S: f32 = 100.0;
 
 impl<P: Ports> Printer<'_, P> {
@@ -111,8 +111,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Resumes a paused print. Heaters that are off get their targets back; when these are reached, the nozzle returns and pushes
-    /// the filament to where it was. Without a paused print it does nothing.
+    /// Resumes a paused print. Heaters that are off get their targets back; when these are reached, the nozzle
+    /// returns and pushes the filament back to its place. Without effect if no print is paused.
     ///
     /// # Errors
     /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 has ended the wait for heat. The
@@ -265,7 +265,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok([length_100pm(unload_10nm)?, length_100pm(load_10nm)?])
     }
 
-    /// The words U and L, whose signs say nothing, or what M603 and the profile say, units of 10 nm.
+    /// The words U and L, whose signs have no meaning, or the values of M603 and the profile, units of 10 nm.
     fn filament_lengths_10nm(&self, unload: Option<Decimal>, load: Option<Decimal>) -> Result<[i64; 2], CommandError> {
         let length_10nm = |letter, word: Option<Decimal>| {
             let word = word.map(|value| Decimal::from_nanos(value.nanos().saturating_abs()));
@@ -290,7 +290,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M701 and M702: pushes filament in, or draws it out, where the nozzle stands, or `rise` above.
+    /// Executes M701 and M702: pushes filament in, or draws it out, at the nozzle's present place, or `rise` above.
     pub(crate) async fn load_filament(
         &mut self,
         loads: bool,

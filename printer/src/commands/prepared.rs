@@ -237,7 +237,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Sets the G-code's E, units of 10 nm: after a refused job it differs from what its motion has pushed.
+    /// Sets the G-code's E, units of 10 nm: after a refused job it differs from the filament that its motion has
+    /// pushed.
     pub fn set_prepared_extruder(&mut self, extruder_10nm: i64) {
         self.interpreter.modal.extruder_10nm = extruder_10nm;
     }
@@ -270,8 +271,8 @@ impl<P: Ports> Printer<'_, P> {
         self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)
     }
 
-    /// Ends a prepared job whose rest cannot be trusted: the moves taken are executed, to a standstill on the path; the G-code's
-    /// position is then that of the motors. Heaters stay as they are.
+    /// Ends a prepared job whose rest cannot be trusted: the moves taken are executed, to a standstill on the path;
+    /// the G-code's position is then that of the motors. Heaters keep their targets.
     ///
     /// # Errors
     /// Motion was stopped.

@@ -61,7 +61,7 @@ impl<P: Ports> Printer<'_, P> {
     /// M119.
     pub(crate) fn report_end_stops(&self) {
         const NAMES: [[&str; 2]; 3] = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
-        // As Marlin has it: the sensor is triggered by filament.
+        // Marlin's meaning: the sensor is triggered by filament.
         let filament = EndStopState { name: "filament", triggered: !self.is_filament_missing() };
         let mut states = [filament; 4];
         for (axis, state) in states.iter_mut().take(3).enumerate() {

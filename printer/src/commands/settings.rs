@@ -54,7 +54,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Says of the feeds that a line has set which are so far above the profile's that they may be in another firmware's unit.
+    /// Reports those feeds of a line that are so far above the profile's that they may be in another firmware's unit.
     #[inline(never)]
     fn tell_far_feeds(&self, words: &AxisWords, feeds_mm_per_s: &[f64; 4]) {
         let words = [words.x, words.y, words.z, words.e];
@@ -127,7 +127,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Keeps the speed of corners where the profile says so, and not their deviation: it is the speed's square over the acceleration.
+    /// Keeps the speed of corners, if the profile asks for it, and not their deviation: that is the speed's square
+    /// over the acceleration.
     fn hold_corner_speed(&self, limits: &mut Limits, before_mm_per_s2: f64) {
         if self.profile.holds_corner_speed {
             let deviation = limits.junction_deviation_mm * before_mm_per_s2 / limits.print_acceleration_mm_per_s2;

@@ -13,7 +13,7 @@ use crate::printer::Printer;
 /// The planes, in the order of the factors.
 const PLANES: [&str; 3] = ["XY", "XZ", "YZ"];
 
-/// The factor of a plane by what was measured, if a machine may be that skew.
+/// The factor of a plane by measured lengths, if a machine may be that skew.
 fn measured(plane: usize, lengths: &Diagonals) -> Result<f64, CommandError> {
     let Diagonals { ac_10nm, bd_10nm, ad_10nm } = *lengths;
     let factor = Skew::factor_of_diagonals([ac_10nm, bd_10nm, ad_10nm].map(NonZeroU32::get));

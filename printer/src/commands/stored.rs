@@ -33,11 +33,11 @@ struct Stored<M: Parts> {
     values: Values<M>,
     /// Values in the memory that this machine knows.
     known: usize,
-    /// Those that are another version's, or another machine's.
+    /// Values of another version, or of another machine.
     foreign: usize,
     /// Number of values that were mended.
     faults: usize,
-    /// Values that differ from the profile's; `None`: no one asks.
+    /// Values that differ from the profile's; `None`: they are not counted.
     differ: Option<usize>,
     /// Points of the mesh along X and Y.
     mesh: Option<[u8; 2]>,
@@ -106,8 +106,8 @@ impl<'a, P: Ports> Printer<'a, P> {
     }
 
     /// M500 to M502, at standstill.
-    // Not inlined: in the future of the commands that wait it would take much room. And what needs much of the stack, the settings and
-    // the motion's methods, does not nest.
+    // Not inlined: in the future of the commands that wait it would take much room. And the parts that need much of
+    // the stack, the settings and the motion's methods, do not nest.
     #[inline(never)]
     pub(crate) fn change_settings(&mut self, command: SettingsCommand) {
         let choice =
@@ -168,7 +168,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         refused
     }
 
-    /// Puts the stored settings in force, as the machine is switched on; says nothing if none are stored.
+    /// Puts the stored settings in force, as the machine is switched on; no report if none are stored.
     pub fn restore_settings(&mut self) {
         if let Some(memory) = self.fitted.settings_memory {
             let choice = memory.keep(self, None);
@@ -229,7 +229,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Those of T1.
+    /// Settings of T1 in force.
     fn live_tool(&self) -> Option<ToolValues> {
         let of_tool = self.values_of_tool(1)?;
         Some(ToolValues {
@@ -377,7 +377,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// M501. Of an empty memory `is_start` says nothing.
+    /// Executes M501. With `is_start` an empty memory is not reported.
     #[inline(never)]
     fn load_settings(&mut self, memory: &dyn SettingsMemory, is_start: bool) -> Option<MotionChoice> {
         let stored = self.read_settings(memory, "M501", is_start)?;

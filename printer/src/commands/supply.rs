@@ -1,4 +1,4 @@
-//! M80 and M81, and what needs the power supply.
+//! M80 and M81, and the commands that need the power supply.
 
 use ferrostep_gcode::{Command, Decimal, SupplyCommand};
 use ferrostep_hal_shim::Heater;
@@ -108,7 +108,7 @@ impl<P: Ports> Printer<'_, P> {
         self.set_temperature(Heater::Bed, 0.0)?;
         self.set_chamber(Decimal::ZERO)?;
         if when_cool {
-            // An M108 from before this command is not meant for it.
+            // An M108 sent before this command does not end its wait.
             self.signals.take_end_wait();
             self.waits().for_cooling(Heater::Nozzle, COOL_CELSIUS, &self.heating).await?;
         }

@@ -111,7 +111,7 @@ impl<'a, P: Ports> Printer<'a, P> {
             WaitTarget::AtLeast(value) => Until::AtLeast(value.to_f64() as f32),
         };
         self.print_heats();
-        // An M108 from before this command is not meant for it; one during the end of the motion before it is.
+        // An M108 sent before this command does not end its wait; one during the end of the motion before does.
         self.signals.take_end_wait();
         self.motion.finish().await?;
         self.wait_until(heater, until).await

@@ -1,4 +1,4 @@
-//! T, and what belongs to a tool: M218, and M92, M221 and M572 of one that is not selected.
+//! T, and the values that belong to a tool: M218, and M92, M221 and M572 of one that is not selected.
 //!
 //! The machine's coordinates are those of T0's nozzle, whichever tool is selected: limits, homing, the probe and the bed know no other.
 //! The offset of the selected nozzle is a part of the G-code's, beside those of G92 and M206.
@@ -124,7 +124,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Refuses what is for T0 alone.
+    /// Refuses commands for T0 alone.
     pub(crate) fn needs_first_tool(&self) -> Result<(), CommandError> {
         if self.selected_tool() == 0 { Ok(()) } else { Err(CommandError::Tool(WITH_FIRST)) }
     }
@@ -174,11 +174,12 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.replies.say(format_args!("Active Extruder: {}", self.selected_tool()));
     }
 
-    /// T: at a standstill the new tool's motor, heater, offset and values take the place of the old one's. With all axes homed its nozzle
-    /// goes to where the old one was, unless it `stays`. The new tool's filament is pushed as far as the old one's was.
+    /// Executes T: at a standstill the new tool's motor, heater, offset and values replace the old one's. With all
+    /// axes homed its nozzle goes to the old one's place, unless it `stays`. The new tool's filament is pushed as far
+    /// as the old one's was.
     ///
     /// # Errors
-    /// The tool does not exist or cannot go there, and nothing has changed; or motion was stopped.
+    /// The tool does not exist or cannot go there, and everything is unchanged; or motion was stopped.
     pub(crate) async fn change_tool(&mut self, number: u32, stays: bool) -> Result<(), CommandError> {
         let Some(Tools { change: settings, .. }) = self.further_tools() else { return Ok(()) };
         let Ok(tool) = u8::try_from(number) else { return Err(CommandError::Tool(NO_SUCH_TOOL)) };

@@ -13,7 +13,7 @@ use crate::printer::Printer;
 const LOWER_10NM: i64 = 2 * MM;
 
 impl<P: Ports> Printer<'_, P> {
-    /// TUNING_TOWER. It takes the place of the one before.
+    /// TUNING_TOWER. It replaces the tower before.
     #[cold]
     #[inline(never)]
     pub(crate) fn set_tower(&mut self, words: Option<&TowerWords<'_>>) -> Result<(), CommandError> {

@@ -35,8 +35,8 @@ const CHUNK_BYTES: usize = 64;
 
 /// The line on which a job comes, with the lines of all hosts.
 pub trait JobLine {
-    /// Waits for bytes of any host, at most a fifth of a second. Returns how many came, and whether the host that sends the job
-    /// has sent them. `idle`: the machine has nothing else to do meanwhile.
+    /// Waits for bytes of any host, at most a fifth of a second. Returns their number, and true if the host that
+    /// sends the job has sent them. `idle`: the machine has no other work meanwhile.
     fn read(&mut self, bytes: &mut [u8], idle: bool) -> impl Future<Output = (usize, bool)>;
 
     /// Reads text of the host that was read last, up to the end of a line. Returns how much was used, and the line if it has
@@ -51,9 +51,9 @@ pub trait JobLine {
 /// Reason why a job ended early.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Stop {
-    /// It cannot be read.
+    /// The job cannot be read.
     Read(ReadError),
-    /// It cannot be done.
+    /// An item of the job cannot be executed.
     Done { failure: Failure, line: u32, frame: u32, offset: u64 },
     /// A move does not begin where the one before ended.
     Elsewhere { frame: u32, offset: u64 },
@@ -369,7 +369,7 @@ impl<P: Ports> Printer<'_, P> {
                         }
                         self.between(line, incoming).await?;
                     }
-                    // While the machine was at work the host may have had nothing to send or to ask.
+                    // While the machine was at work the host may have had no reason to send or to ask.
                     incoming.heard_ms = self.clock.now_ms();
                     filled = length + ahead;
                     progress.frame = number + 1;

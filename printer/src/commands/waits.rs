@@ -246,7 +246,7 @@ pub(crate) enum Until {
         /// case.
         cooling_counts: bool,
     },
-    /// It is this warm, degrees Celsius.
+    /// The heater is this warm, degrees Celsius.
     AtLeast(f32),
 }
 

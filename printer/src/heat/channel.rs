@@ -1,4 +1,4 @@
-//! One heater: its thermometer, its checks and what works out its power.
+//! One heater: its thermometer, its checks and its loop.
 
 use super::pid::Pid;
 use super::relay;
@@ -10,9 +10,9 @@ use crate::settings::profile::heaters::HeaterSettings;
 /// Loop that works out a heater's power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Loop {
-    /// It holds its target.
+    /// The loop holds its target.
     Pid(Pid),
-    /// It is tuned (M303).
+    /// The heater is being tuned (M303).
     Relay(Relay),
 }
 

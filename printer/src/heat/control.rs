@@ -19,7 +19,7 @@ use crate::settings::profile::heaters::HeaterSettings;
 struct FurtherNozzle {
     /// `None` where the tools share one.
     channel: Option<Channel>,
-    /// It is that of the selected tool.
+    /// True if it is the nozzle of the selected tool.
     is_selected: bool,
     /// The fan that blows at it.
     fan: FanOutput,
@@ -262,7 +262,7 @@ impl<M: Part, T: Part> HeatControl<M, T> {
         }
     }
 
-    /// Sets what fans are to do from the next [`Self::update`] on. After a fault all have full power.
+    /// Sets the demand on fans from the next [`Self::update`] on. After a fault all have full power.
     pub fn set_fan_demand(&mut self, demand: FanDemand) {
         self.fan_demand = demand;
     }

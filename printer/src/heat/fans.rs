@@ -36,7 +36,7 @@ pub enum FanRule {
     Output {
         /// P of M42; `None`: by its name only.
         number: Option<u8>,
-        /// It may be anything between off and full; without, anything above 0 is full.
+        /// True if it may be anything between off and full; otherwise anything above 0 is full.
         is_pwm: bool,
         /// Power at the start, 0 to 255.
         at_start: u8,
@@ -79,9 +79,9 @@ pub struct FanSettings {
     pub name: &'static str,
     /// Condition under which it turns.
     pub rule: FanRule,
-    /// Full power for so long when it starts, ms: a fan at rest needs more than one that turns.
+    /// Time of full power when it starts, ms: a fan at rest needs more than one that turns.
     pub kick_start_ms: u16,
-    /// The least power that turns it, 0 to 255: it gets this where less is asked for, but not where nothing is.
+    /// The least power that turns it, 0 to 255: a lower demand above 0 is raised to this.
     pub least_power: u8,
     /// Slower than this at full power it counts as failed, turns a minute; 0: its tachometer is not looked at.
     pub least_rpm: u16,
@@ -91,7 +91,7 @@ pub struct FanSettings {
 pub type FanTable = [Option<FanSettings>; FanOutput::COUNT];
 
 impl FanSettings {
-    /// The part-cooling fan, if a profile says nothing else.
+    /// The default of the part-cooling fan.
     pub const PART: Self = Self {
         name: "part",
         rule: FanRule::Commanded { number: Some(0) },
@@ -100,7 +100,7 @@ impl FanSettings {
         least_rpm: 0,
     };
 
-    /// The hot end's own fan, if a profile says nothing else.
+    /// The default of the hot end's own fan.
     pub const HOT_END: Self =
         Self { name: "hotend", rule: FanRule::HotEnd, kick_start_ms: 0, least_power: 0, least_rpm: 0 };
 

@@ -25,7 +25,7 @@ const MIN_APPROACH_S: f32 = 1.0;
 pub struct HeaterModel {
     /// Power of the heater at full, W.
     pub power_w: f32,
-    /// Heat capacity of what it heats, J/K.
+    /// Heat capacity of the heated mass, J/K.
     pub capacity_j_per_k: f32,
     /// Loss to still air, W/K.
     pub loss_w_per_k: f32,
@@ -113,7 +113,8 @@ impl ModelLoop {
         let off = (celsius - self.sensor) * SAMPLE_S;
         self.sensor += (3.0 * pole - response) * off;
         self.block += 3.0 * pole * pole / response * off;
-        // At an end of its range the power is not what holds the temperature, and on the way up a wrong capacity would count as power.
+        // At an end of its range the power does not hold the temperature, and on the way up a wrong capacity would
+        // count as power.
         if power > 0.0 && power < 1.0 {
             let most_w = 0.5 * model.power_w;
             let unmodelled_w = self.unmodelled_w + model.capacity_j_per_k * pole * pole * pole / response * off;

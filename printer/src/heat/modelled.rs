@@ -47,7 +47,8 @@ impl<T: Part> Models<T> {
         self.of(heater)?.model
     }
 
-    /// Sets the model of a nozzle or the bed. The loop of another one begins anew: what it had found is that model's error.
+    /// Sets the model of a nozzle or the bed. The loop of another model begins anew: its findings were that model's
+    /// errors.
     pub fn set_model(&mut self, heater: Heater, model: HeaterModel) {
         if let Some(place) = place::<T>(&mut self.usual, &mut self.further, heater)
             && place.model != Some(model)

@@ -9,7 +9,8 @@
 //!   from the target ([`HALF_WIDTH_CELSIUS`]);
 //! - a cycle takes `(L + 2 h / k) / (x (1 - x))`.
 //!
-//! Both hold for any share, so that the power need not be balanced first. The relay knows nothing else of the heater.
+//! Both hold for any share, so that the power need not be balanced first. The relay needs no other knowledge of the
+//! heater.
 
 use super::sample_time::SAMPLE_S;
 
@@ -58,7 +59,7 @@ pub struct RelayFindings {
 /// Progress of a relay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RelayProgress {
-    /// It continues: how many cycles have ended, and the lowest and highest temperature of the last one.
+    /// It continues: the number of cycles that have ended, and the lowest and highest temperature of the last one.
     Cycles {
         /// Cycles that have ended.
         ended: u8,
@@ -71,7 +72,7 @@ pub enum RelayProgress {
     },
     /// It has ended.
     Found(RelayFindings),
-    /// A half of a cycle has taken more than 20 minutes, of a chamber an hour, or the swing says nothing.
+    /// A half of a cycle has taken more than 20 minutes, of a chamber an hour, or the swing gives no result.
     Failed,
 }
 

@@ -122,11 +122,12 @@ impl Since {
 /// Phase of the heater.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
-    /// Its target is 0.
+    /// The heater's target is 0.
     Off,
-    /// It has not reached its target: when it last became hotter by the watch's degrees, and the lowest temperature since.
+    /// The heater has not reached its target: the time when it last became hotter by the watch's degrees, and the
+    /// lowest temperature since.
     Heating(Since),
-    /// It has reached its target; since then it has been too far below it for this many samples.
+    /// The heater has reached its target; since then it has been too far below it for this many samples.
     Holding(u32),
 }
 
@@ -144,7 +145,7 @@ pub struct Safety {
     hot: Since,
     /// The last temperature that differed from the one before, and the power then.
     changed: (f32, f32),
-    /// Samples since the power has changed so much that the reading should have changed again.
+    /// Samples since a change of the power large enough to change the reading.
     unanswered: u32,
 }
 
@@ -193,9 +194,9 @@ impl Safety {
         self.check_same(settings, celsius, power, is_tuned)
     }
 
-    /// A new target begins a new phase; [`Self::check_phase`] says in the same sample whether it is reached already. It gives
-    /// a heater that has been heating up no more time than it had: a host that says M104 again and again must not put the
-    /// watch to sleep.
+    /// Begins a new phase at a new target; [`Self::check_phase`] decides in the same sample whether it is reached
+    /// already. A heater that has been heating up gets no more time than it had: a host that sends M104 again and
+    /// again must not put the watch to sleep.
     fn follow(&mut self, celsius: f32, target: f32) {
         if target == self.target {
             return;

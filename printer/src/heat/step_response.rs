@@ -145,7 +145,7 @@ impl StepResponse {
         (self.powers, self.rises, self.begun_celsius) = (0.0, 0.0, self.celsius);
     }
 
-    /// Power for the next sample, 0 to 1. `power` was that of the last, and `control` is what holds the target.
+    /// Power for the next sample, 0 to 1. `power` was that of the last, and `control` holds the target.
     pub fn power(&mut self, control: &mut ModelLoop, celsius: f32, target: f32, power: f32) -> f32 {
         if self.celsius.is_nan() {
             self.celsius = celsius;
@@ -209,7 +209,8 @@ impl StepResponse {
         if self.has_ended() { 0.0 } else { control.power(&self.model, celsius, target, power, &cooling) }
     }
 
-    /// A first model, whose loss is guessed: a third of the power. The loop finds what it lacks.
+    /// Begins to hold the target by a first model, whose loss is guessed: a third of the power. The loop finds the
+    /// rest.
     fn begin_holding(&mut self) {
         let peak_s = self.peak_samples as f32 * SAMPLE_S;
         let power_w = self.model.power_w;
@@ -223,7 +224,7 @@ impl StepResponse {
         self.go_on(Phase::Settling);
     }
 
-    /// The power that held the target, and what follows from it. The slope was measured around `slope_celsius`.
+    /// Works out the model from the power that held the target. The slope was measured around `slope_celsius`.
     fn measured(&mut self, slope_celsius: f32) {
         let count = self.samples as f32;
         let stored_w = self.model.capacity_j_per_k * (self.celsius - self.begun_celsius) / (count * SAMPLE_S);

@@ -126,7 +126,7 @@ impl Rig {
         (0..(seconds * SAMPLES_A_S as f32) as u32).try_for_each(|_| self.sample())
     }
 
-    /// Runs until a fault: what it was, and after how many seconds.
+    /// Runs until a fault. Returns it, and the seconds until then.
     fn fault_after(&mut self, at_most_s: f32) -> (HeatFault, f32) {
         let since = self.samples;
         let fault = self.run(at_most_s).unwrap_err();

@@ -3,7 +3,7 @@
 use ferrostep_hal_shim::SensorError;
 use ferrostep_thermistor::Thermistor;
 
-/// Readings in the median: two bad ones among them change nothing, the third is believed.
+/// Readings in the median: two bad ones among them have no effect, the third is believed.
 pub const MEDIAN_OF: usize = 5;
 
 /// The last readings of a thermistor.
@@ -68,7 +68,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever two of the last five say, what comes out is within the range of the other three.
+        /// The result is within the range of the other three, whatever two of the last five are.
         #[test]
         fn two_of_five_decide_nothing(bad in any::<[u16; 2]>(), good in prop::array::uniform3(3000_u16..60_000), turn in 0_usize..5) {
             let mut readings = [good[0], bad[0], good[1], bad[1], good[2]];

@@ -15,10 +15,10 @@ use crate::settings::profile::heaters::DEFAULT_HEATER_TIMEOUT_S;
 /// Time from the warning until the heaters go off, seconds; at most half the timeout.
 const WARNING_S: u32 = 300;
 
-/// A report on heaters that rest, with what the caller has to do.
+/// A report on heaters that rest, with the caller's duty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeaterRest {
-    /// They will go off.
+    /// The heaters will go off.
     Warning {
         /// Seconds without use so far.
         rested_s: u32,
@@ -119,7 +119,7 @@ const _: () = assert!(WARNING_S < DEFAULT_HEATER_TIMEOUT_S as u32, "the default 
 mod tests {
     use super::*;
 
-    /// Looks ten times a second; what was said, and when, s.
+    /// Looks ten times a second; returns the reports with their times, s.
     fn looks(timeout: &mut HeaterTimeout, from_ms: u32, seconds: u32, timeout_s: u16) -> Vec<(u32, HeaterRest)> {
         let looks = (0..=seconds * 10).map(|look| (look / 10, from_ms.wrapping_add(look * 100)));
         looks.filter_map(|(s, now_ms)| Some((s, timeout.look(now_ms, false, true, timeout_s)?))).collect()

@@ -36,13 +36,13 @@ pub(crate) enum Job {
 /// Destination of a host's lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Writing {
-    /// They are executed.
+    /// The lines are executed.
     Not,
-    /// They go into a file (M28).
+    /// The lines go into a file (M28).
     File,
     /// Their file has failed: they are dropped, so that none of them is executed.
     Lost,
-    /// They go into a file and are executed (M928).
+    /// The lines go into a file and are executed (M928).
     Log,
 }
 
@@ -81,7 +81,7 @@ impl<'a> Card<'a> {
         }
     }
 
-    /// M410 in the file has stopped motion so often, 0 or 1.
+    /// Notes that M410 in the file has stopped motion: `stops` is 0 or 1.
     pub(crate) fn note_own_stops(&mut self, stops: u32) {
         self.own_stops = self.own_stops.wrapping_add(stops.min(1));
     }

@@ -21,7 +21,7 @@ pub(crate) struct ChangeMacros {
     pub(crate) has_ended: bool,
 }
 
-/// The changes with macros that one line of a host or a file causes; nothing on a machine with one tool.
+/// The changes with macros that one line of a host or a file causes; empty on a machine with one tool.
 pub(crate) type Changes<P> = <ToolsPart<P> as Part>::Of<Option<ChangeMacros>>;
 
 /// The next step of a change.

@@ -8,11 +8,11 @@ use ferrostep_gcode::{
 /// Treatment of a command while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WhileHalted {
-    /// It only asks or reports, and is executed.
+    /// The command only asks or reports, and is executed.
     Works,
-    /// It switches something off that is off already, and has no effect.
+    /// The command switches something off that is off already, and has no effect.
     IsOff,
-    /// It is refused until M999.
+    /// The command is refused until M999.
     Refused,
 }
 

@@ -8,7 +8,7 @@ pub(crate) struct Debounce {
 }
 
 impl Debounce {
-    /// It does not differ.
+    /// A level that does not differ.
     pub const fn new() -> Self {
         Self { since_ms: None }
     }

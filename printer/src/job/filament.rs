@@ -13,7 +13,7 @@ pub struct FilamentWatch {
 }
 
 impl FilamentWatch {
-    /// The sensor has said nothing yet: the filament is there.
+    /// The watch before the sensor's first signal: the filament is present.
     pub const fn new() -> Self {
         Self { debounce: Debounce::new() }
     }

@@ -1,4 +1,4 @@
-//! The lines: which is at hand, where it comes from, and what has been said of those before it.
+//! The lines: the one at hand, its source, and the remarks on those before it.
 
 use ferrostep_gcode::Remarks;
 

@@ -1,4 +1,4 @@
-//! Modes: what commands have set, beside what moves need.
+//! Modes: settings made by commands, beside those of moves.
 
 use ferrostep_gcode::BedArea;
 use ferrostep_hal_shim::Heater;
@@ -23,7 +23,7 @@ pub(crate) struct Modes<T: Part> {
 }
 
 impl<T: Part> Modes<T> {
-    /// Those of a machine that has just been switched on.
+    /// Modes of a machine that has just been switched on.
     pub fn new(profile: &Profile) -> Self {
         Self {
             tools: T::of(ToolBox::new(profile)),

@@ -34,7 +34,7 @@ impl PauseReason {
 pub(crate) struct PauseWords<'a> {
     /// X and Y: where the nozzle waits; Z: by how much it rises.
     pub(crate) park: AxisWords,
-    /// Filament that is drawn out, its sign says nothing.
+    /// Filament that is drawn out; the sign has no meaning.
     pub(crate) unload: Option<Decimal>,
     /// Filament that is pushed in before the print continues; the sign has no meaning.
     pub(crate) load: Option<Decimal>,
@@ -49,7 +49,7 @@ pub(crate) struct PauseWords<'a> {
 pub(crate) enum PauseAnswer {
     /// *Continue*, M108, or the pause's time is over.
     Continue,
-    /// The second button: more filament, where the pause has it.
+    /// The second button: more filament, if the pause has it.
     PushMore,
 }
 

@@ -1,4 +1,4 @@
-//! The print at hand: its file, its pause, its progress, and what changes or keeps it.
+//! The print at hand: its file, its pause, its progress, and the parts that change or keep it.
 
 use crate::job::card::Card;
 use crate::job::paused::Paused;
@@ -28,7 +28,7 @@ pub(crate) struct Print<'a> {
     pub tower: Option<Tower>,
     /// State that survives a power cut.
     pub power_loss: PowerLoss,
-    /// It is laying lines whose filament an encoder watches.
+    /// True while it lays lines whose filament an encoder watches.
     pub lays_lines: bool,
     /// A prepared job is to be received.
     pub job_request: Option<JobRequest>,

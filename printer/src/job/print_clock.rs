@@ -28,7 +28,7 @@ impl fmt::Display for Duration {
 pub(crate) struct Statistics {
     /// Prints begun.
     pub prints: u32,
-    /// Those that were complete.
+    /// Complete prints.
     pub finished: u32,
     /// Time of all prints, pauses left out, s.
     pub printed_s: u32,

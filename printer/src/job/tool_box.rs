@@ -20,8 +20,8 @@ pub(crate) struct OfTool {
     pub drawn_back: bool,
 }
 
-/// The selected tool, and what belongs to each. Of the selected one steps, advance, flow and retraction are where those of a machine with
-/// one tool are.
+/// The selected tool, and the values of each. Those of the selected one for steps, advance, flow and retraction are
+/// in the same places as on a machine with one tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ToolBox {
     pub selected: u8,

@@ -22,7 +22,7 @@ pub(crate) type TowerLine = heapless::String<MAX_LINE>;
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TowerRefusal {
-    /// The command sets nothing that may change in a print.
+    /// The command sets no value that may change in a print.
     NotLive(ShortText),
     /// The command has no number of this name.
     NoNumber(ShortText),

@@ -33,7 +33,7 @@ fn length(vector: [f64; 2]) -> f64 {
 
 /// Cosine and sine of an angle of at most half a turn. Those of a library take any angle, which costs 8 KiB of flash.
 fn direction_at(angle: f64) -> [f64; 2] {
-    // An eighth of it is so small that seven terms of its series are exact to the last bit or two.
+    // An eighth of the angle is so small that seven terms of its series are exact to the last bit or two.
     let eighth = angle / 8.0;
     let square = eighth * eighth;
     let (mut cosine, mut sine) = (1.0, 1.0);

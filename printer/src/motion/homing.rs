@@ -29,7 +29,7 @@ pub(crate) struct Homing<'h, 'a, M> {
 impl<M: Motion> Homing<'_, '_, M> {
     /// Homes X, then Y, then Z: those that the command names, or all.
     ///
-    /// Before X and Y move, and before Z homes elsewhere than where the nozzle stands, Z is raised.
+    /// Before X and Y move, and before Z homes elsewhere than at the nozzle's present place, Z is raised.
     pub async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         let all = !(axes.x || axes.y || axes.z);
         let named = [axes.x, axes.y, axes.z].map(|named| named || all);
@@ -77,7 +77,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         Ok(())
     }
 
-    /// Z follows the bed no more: where the machine is becomes known anew. The mesh stays.
+    /// Stops bed following: the position of the machine becomes known anew. The mesh stays.
     fn leave_bed(&mut self) {
         if M::HAS_BED && self.interpreter.modal.follows_bed {
             // Only on can fail.
@@ -103,8 +103,8 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.go([x_10nm, y_10nm, height_10nm], self.interpreter.profile.homing[Z].fast_mm_per_s).await
     }
 
-    /// Probes the bed where the machine stands, fast and then slowly, and no more than `below_10nm` below the place where home
-    /// is. Returns the height of the motors at which the probe triggers.
+    /// Probes the bed at the machine's present place, fast and then slowly, and at most `below_10nm` below the place
+    /// where home is. Returns the height of the motors at which the probe triggers.
     pub async fn probe_bed(&mut self, below_10nm: i64) -> Result<i64, CommandError> {
         let homing = self.interpreter.profile.homing[Z];
         let mut outcome = self.find_home(Z, &homing, below_10nm).await;

@@ -18,8 +18,8 @@ pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 
 /// Turns G-code into moves. Holds the state that lasts from line to line; touches neither motors nor heaters.
 ///
-/// A line is first turned into a move ([`Self::linear`], [`Self::arc`]). It becomes part of the state only when the planner has
-/// taken the move ([`Self::take`]): a move that waits or is refused changes nothing.
+/// A line is first turned into a move ([`Self::linear`], [`Self::arc`]). It becomes part of the state only when the
+/// planner has taken the move ([`Self::take`]): a move that waits or is refused has no effect.
 #[derive(Debug)]
 pub(crate) struct MoveInterpreter<'a> {
     pub profile: &'a Profile,

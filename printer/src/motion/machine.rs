@@ -48,7 +48,7 @@ const ALL_MOTORS: u8 = 0b1111;
 pub struct Silence {
     /// True to let blocks leave the look-ahead ring in motion before it is full, if the step queue runs low.
     pub may_release: bool,
-    /// True to execute the moves that wait in the ring at standstill, as the host seems to have no more.
+    /// True to execute the moves that wait in the ring at standstill, as the host seems to have no further ones.
     pub may_flush: bool,
 }
 
@@ -87,7 +87,7 @@ pub struct Machine<R, Q, M: MotionMethods = Standard> {
     flushed: bool,
     /// True if the motors run at the end of the entries queued so far.
     in_motion: bool,
-    /// Hosts wait for room in time, too ([`Self::set_bounded_in_time`]).
+    /// True if hosts also wait for room in time ([`Self::set_bounded_in_time`]).
     is_bounded: bool,
     /// Number of stops of motion.
     stops: u32,
@@ -206,8 +206,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.motion_ticks() - self.homing_time.ticks()
     }
 
-    /// Lets the move just taken end where the sensor of `axis` triggers. The machine must have stood still before that
-    /// move.
+    /// Lets the move just taken end where the sensor of `axis` triggers. The machine must have been at standstill
+    /// before that move.
     pub fn begin_seek(&mut self, axis: usize) {
         self.begin_homing();
         self.planner.set_unshaped(true);
@@ -285,7 +285,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// or without it.
     ///
     /// # Errors
-    /// [`MeshError`]; Z follows nothing then.
+    /// [`MeshError`]; Z does not follow the bed then.
     pub fn follow_bed(&mut self, on: bool) -> Result<(), MeshError> {
         if self.is_idle() && M::Bed::PRESENT { self.switch_bed(on) } else { Err(MeshError::Incomplete) }
     }
@@ -294,7 +294,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     fn switch_bed(&mut self, on: bool) -> Result<(), MeshError> {
         let switched = self.feeder.bed.switch(on);
         self.planner.set_surface(switched.ok().filter(|_| on));
-        // X and Y stay as exact as they were; what they are by their steps is less so.
+        // X and Y stay as exact as they were; their positions by steps are less exact.
         let [x, y, _] = self.planner.position_10nm();
         self.forget_plan();
         let [.., z] = self.planner.position_10nm();
@@ -362,7 +362,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// Sets the methods that make the steps.
     ///
     /// # Errors
-    /// [`ChoiceError`]; nothing has changed then.
+    /// [`ChoiceError`]; the choice is unchanged then.
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         self.planner.set_motion_choice(choice)
     }
@@ -375,7 +375,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// Sets the steps of the extruder in a millimetre of filament, at standstill.
     ///
     /// # Errors
-    /// [`ChoiceError::InMotion`]; nothing has changed then.
+    /// [`ChoiceError::InMotion`]; the steps are unchanged then.
     pub fn set_extruder_steps_per_mm(&mut self, steps_per_mm: StepsPerMm) -> Result<(), ChoiceError> {
         self.planner.set_extruder_steps_per_mm(steps_per_mm)
     }

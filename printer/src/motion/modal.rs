@@ -7,7 +7,7 @@ use crate::motion::extrusion::AdaptiveExtrusion;
 use crate::settings::profile::Profile;
 use crate::settings::profile::filament::FirmwareRetraction;
 
-/// Counts of what a job did.
+/// Counts of a job's actions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// G0 to G3 that displaced something.
@@ -79,8 +79,8 @@ pub(crate) struct Modal {
     pub flow_percent: u16,
     /// Percentage kept by M220 B.
     pub kept_feed_percent: u16,
-    /// Machine position after all commands so far, as the G-code asks for it (not the axes', which may be skew), the lift of a
-    /// firmware retraction left out.
+    /// Machine position after all commands so far, as the G-code asks for it (not the axes', which may be skew),
+    /// without the lift of a firmware retraction.
     pub machine_10nm: [i64; 3],
     /// Logical minus machine coordinates (G92, and M206).
     pub offset_10nm: [i64; 3],
@@ -204,7 +204,8 @@ impl Modal {
         self.lift_10nm = print.lift_10nm;
     }
 
-    /// Takes over what commands have set of the machine in a print that an interruption has ended; the rest is [`Self::go_on_as`]'s.
+    /// Takes over the machine's settings made by commands in a print that an interruption has ended; the rest is
+    /// [`Self::go_on_as`]'s.
     pub fn set_machine_as(&mut self, print: &Self) {
         self.feed_percent = print.feed_percent;
         self.flow_percent = print.flow_percent;
@@ -249,7 +250,7 @@ impl Modal {
     pub fn push_prepared(&mut self, filament_100pm: i64) {
         let pushed_100pm = self.extruder_rest_100pm.wrapping_add(filament_100pm);
         let flow = self.flow_percent.max(1);
-        // Up to 21 cm it fits in 32 bits, which the processor divides by itself.
+        // Up to 21 cm it fits in 32 bits, for which the processor has a division.
         let (whole, rest) = match i32::try_from(pushed_100pm) {
             Ok(pushed) => (i64::from(pushed / i32::from(flow)), i64::from(pushed % i32::from(flow))),
             Err(_) => (pushed_100pm / i64::from(flow), pushed_100pm % i64::from(flow)),

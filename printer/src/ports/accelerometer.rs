@@ -10,10 +10,11 @@ use crate::error::CommandError;
 /// An accelerometer at the nozzle or the bed. Machines may do without. Whoever owns it samples at its rate, whatever commands do,
 /// and sends the events as lines.
 pub trait Accelerometer: fmt::Debug {
-    /// Sets rate and resolution, the nearest that it has, where they are given; returns what is in force. A change ends a record.
+    /// Sets rate and resolution, the nearest that it has, where they are given; returns those in force. A change ends
+    /// a record.
     ///
     /// # Errors
-    /// [`CommandError::OutOfRange`], [`CommandError::Accelerometer`]; nothing has changed.
+    /// [`CommandError::OutOfRange`], [`CommandError::Accelerometer`]; the settings are unchanged.
     fn set(&self, rate_hz: Option<u16>, resolution_bits: Option<u8>) -> Result<AccelerometerSettings, CommandError>;
     /// Begins a record of this many samples, now or when X, Y or Z moves next, and ends the one before; of 0 only that.
     ///

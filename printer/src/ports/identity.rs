@@ -16,7 +16,7 @@ pub(crate) struct Identity<'a> {
 }
 
 impl Identity<'_> {
-    /// This version, without a commit, on a board that has said nothing.
+    /// This version, without a commit, on a board without further data.
     pub const fn new() -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION"),

@@ -24,8 +24,8 @@ use crate::settings::profile::supply::SupplySignal;
 use crate::settings::profile::tools::{FurtherTool, ToolHeater, Tools};
 use crate::settings::profile::z_motors::{Kept, ZAlignment, ZMotors};
 
-/// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
-/// 168 MHz.
+/// Default for the step events a second that the processor can make if motion is its only work: an STM32F407 at 168
+/// MHz.
 ///
 /// An event takes 34 instructions in the step interrupt and 90 to work out, at 1.4 cycles an instruction, and 22 cycles to
 /// enter and leave the interrupt: 196 cycles. Motion is granted 70 % of the processor, so 600,000 events a second. A
@@ -47,7 +47,7 @@ pub const DEFAULT_MOVES_PER_S: u32 = 8_000;
 pub struct PowerSupply {
     /// The board's output is low while the supply is on.
     pub on_is_low: bool,
-    /// It is on when the firmware starts.
+    /// True if it is on when the firmware starts.
     pub on_at_start: bool,
 }
 
@@ -93,7 +93,7 @@ pub struct Profile {
     /// Hash of the profile's keys on which a plan depends, or which it must not exceed. Machines with the same hash may execute
     /// each other's prepared jobs.
     pub plan_hash: u64,
-    /// Names that stand for lines of G-code, in the form that the module `macros` reads.
+    /// Macros, names for lines of G-code, in the form that the module `macros` reads.
     pub macros: &'static str,
     /// Drive of the axes by the motors.
     pub kinematics: Kinematics,
@@ -109,9 +109,9 @@ pub struct Profile {
     pub motion: MotionChoice,
     /// Step events nearer to each other than this are joined, ticks of the nominal time base.
     pub minimum_event_interval_ticks: u32,
-    /// Processor time of a step event as [`Geometry::event_cost_ticks`] has it, ticks of the nominal time base.
+    /// Processor time of a step event for [`Geometry::event_cost_ticks`], ticks of the nominal time base.
     pub event_cost_ticks: u32,
-    /// Processor time of a move as [`Geometry::move_cost_ticks`] has it, ticks of the nominal time base.
+    /// Processor time of a move for [`Geometry::move_cost_ticks`], ticks of the nominal time base.
     pub move_cost_ticks: u32,
     /// Axes that are not at right angles, at start-up.
     pub skew: Skew,
@@ -221,7 +221,7 @@ impl Profile {
         }
     }
 
-    /// The fan that blows at what the second tool prints.
+    /// The fan that blows at the second tool's part.
     pub fn tool_fan(&self) -> FanOutput {
         let tool = self.tools.and_then(|Kept(tools)| tools.get(1));
         tool.map_or(FanOutput::Part, FurtherTool::part_fan)

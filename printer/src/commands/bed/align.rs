@@ -1,8 +1,9 @@
 //! G34, Z_TILT_ADJUST and QUAD_GANTRY_LEVEL: the motors that lift Z are brought to one height above the bed.
 //!
-//! The probe measures the bed at the profile's points. The surface that the motors can make, and that is nearest to the heights, says how
-//! high the bed is at each motor ([`ZAlignment::weights`]): each one moves away from the bed by that, less what the lowest would move. The
-//! idea is that of Klipper's `z_tilt` and `quad_gantry_level`, and of Marlin's G34.
+//! The probe measures the bed at the profile's points. The surface that the motors can make, and that is nearest to
+//! the heights, gives the bed's height at each motor ([`ZAlignment::weights`]): each one moves away from the bed by
+//! that, less the move of the lowest. The idea is that of Klipper's `z_tilt` and `quad_gantry_level`, and of Marlin's
+//! G34.
 
 use ferrostep_gcode::{Decimal, Real};
 use ferrostep_tmc2209::motor_name;
@@ -87,7 +88,8 @@ impl<P: Ports> Printer<'_, P> {
         outcome.map(|_| ())
     }
 
-    /// Probes, and moves the motors, until the points agree; then probes where Z homes. `false` if nothing had to be moved.
+    /// Probes, and moves the motors, until the points agree; then probes where Z homes. `false` if no motor had to be
+    /// moved.
     async fn align_to(
         &mut self,
         goal: &Goal,
@@ -147,7 +149,8 @@ impl<P: Ports> Printer<'_, P> {
         Some([x_10nm + offset_x_10nm, y_10nm + offset_y_10nm])
     }
 
-    /// The bed is higher by this than the motors' position says, so that they are lower; of where the probe triggers nothing changes.
+    /// Lowers the motors' position by `by_10nm`, because the bed is that much higher; the place where the probe
+    /// triggers stays.
     fn lower_z(&mut self, by_10nm: i64) {
         let home_10nm = self.home_height_10nm();
         let [x_10nm, y_10nm, z_10nm] = self.motion.position_10nm();
@@ -234,7 +237,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         self.motion.step_z_motors(ALL);
         outcome?;
-        // All of the bed is where its lowest place was, as seen from where the motors stood before.
+        // The whole bed is where its lowest place was, seen from the motors' earlier position.
         self.lower_z((raises.least_10nm + done_10nm).into());
         Ok(())
     }

@@ -11,7 +11,7 @@ use crate::ports::{Motion, Ports, Replies, Text};
 use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {
-    /// The mesh, row by row; nothing without one.
+    /// Reports the mesh, row by row; no lines without one.
     #[inline(never)]
     pub(super) fn report_mesh(&mut self) {
         let replies = self.replies;

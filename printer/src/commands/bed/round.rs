@@ -9,7 +9,7 @@ const STRAIGHT: [[i8; 2]; 4] = [[1, 0], [-1, 0], [0, 1], [0, -1]];
 /// Towards which corners.
 const SLANTED: [[i8; 2]; 4] = [[1, 1], [-1, 1], [1, -1], [-1, -1]];
 
-/// The point so far from another; `None` beyond the first row or column.
+/// The point at this distance from another; `None` beyond the first row or column.
 fn beside([column, row]: [u8; 2], [across, along]: [i8; 2]) -> Option<[u8; 2]> {
     Some([column.checked_add_signed(across)?, row.checked_add_signed(along)?])
 }

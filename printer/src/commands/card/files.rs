@@ -241,7 +241,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M524, when the print has noticed it: planned motion ends, and nothing stays hot.
+    /// Ends a print at M524, once it has noticed it: planned motion ends, and all heaters are off.
     pub(super) async fn end_aborted_print(&mut self) {
         self.heating.all_off();
         self.forget_rested_heaters();

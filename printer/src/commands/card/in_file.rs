@@ -10,9 +10,9 @@ use crate::printer::{Answer, Printer};
 /// The treatment of a command in the file of a print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum InFile {
-    /// It is executed: it asks, pauses or ends the print.
+    /// The command is executed: it asks, pauses or ends the print.
     Works,
-    /// It chooses, writes or deletes files, and the print continues without it.
+    /// The command chooses, writes or deletes files, and the print continues without it.
     HasNoEffect,
     /// The lines after it were not to be executed.
     IsRefused,
@@ -46,7 +46,7 @@ const fn in_file(command: &CardCommand<'_>) -> InFile {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Adds the remarks on a command for the card: what it cannot do in a file.
+    /// Adds a remark if a command for the card has no effect in a file.
     pub(crate) fn add_card_remarks(&self, command: &CardCommand<'_>, remarks: &mut Remarks) {
         if self.source_is_host() {
             return;

@@ -1,4 +1,4 @@
-//! A print from the card: what its two kinds of files have in common.
+//! A print from the card: the parts that its two kinds of files share.
 
 use core::future::Future;
 
@@ -14,7 +14,7 @@ use crate::part::Part;
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// Something that hosts have sent while the card prints.
+/// Text from hosts while the card prints.
 pub enum HostText<'a> {
     /// A line or why it cannot be read, and its host, which receives the replies from now on.
     Line(&'a mut Host, Result<Line<'a>, LineError>),
@@ -26,11 +26,11 @@ pub enum HostText<'a> {
 
 /// The hosts' lines, beside a print from the card.
 pub trait HostLines {
-    /// Takes the next of what has come, without waiting.
+    /// Takes the next text that has come, without waiting.
     fn next(&mut self) -> HostText<'_>;
     /// Replies go to all hosts from now on, since none has asked.
     fn tell_all(&mut self);
-    /// Waits a little, for bytes of a host or of the card. `idle`: the machine has nothing else to do.
+    /// Waits a little, for bytes of a host or of the card. `idle`: the machine has no other work.
     fn wait(&mut self, idle: bool) -> impl Future<Output = ()>;
 }
 
@@ -39,7 +39,7 @@ pub trait HostLines {
 pub(super) enum End {
     /// The file has ended.
     Complete,
-    /// It continues elsewhere in the file.
+    /// The print continues elsewhere in the file.
     Elsewhere,
     /// M524.
     Aborted,

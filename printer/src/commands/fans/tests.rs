@@ -1,4 +1,4 @@
-//! Commands for fans, and what they answer.
+//! Commands for fans, and their answers.
 
 use std::string::String;
 use std::vec::Vec;

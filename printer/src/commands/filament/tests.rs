@@ -22,7 +22,7 @@ use crate::signals::Signals;
 const SENSOR: FilamentSensor =
     FilamentSensor { kind: FilamentSensorKind::Switch { missing_is_low: true }, debounce_ms: 500 };
 
-/// A hot nozzle, and what was said.
+/// A hot nozzle, and the texts that were sent.
 struct World {
     rig: Rig,
     target_celsius: f32,
@@ -237,7 +237,7 @@ fn filament_that_stands_pauses_a_print_in_words_of_its_own() {
     ] {
         assert!(world.said(text), "{text}: {:?}", world.texts);
     }
-    // The encoder has said nothing since, but a person has had the filament in hand.
+    // The encoder has given no sign since, but a person has had the filament in hand.
     assert!(!world.pauses(&mut printer, "G1 X30 E3", true));
     assert!(!world.signals.is_filament_missing());
 }

@@ -14,7 +14,7 @@ const CARD_MS: u32 = 500;
 /// Result of writing the place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
-    /// It is on the card.
+    /// The place is on the card.
     Kept,
     /// The card has one from before, or none.
     Before,

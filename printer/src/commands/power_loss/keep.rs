@@ -117,7 +117,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The print is paused: its place is where it goes back to, its height where the motors stand.
+    /// Keeps the place of a paused print: the position that it returns to, and the present height of the motors.
     #[inline(never)]
     pub(super) fn keep_pause(&mut self) {
         let Some(paused) = self.print.paused.filter(|_| self.print.power_loss.is_keeping) else { return };

@@ -26,7 +26,7 @@ type PlaceOf<P> = Place<<<P as Ports>::Motion as Motion>::Tools>;
 /// Reason why an interrupted print cannot be resumed.
 enum NoWay {
     Card(CardFailure),
-    /// It is not this machine's, or of another version of the firmware.
+    /// The print is not this machine's, or of another version of the firmware.
     Foreign,
     /// The machine is not where it was.
     Moved,

@@ -47,7 +47,7 @@ fn heat_begins_and_ends_a_print_of_a_host() {
     let world = World::new();
     let mut printer = world.printer();
     let begun_ms = world.now_ms();
-    // Heating without a wait prints nothing.
+    // Heating without a wait does not begin a print.
     assert_eq!(talk(&world, &mut printer, &["M140 S50", "M31"]), ["echo:Print time: 0s"]);
     talk(&world, &mut printer, &["M190 S50", "G4 S100", "M104 S0"]);
     let heated_s = (world.now_ms() - begun_ms) / 1000;

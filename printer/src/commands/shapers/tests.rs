@@ -98,7 +98,7 @@ fn the_machine_stands_still_before_its_filters_change() {
         execute(&mut printer, line).unwrap();
     }
     assert!(rig.is_moving());
-    // A question and a refused line wait for nothing.
+    // A query and a refused line do not wait.
     state(&rig, &mut printer);
     assert!(execute(&mut printer, "M593 F700").is_err());
     assert!(rig.is_moving());

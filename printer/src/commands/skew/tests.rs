@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::motion::homing::tests::rig::{MM, Rig, RigPrinter, execute};
 
-/// Marlin's formula as its `Configuration.h` has it, with its functions.
+/// Marlin's formula from its `Configuration.h`, with its functions.
 fn marlins(ac: f64, bd: f64, ad: f64) -> f64 {
     let ab = (2.0 * ac * ac + 2.0 * bd * bd - 4.0 * ad * ad).sqrt() / 2.0;
     (std::f64::consts::FRAC_PI_2 - ((ac * ac - ab * ab - ad * ad) / (2.0 * ab * ad)).acos()).tan()
@@ -49,7 +49,8 @@ proptest! {
         prop_assert!((factor - lean.tan()).abs() < 2e-6, "{factor} {}", lean.tan());
     }
 
-    /// There and back is exact; the axes are within half a unit or so of Marlin's map in double precision (`Planner::skew`).
+    /// The axes' map and its inverse cancel exactly; the axes are within about half a unit of Marlin's map in double
+    /// precision (`Planner::skew`).
     #[test]
     fn the_axes_go_where_marlins_go(
         asked in proptest::array::uniform3(-400_000_000i64..400_000_000),
@@ -91,7 +92,7 @@ fn motors_go_to_the_axes_places_and_hosts_see_what_is_asked() {
     // Worked out by hand: Y 50 + 0.3, X 100 - 0.5 - 10 * (0.02 + 0.01 * 0.03).
     assert_eq!(rig.believed_mm(), [99.297, 50.3, 10.0]);
     assert_eq!(rig.true_mm(), [99.297, 50.3, 10.0]);
-    // A relative move and G92 are of what is asked.
+    // A relative move and G92 refer to the asked position.
     for line in ["G91", "G1 X1", "G90", "G92 X0"] {
         execute(&mut printer, line).unwrap();
     }
@@ -165,7 +166,7 @@ fn axes_stay_in_their_travel() {
     }
 }
 
-/// M852 and SET_SKEW: the motors stay, the coordinates change; what is reported is what is set.
+/// M852 and SET_SKEW: the motors stay, the coordinates change; the report has the factors that were set.
 #[test]
 fn it_is_set_live_and_reported() {
     let rig = Rig::new(|_| {});

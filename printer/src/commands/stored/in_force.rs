@@ -13,7 +13,7 @@ use crate::printer::Printer;
 use crate::settings::stored::values::{ToolValues, Values, advance_of};
 
 impl<P: Ports> Printer<'_, P> {
-    /// Sets what belongs together, and does not fit together, to the profile's values.
+    /// Sets values that belong together, and do not fit each other, to the profile's.
     pub(super) fn check(&self, stored: &mut Stored<PartsOf<P>>) {
         let Stored { values, faults, .. } = stored;
         let mut of_profile = self.profile_values();

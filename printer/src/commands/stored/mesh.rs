@@ -95,7 +95,7 @@ fn read_mesh(record: Record<'_>, mesh: &mut Mesh, interpolation: MeshInterpolati
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Adds the mesh, if every point of it has its height. `false`: the record is full.
+    /// Adds the mesh, if all its points have their heights. `false`: the record is full.
     #[inline(never)]
     pub(super) fn add_mesh(&mut self, record: &mut RecordWriter) -> bool {
         if !self.has_bed() {
@@ -197,7 +197,7 @@ mod tests {
             prop_assert_eq!(heights(&read), heights(&mesh));
         }
 
-        /// Whatever is stored under its name, what is read is a whole mesh or none.
+        /// Reading gives a whole mesh or none, whatever is stored under its name.
         #[test]
         fn what_is_damaged_is_no_mesh(
             head in any::<[[i32; 2]; 2]>(),

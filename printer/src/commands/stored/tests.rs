@@ -228,7 +228,7 @@ fn reported_lines_work_when_sent_back() {
     assert_eq!(short, commands.iter().map(|line| format!("echo:  {line}")).collect::<Vec<_>>());
 }
 
-/// The profile's own settings, sent back, change nothing.
+/// The profile's own settings, sent back, have no effect.
 #[test]
 fn a_machine_without_probe_and_drivers_reports_what_it_has() {
     let rig = Rig::new(usual);
@@ -273,7 +273,7 @@ fn settings_survive_the_power() {
     assert_eq!(said[7], "echo:stored settings retrieved (68 values, 0 faults)");
     assert_eq!(after.live_values(), values);
     assert_eq!(says(&rig_after, &mut after, "M504"), ["echo:M504: stored are 68 values, 0 faults"]);
-    // M502 leaves the memory, M501 returns to it, M500 after M502 stores that nothing differs.
+    // M502 leaves the memory, M501 returns to it, M500 after M502 stores settings without differences.
     assert_eq!(says(&rig_after, &mut after, "M502"), ["echo:Hardcoded Default Settings Loaded"]);
     assert_eq!(after.live_values(), after.profile_values());
     execute(&mut after, "M501").unwrap();

@@ -91,7 +91,7 @@ fn every_live_value_has_its_tower() {
     }
 }
 
-/// A travel, a lift, a retraction, an extrusion in the air and a repeated height change nothing.
+/// A travel, a lift, a retraction, an extrusion in the air and a repeated height do not change it.
 #[test]
 fn only_lines_that_print_at_a_new_height_change_it() {
     let rig = Rig::new(|_| {});
@@ -216,7 +216,7 @@ fn what_is_no_live_value_is_refused_by_its_name() {
     assert_eq!(says, "COMMAND and PARAMETER: expected at most 64 characters");
 }
 
-/// The print does not stop, and what is refused is not tried at each layer.
+/// The print does not stop, and a refused value is not tried at each layer.
 #[test]
 fn a_value_that_the_command_refuses_ends_the_tower_and_not_the_print() {
     for (tower, good, refusal) in [

@@ -192,7 +192,7 @@ impl Replies for World {
     }
 }
 
-/// Executes a line of a host; `act` is called with the seconds so far while it waits.
+/// Executes a line of a host; while it waits, `act` is called with the seconds so far.
 pub(crate) fn execute(world: &World, printer: &mut TestPrinter<'_>, line: &str, act: impl Fn(u64)) -> bool {
     let begun_ms = world.now_ms.get();
     let mut execution = pin!(printer.execute_for_host(1, line, false));

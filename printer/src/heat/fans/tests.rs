@@ -133,7 +133,7 @@ fn a_fan_that_stands_is_found_and_one_that_turns_is_not() {
     let hot_end = FanSettings { least_rpm: 1000, ..FanSettings::HOT_END };
     let mut world = World::new(&[(FanOutput::HotEnd, hot_end)]);
     let stalled = |world: &World| world.control.stalled();
-    // Without power nothing is expected of it.
+    // Without power it need not turn.
     world.turn(0.0, 30.0);
     assert_eq!((stalled(&world), world.control.rpm(FanOutput::HotEnd)), (None, Some(0)));
     world.heated.nozzle_celsius = Some(210.0);
@@ -141,10 +141,10 @@ fn a_fan_that_stands_is_found_and_one_that_turns_is_not() {
     assert_eq!(stalled(&world), None);
     let rpm = world.control.rpm(FanOutput::HotEnd).unwrap();
     assert!((4_950..=5_050).contains(&rpm), "{rpm}");
-    // It stands: known within two windows, and not before the first could end.
+    // A fan that does not turn: known within two windows, and not before the first could end.
     world.turn(0.0, 4.5);
     assert_eq!(stalled(&world), Some(FanOutput::HotEnd));
-    // Switched off it is still one that stood; once it turns it is well.
+    // Switched off it still counts as failed; once it turns it counts as sound.
     world.heated.nozzle_celsius = Some(20.0);
     world.turn(0.0, 10.0);
     assert_eq!(stalled(&world), Some(FanOutput::HotEnd));

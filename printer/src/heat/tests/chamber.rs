@@ -83,7 +83,7 @@ fn a_dead_heater_and_a_thermistor_that_fell_out_are_noticed() {
     }
 }
 
-/// A transistor that has failed closed cannot be told from a bed that warms, but for the maximum.
+/// A transistor that has failed closed looks like a bed that warms the chamber, up to the maximum.
 #[test]
 fn a_heater_that_stays_on_ends_at_the_maximum() {
     let mut rig = Rig::new();
@@ -94,7 +94,7 @@ fn a_heater_that_stays_on_ends_at_the_maximum() {
     assert!(matches!(fault.trip, Trip::TooHot(celsius) if celsius < 90.5), "{fault}");
 }
 
-/// The air that comes in is cold; what it cools is warm again within minutes.
+/// The air that comes in is cold; the parts that it cools are warm again within minutes.
 #[test]
 fn a_door_may_be_opened_for_a_moment_and_not_for_good() {
     for (open_s, is_noticed) in [(120.0, false), (900.0, true)] {

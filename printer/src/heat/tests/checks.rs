@@ -11,7 +11,7 @@ const RUNAWAY_SAMPLES: u32 = 40 * SAMPLES_A_S;
 
 const TARGET: f32 = 200.0;
 
-/// The checks of a nozzle whose sensor reads what a test says.
+/// The checks of a nozzle whose sensor's readings a test chooses.
 struct Checked {
     settings: HeaterSettings,
     safety: Safety,
@@ -90,7 +90,7 @@ fn heat_on_its_way_may_come_late() {
     let mut checked = cooled();
     checked.samples(WATCH_SAMPLES - 502, 141.98).unwrap();
     checked.sample(142.0).unwrap();
-    // The time has not begun anew with the lowest: a heater that only cools has no more of it.
+    // The time has not begun anew with the lowest: a heater that only cools gets no more.
     let (after, trip) = cooled().samples(2 * WATCH_SAMPLES, 141.98).unwrap_err();
     assert!(matches!(trip, Trip::HeatingFailed(_)), "{trip:?}");
     assert_eq!(after, WATCH_SAMPLES - 502);
@@ -106,7 +106,7 @@ fn a_new_target_within_the_hysteresis_is_held() {
     // On the hysteresis exactly: it is near, for as long as it likes.
     let mut checked = Checked { target: 100.0, power: 1.0, ..Checked::new() };
     checked.samples(2 * RUNAWAY_SAMPLES, 96.0).unwrap();
-    // Farther below: the runaway period, for it has been near.
+    // Farther below: the runaway period, because it has been near.
     let (after, trip) = checked.samples(2 * RUNAWAY_SAMPLES, 95.98).unwrap_err();
     assert!(matches!(trip, Trip::Runaway(_)), "{trip:?}");
     assert_eq!(after, RUNAWAY_SAMPLES - 1);
@@ -280,7 +280,7 @@ fn frozen_after(powers: impl IntoIterator<Item = f32>) -> Option<u32> {
 fn a_reading_that_does_not_answer_a_change_of_power_is_frozen() {
     let steady = [0.3; 2 * RUNAWAY_SAMPLES as usize];
     assert_eq!(frozen_after(steady), None);
-    // More power, and less; on the bound, for it is as good as a change.
+    // More power, and less; a change of exactly the bound counts.
     for changed in [0.36, 0.24, 1.0, 0.0] {
         let powers = steady.into_iter().take(100).chain([changed; 2 * RUNAWAY_SAMPLES as usize]);
         assert_eq!(frozen_after(powers), Some(100 + RUNAWAY_SAMPLES - 1), "{changed}");

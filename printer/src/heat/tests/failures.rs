@@ -141,7 +141,7 @@ fn a_thermistor_that_fell_out_is_noticed_before_the_heater_is_too_hot() {
         let (fault, after_s) = rig.fail(heater, HeaterFailure::ThermistorFellOut).fault_after(300.0);
         assert!(matches!(fault.trip, Trip::Runaway(_)), "{fault}");
         assert!(after_s <= runaway_s + 0.5, "{after_s} s");
-        // 40 s at full power are what the default allows the nozzle.
+        // The default allows the nozzle 40 s at full power.
         let reached = rig.board.true_celsius(heater);
         assert!(reached < settings(heater).max_celsius + 25.0, "{reached}");
     }

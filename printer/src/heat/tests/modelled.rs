@@ -1,5 +1,5 @@
-//! Control by a model, on the models of real hot ends and beds that the PID loop is tuned on. Theirs have a dead time that the controller's
-//! does not know, and what melts is not what it expects.
+//! Control by a model, on the models of real hot ends and beds that the PID loop is tuned on. These have a dead time
+//! that the controller's model lacks, and their filament takes another heat than it expects.
 
 use std::format;
 use std::string::String;
@@ -362,7 +362,7 @@ fn a_heater_that_does_not_cool_ends_the_step_without_a_model() {
     assert_eq!(bench.control.status(model.heater).target_celsius, 0.0);
 }
 
-/// Whatever the model and the temperature: a power, and never one without a target.
+/// Every model gives a power at any temperature, and no power without a target.
 #[test]
 fn every_model_gives_a_power() {
     let cooling = model::Cooling { fan_power: 200, filament_mm_per_s: 30.0 };

@@ -66,7 +66,7 @@ fn a_fault_keeps_it_off_and_nothing_heats_without_it() {
     assert!(!rig.board.has_supply());
 }
 
-/// A fan's speed says nothing while it has no supply.
+/// The speed of a fan without supply is not judged.
 #[test]
 fn a_fan_without_supply_has_not_failed() {
     let mut fans = FanSettings::USUAL;

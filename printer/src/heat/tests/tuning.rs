@@ -165,7 +165,7 @@ fn use_gains(model: &Model, deviation: f32, gains: PidGains, target: f32) -> Out
     Outcome { overshoot, steady, fan, curve, fan_s }
 }
 
-/// Also with the most noise that the checks are tried with.
+/// Also with the most noise of the tests of the checks.
 #[test]
 fn tuned_heaters_overshoot_by_two_degrees_at_most_and_stay() {
     let mut rows = Vec::new();
@@ -274,7 +274,7 @@ fn tuned_gains_bear_another_mass_power_and_loss() {
     }
 }
 
-/// A heater with a dead time alone is what the relay's two equations describe.
+/// The relay's two equations describe a heater with a dead time alone.
 #[test]
 fn the_relay_finds_slope_delay_and_power() {
     for (power_w, dead_time_s) in [(40.0, 2.0), (40.0, 5.0), (60.0, 3.0), (30.0, 4.0)] {
@@ -312,8 +312,8 @@ fn gains_stay_within_their_ranges() {
     }
 }
 
-/// Writes one of the book's tables of what fails while a heater is tuned. `trip` lets it fail, notes what trips, and tells how it went for each of two
-/// heaters.
+/// Writes one of the book's tables of failures while a heater is tuned. `trip` lets it fail, notes the trip, and
+/// returns the course for each of two heaters.
 pub(super) fn keep_failures(
     table: &str,
     heaters: [&str; 2],
@@ -338,7 +338,7 @@ pub(super) fn keep_failures(
     ferrostep_checked_toml::book::keep(&page, table, &text).unwrap();
 }
 
-/// Notes what has tripped, once.
+/// Notes a trip, once.
 pub(super) fn note(trips: &mut Vec<String>, fault: &HeatFault) {
     let trip = format!("`{}`", fault.trip);
     if !trips.contains(&trip) {
@@ -412,7 +412,7 @@ fn a_target_or_an_end_of_all_heat_ends_the_relay() {
     }
 }
 
-/// The fan turns for the second half only, and then as M106 has it.
+/// The fan turns for the second half only, and then at M106's power.
 #[test]
 fn the_relay_turns_the_fan_and_gives_it_back() {
     let mut bench = Bench::new(&MODELS[2], 0.0);

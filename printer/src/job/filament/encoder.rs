@@ -26,7 +26,7 @@ pub struct EncoderWatch {
 }
 
 impl EncoderWatch {
-    /// No sign has been seen yet, and nothing pushed.
+    /// The watch before the first sign, with no filament pushed.
     pub const fn new() -> Self {
         Self { level: false, since_ms: None, changed: Pushed::NONE, seen: [Pushed::NONE; 2] }
     }

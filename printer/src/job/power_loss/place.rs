@@ -206,7 +206,7 @@ struct Codec<'a, 'b> {
     out: Option<&'a mut Kept>,
     /// Bytes still to be read.
     bytes: &'b [u8],
-    /// There was less to be read.
+    /// True if the bytes have ended too early.
     is_short: bool,
 }
 

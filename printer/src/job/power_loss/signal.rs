@@ -16,7 +16,7 @@ pub struct SupplyWatch {
 }
 
 impl SupplyWatch {
-    /// The signal has said nothing yet.
+    /// The watch before the signal's first look.
     pub const fn new() -> Self {
         Self { is_failing: None, debounce: Debounce::new() }
     }

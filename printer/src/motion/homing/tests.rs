@@ -17,7 +17,7 @@ const FAST: f32 = 50.0;
 const SLOW: f32 = 25.0;
 const BACK_OFF: f64 = 5.0;
 
-/// The axes' length, and what the frame may be longer, mm.
+/// The axes' length with the frame's possible excess, mm.
 const REACH: f64 = rig::SIZE_MM as f64 + 5.0;
 
 /// Maximum distance of an approach of Z below the place where its sensor must trigger, mm.
@@ -136,7 +136,7 @@ fn an_unknown_z_is_searched_once() {
         };
         assert_eq!(search(&mut printer), Some(-reach(2)));
         assert_eq!(search(&mut printer), None);
-        // The height that it was driven up since is searched, and no more.
+        // The search covers only the height that it was driven up since.
         execute(&mut printer, "G91").unwrap();
         execute(&mut printer, "G1 Z30 F600").unwrap();
         assert_eq!(search(&mut printer), Some(-30.0));
@@ -186,7 +186,7 @@ fn an_axis_that_homes_by_a_stall_goes_back_first() {
             Event::Placed([0.0; 3])
         ]
     );
-    // One that says it stalls after the way back says so always.
+    // A driver that reports a stall after the move back always reports one.
     rig.sensors[1].set(Sensor::Stuck);
     assert_eq!(execute(&mut printer, "G28 Y"), refused(CommandError::SensorStuck { axis: 1 }));
     assert_eq!(rig.take_events(), [Event::Homing, back, Event::Placed(along(1, BACK_OFF))]);
@@ -319,7 +319,7 @@ fn without_end_stops_nothing_homes() {
     }
 }
 
-/// M410 in an approach: the axis is where its motor stands, not homed, and the axes after it are not tried.
+/// M410 in an approach: the axis's position is that of its motor, not homed, and the axes after it are not tried.
 #[test]
 fn a_stop_on_the_way_leaves_the_axis_where_it_is() {
     for (seek, axis, expected_mm) in [(0, 0, -1.0), (1, 0, -56.0), (2, 1, -1.0), (5, 2, -36.0)] {

@@ -25,7 +25,7 @@ pub enum Seeking {
     No,
     /// The watched sensor ends the present move.
     Approaching,
-    /// It has ended.
+    /// The seek has ended.
     Ended(HomingOutcome),
 }
 
@@ -87,7 +87,7 @@ impl FanChanges {
     }
 }
 
-/// Feeds the step queue and keeps the ledger of what it was given.
+/// Feeds the step queue and keeps the ledger of the queued steps.
 #[derive(Debug)]
 pub struct Feeder<Q, B, L> {
     /// Bed following, which moves Z with the bed's surface.
@@ -195,7 +195,8 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.bed.is_waiting() || self.backlash.is_waiting()
     }
 
-    /// Queues the next of what waits for its corrections; `false` if nothing does. There is room for some entries.
+    /// Queues the next of the waiting entries with their corrections; `false` if none waits. There is room for some
+    /// entries.
     pub fn correct(&mut self) -> bool {
         if !self.is_waiting() {
             return false;
@@ -267,7 +268,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         [x, y, z - correction, extruder]
     }
 
-    /// Sets where X, Y and Z stand (A, B, Z), at standstill, without steps for their play.
+    /// Sets the position of X, Y and Z (A, B, Z), at standstill, without steps for their play.
     pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
         self.backlash.redefined();
         self.ledger.redefine_motor_steps(motor_steps);

@@ -21,7 +21,7 @@ impl Pushed {
     }
 }
 
-/// Counts what is queued.
+/// Counts the queued filament.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FilamentCount {
     /// The extruder's furthest place, steps.

@@ -220,7 +220,7 @@ impl MotorEnable for Queue<'_> {
     }
 }
 
-/// The far end of the queue: the step interrupt, and motors that count what the pins do.
+/// The far end of the queue: the step interrupt, and motors that count the pins' edges.
 struct Interrupt<'a> {
     sensors: &'a Sensors,
     player: &'a Player,
@@ -443,7 +443,7 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
         machine.work(Silence { may_release: true, may_flush: false });
         assert!(machine.figures().starvation_flushes == 0 && !interrupt.player.link().is_running());
         machine.feeder.queue.start();
-        // The first of them takes 45 ms, and most of it is left.
+        // The first of them takes 45 ms, most of which is left.
         for _ in 0..40 {
             interrupt.update();
         }

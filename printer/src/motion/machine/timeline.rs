@@ -114,7 +114,7 @@ mod tests {
                 }
                 let (left, truly) = (timeline.remaining_ticks(end), end - played_end);
                 prop_assert!(left <= truly);
-                // The slot in play may be any part of what is missing, and so may a gap between marks.
+                // The slot in play may be any part of the missing ticks, and so may a gap between marks.
                 let longest = slots[index.saturating_sub(ahead)..=index].iter().max().copied().unwrap_or(0);
                 prop_assert!(truly - left <= 2 * longest + SPACING_TICKS + truly / 6, "{} of {}", left, truly);
             }

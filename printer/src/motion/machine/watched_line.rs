@@ -1,6 +1,6 @@
 //! Watch on the motors' passing of the beginning of a line.
 
-/// A line, and what became of it. Lines are counted upwards while one is watched.
+/// A line, and its progress in the queue. Lines are counted upwards while one is watched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WatchedLine {
     /// No line is watched.

@@ -65,7 +65,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         more
     }
 
-    /// Starts the motors from standstill when the head start is queued, or no more is to come.
+    /// Starts the motors from standstill when the head start is queued, or no further motion is to come.
     fn start_when_ready(&mut self) {
         let queue = &self.feeder.queue;
         let waiting = queue.waiting();
@@ -76,7 +76,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// Executes the moves that wait, at standstill, as the host seems to have no more.
+    /// Executes the moves that wait, at standstill, as the host seems to have no further ones.
     fn flush_at_standstill(&mut self) {
         let queue = &self.feeder.queue;
         let something_waits = !self.planner.is_look_ahead_empty() || queue.waiting() > 0;

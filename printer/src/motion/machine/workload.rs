@@ -52,7 +52,7 @@ mod tests {
 
     const MS: u32 = TICKS_PER_SECOND / 1000;
 
-    /// Plans blocks that would last 1 ms each at full speed, in portions of such durations; the last pace that was told.
+    /// Plans blocks that would last 1 ms each at full speed, in portions of such durations; returns the last pace.
     fn pace_of(portions: &[u32], blocks: u64) -> Option<Pace> {
         let mut workload = Workload::default();
         let mut pace = None;
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn the_pace_is_what_planning_can_keep() {
-        // The first block's own planning has nothing to be held against, so all estimates are a little low.
+        // The first block's own planning has no motion to be compared with, so all estimates are a little low.
         for (percent, least, most) in [(10, 256, 256), (79, 250, 256), (160, 120, 128), (800, 22, 26), (80_000, 1, 1)] {
             for portions in [vec![MS / 100 * percent], vec![MS / 400 * percent; 4]] {
                 let pace = pace_of(&portions, 200).unwrap().in_256ths();

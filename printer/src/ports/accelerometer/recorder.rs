@@ -1,4 +1,4 @@
-//! Records samples of a chip with a memory: what a board's task does between the commands and the host's line.
+//! Records samples of a chip with a memory: a board's task between the commands and the host's line.
 
 use ferrostep_hal_shim::{AccelerometerChip, AccelerometerFault, WaitingSamples};
 use ferrostep_planner::TICKS_PER_SECOND;
@@ -26,7 +26,7 @@ struct Record {
     samples: u16,
     taken: u16,
     overflows: u32,
-    /// The host has been told that it begins.
+    /// True once the host has been informed that it begins.
     is_told: bool,
     /// Samples that the chip has ready, of those that it was asked for last.
     ready: u8,
@@ -63,7 +63,7 @@ impl Record {
         self.now_ticks = now_ticks;
     }
 
-    /// Notes what the chip has.
+    /// Notes the samples in the chip's memory.
     fn see(&mut self, WaitingSamples { samples, overflowed }: WaitingSamples) {
         self.ready = samples;
         self.overflows += u32::from(overflowed);
@@ -79,7 +79,8 @@ impl Record {
         self.elapsed_ticks - self.came_ticks > SILENT_TICKS + periods
     }
 
-    /// Samples a second: measured by the motion clock over a long record, since chips are off by some percent; else what was set.
+    /// Samples a second: measured by the motion clock over a long record, since chips are off by some percent; else
+    /// the set rate.
     fn rate_hz(&self, set_hz: u16) -> u16 {
         let (Some((first_ticks, first)), (last_ticks, last)) = (self.first, self.last) else { return set_hz };
         let (samples, ticks) = (last - first, last_ticks - first_ticks);
@@ -111,7 +112,7 @@ pub struct Recorder<C> {
     chip: C,
     settings: AccelerometerSettings,
     state: State,
-    /// The end of the record before, if it has not been told yet.
+    /// The end of the record before, until it has been reported.
     ended: Option<RecordEvent>,
 }
 
@@ -125,7 +126,7 @@ impl<C: AccelerometerChip> Recorder<C> {
     /// Sets rate and resolution, see [`Accelerometer::set`](super::Accelerometer::set).
     ///
     /// # Errors
-    /// A value is out of range, or the chip does not answer; nothing has changed.
+    /// A value is out of range, or the chip does not answer; the settings are unchanged.
     pub fn set(
         &mut self,
         rate_hz: Option<u16>,

@@ -54,7 +54,7 @@ pub struct HeaterSettings {
     pub residency_ms: u32,
     /// The model of it on the virtual board; control and checks do not use it.
     pub mass: HeatedMass,
-    /// There is a heater, and not only a thermometer.
+    /// True if it has a heater, and not only a thermometer.
     pub is_heated: bool,
     /// True if others heat it as well: without power it may become hotter, and stay hot.
     pub is_warmed_by_others: bool,

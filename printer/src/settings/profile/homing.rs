@@ -75,7 +75,7 @@ impl SafeHoming {
     /// nozzle touches before the probe triggers.
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
-    /// Raises nothing; Z homes at any place.
+    /// Raises no axis; Z homes at any place.
     pub const NONE: Self =
         Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2], is_round: false };
 
@@ -119,7 +119,7 @@ pub struct MeshSettings {
     pub depth_10nm: i64,
     /// Number of probings of a point.
     pub samples: u8,
-    /// The shape of the virtual board's sheet; nothing else uses it.
+    /// The shape of the virtual board's sheet; used by that alone.
     pub sheet: SheetShape,
 }
 

@@ -3,7 +3,7 @@
 /// The signal, as a profile describes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SupplySignal {
-    /// It is low while the supply fails.
+    /// True if it is low while the supply fails.
     pub failing_is_low: bool,
     /// Time for which it must report the failure, ms.
     pub debounce_ms: u16,

@@ -55,7 +55,7 @@ pub struct ToolChange {
     pub retract_10nm: i64,
     /// Speed of that.
     pub retract_10nm_per_s: i64,
-    /// Filament that the new tool pushes beyond what it had drawn back when it was left.
+    /// Filament that the new tool pushes beyond the length that it had drawn back when it was left.
     pub prime_10nm: i64,
     /// Speed at which it pushes both.
     pub prime_10nm_per_s: i64,

@@ -5,7 +5,7 @@
 pub struct ZMotor {
     /// The board's name for it.
     pub socket: &'static str,
-    /// It runs the other way round.
+    /// True if it runs the other way round.
     pub is_inverted: bool,
 }
 

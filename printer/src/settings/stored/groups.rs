@@ -68,8 +68,8 @@ const FILAMENT: [f64; 2] = [0.0, PauseSettings::MAX_FILAMENT_10NM as f64 / MM];
 const PROBE_Z: [f64; 2] = [SafeHoming::PROBE_Z_10NM[0] as f64 / MM, SafeHoming::PROBE_Z_10NM[1] as f64 / MM];
 
 impl<M: Parts> Group<M> {
-    /// Every setting that M500 stores, but for those of models. A new one is a line here, if a place in [`Values`] has it. Names and what they mean stay: memories
-    /// of machines contain them.
+    /// Every setting that M500 stores, but for those of models. A new one is a line here, if a place in [`Values`]
+    /// has it. Names and their meaning stay: memories of machines contain them.
     const GROUPS: &'static [Self] = &[
         Self {
             code: "M92",
@@ -415,7 +415,7 @@ impl<M: Parts> Group<M> {
     }
 }
 
-/// Writes a word of a command; nothing for a value that is absent.
+/// Writes a word of a command; leaves out an absent value.
 fn write_word(out: &mut impl Write, letter: char, place: &Place<'_>, scale: f64) -> fmt::Result {
     match place {
         Place::Kind(kind) => write!(out, " {letter}\"{kind}\""),
@@ -429,18 +429,19 @@ fn write_word(out: &mut impl Write, letter: char, place: &Place<'_>, scale: f64)
     }
 }
 
-/// A length, or a speed a second, in a command's unit, with no more of at most five decimals than are read back as this value: F2540,
-/// not F2539.9998.
+/// A length, or a speed a second, in a command's unit, with the fewest decimals, at most five, that are read back as
+/// this value: F2540, not F2539.9998.
 fn shortest_length(length_10nm: i64, scale: f64) -> f64 {
     const MM: f64 = 100_000.0;
     let exact = length_10nm as f64 / MM * scale;
     let rounded = [100.0, 1e3, 1e4, 1e5].map(|decimals| libm::round(exact * decimals) / decimals);
-    // As the command divides what it reads: without a rest.
+    // As the command divides its words: without a rest.
     let reads_back = |rounded: &f64| (libm::round(rounded * MM) / scale) as i64 == length_10nm;
     rounded.into_iter().find(reads_back).unwrap_or(exact)
 }
 
-/// The value in a command's unit, with no more of at most six decimals than are read back as this value: 51, not 51.000001.
+/// The value in a command's unit, with the fewest decimals, at most six, that are read back as this value: 51, not
+/// 51.000001.
 fn shortest(value: f32, scale: f64) -> f64 {
     let exact = f64::from(value) * scale;
     let rounded = [100.0, 1e3, 1e4, 1e5].map(|decimals| libm::round(exact * decimals) / decimals);

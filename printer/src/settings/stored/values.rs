@@ -73,14 +73,14 @@ pub(crate) struct Values<M: Parts> {
     pub drivers: [Option<DriverSettings>; 4],
     /// Gains of the nozzle's and the bed's heater, where the machine has heaters.
     pub gains: Option<[PidGains; 2]>,
-    /// Those that control the same heaters instead.
+    /// Models that control the same heaters instead.
     pub models: <M::Models as Part>::Of<[Option<HeaterModel>; 2]>,
-    /// Those of T1, of a machine with several tools.
+    /// Settings of T1, of a machine with several tools.
     pub tool: <M::Tools as Part>::Of<Option<ToolValues>>,
 }
 
 impl<M: Parts> Values<M> {
-    /// Those of a profile, for a machine on which these drivers can be set, and which may have heaters.
+    /// Values of a profile, for a machine on which these drivers can be set, and which may have heaters.
     pub fn of_profile(profile: &Profile, drivers: &[Option<DriverSettings>; 4], has_heaters: bool) -> Self {
         let mut of_profile = profile.drivers;
         for (driver, live) in of_profile.iter_mut().zip(drivers) {
@@ -143,7 +143,7 @@ pub(crate) fn advance_of(numbers: &[Option<f64>; 4]) -> PressureAdvance {
     PressureAdvance { seconds: seconds.unwrap_or_default(), above, smooth_time_s }
 }
 
-/// Those of a profile's T1.
+/// Values of a profile's T1.
 fn tool_of_profile(profile: &Profile, has_heaters: bool) -> Option<ToolValues> {
     let Kept(tools) = profile.tools?;
     let tool = tools.get(1)?;
@@ -168,7 +168,7 @@ pub(crate) fn advance_numbers(advance: &PressureAdvance) -> [Option<f64>; 4] {
 pub(crate) enum Place<'a> {
     Number(&'a mut f64),
     Single(&'a mut f32),
-    /// NaN stands for `None`.
+    /// NaN means `None`.
     Optional(&'a mut Option<f64>),
     /// Units of 10 nm, or 10 nm a second; the value is mm.
     Length(&'a mut i64),
@@ -178,7 +178,7 @@ pub(crate) enum Place<'a> {
     Kind(&'a mut ShaperKind),
 }
 
-/// The kinds of filters by the numbers that stand for them in a memory: new ones come last.
+/// The kinds of filters by their numbers in a memory: new ones come last.
 const KINDS: [ShaperKind; 9] = [
     ShaperKind::None,
     ShaperKind::Zv,
@@ -225,7 +225,8 @@ impl Place<'_> {
         }
     }
 
-    /// Changes it to a value within `range`. `false`: it is not within, or not whole where it must be, and nothing has changed.
+    /// Changes it to a value within `range`. `false`: it is not within, or not whole where it must be, and the old
+    /// value stays.
     pub fn set(&mut self, value: f64, [least, most]: [f64; 2]) -> bool {
         if let (Self::Optional(place), true) = (&mut *self, value.is_nan()) {
             **place = None;

@@ -1,8 +1,8 @@
 //! Models of hot ends and beds that people have.
 //!
-//! What is heated, its loss and its thermistor's lag are measured figures where any are published, and else those of the
-//! parts' masses: 900 J/(kg K) for aluminium, 840 for glass; a plate loses 10 W/(m^2 K) on each side that is open. The dead
-//! time of 0.3 s stands for the cartridge's.
+//! Masses, losses and thermistor lags are measured figures where any are published, and else those of the parts'
+//! masses: 900 J/(kg K) for aluminium, 840 for glass; a plate loses 10 W/(m^2 K) on each side that is open. The dead
+//! time of 0.3 s is the cartridge's.
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_virtual_board::HeatedMass;

@@ -1,4 +1,4 @@
-//! A probe with a pin: its commands in order, and what follows from a signal that is wrong once or for good.
+//! A probe with a pin: its commands in order, and the effects of a signal that is wrong once or permanently.
 
 use super::*;
 use crate::settings::profile::homing::{BlTouch, SafeHoming};
@@ -50,7 +50,8 @@ fn the_pin_is_in_while_x_and_y_move_and_out_only_for_a_touch() {
     }
 }
 
-/// Once: it is released and told again. Twice: the command fails, Z has not gone down, and the pin is called in.
+/// After one wrong signal the pin is released and commanded again. After two the command fails, Z has not gone down,
+/// and the pin is called in.
 #[test]
 fn a_wrong_signal_is_tried_again_once() {
     for (wrong, again) in [

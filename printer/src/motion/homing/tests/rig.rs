@@ -1,4 +1,4 @@
-//! A printer whose motors are at once where they are sent, and whose sensors are what a test says.
+//! A printer whose motors arrive at once, and whose sensors a test chooses.
 
 use core::cell::{Cell, RefCell};
 use core::pin::pin;
@@ -31,20 +31,20 @@ pub const MM: i64 = 100_000;
 /// The sensor at an axis's end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sensor {
-    /// It triggers at the end of the true travel.
+    /// The sensor triggers at the end of the true travel.
     Good,
-    /// It is never triggered.
+    /// The sensor is never triggered.
     Dead,
-    /// It is always triggered.
+    /// The sensor is always triggered.
     Stuck,
-    /// Its input has the sensor of this axis.
+    /// The input has the sensor of this axis.
     WiredTo(usize),
 }
 
 /// A command to the motors. Distances in mm, speeds in mm/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// A move by so much along X, Y and Z.
+    /// A move by these distances along X, Y and Z.
     Moved([f64; 3], f32),
     /// A move towards the sensor of an axis.
     Sought(usize, f64, f32),
@@ -70,13 +70,13 @@ pub struct Rig {
     limits: Cell<Limits>,
     backlash: Cell<Backlash>,
     extruder_steps_per_mm: Cell<StepsPerMm>,
-    /// Moves wait since the machine last stood still.
+    /// True if moves wait since the last standstill.
     is_moving: Cell<bool>,
     /// Number of stops of motion from outside.
     stops: Cell<u32>,
     /// Widths of the pulses that the probe's pin was sent.
     told_us: RefCell<Vec<u16>>,
-    /// The signal of the pin is wrong after pulses of this width, so often.
+    /// Width of the pulses after which the pin's signal is wrong, and how many times it will be.
     pub wrong_signals: Cell<(u16, u32)>,
     events: RefCell<Vec<Event>>,
     texts: RefCell<Vec<String>>,
@@ -201,7 +201,7 @@ impl Rig {
 
 pub type RigPrinter<'a> = Printer<'a, (RigMotion<'a>, Cold, NoTime, Rig)>;
 
-/// Runs a command to its end: nothing on this machine takes time.
+/// Runs a command to its end: every action on this machine ends at once.
 pub fn execute(printer: &mut RigPrinter<'_>, text: &str) -> Result<(), crate::error::Failure> {
     let Poll::Ready(outcome) = pin!(printer.execute(1, text)).poll(&mut Context::from_waker(Waker::noop())) else {
         panic!("`{text}` waits");
@@ -419,7 +419,7 @@ impl Heating for Cold {
     }
 }
 
-/// A clock that stands.
+/// A clock that does not run.
 #[derive(Clone, Debug)]
 pub struct NoTime;
 

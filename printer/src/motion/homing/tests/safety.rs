@@ -1,4 +1,4 @@
-//! The nozzle and the bed: where Z homes, what it is raised by, and approaches that do not agree.
+//! The nozzle and the bed: the place where Z homes, the rise before, and approaches that do not agree.
 
 use super::*;
 use crate::settings::profile::homing::SafeHoming;
@@ -58,7 +58,7 @@ fn the_order_of_a_machine_with_a_probe() {
     assert_eq!(printer.interpreter.modal.machine_10nm, [units(HOME_AT[0]), units(HOME_AT[1]), units(RAISE)]);
     // For an unknown Z: from the highest frame to half a millimetre below the trigger at 1 mm.
     assert_eq!(ways(&events, 2)[0], -REACH + 1.0 - PRESS);
-    // From a height that is known nothing is raised, and Z alone homes there too.
+    // From a known height Z is not raised, and Z alone homes there as well.
     execute(&mut printer, "G1 X0 Y0 Z50 F6000").unwrap();
     rig.take_events();
     execute(&mut printer, "G28 Z").unwrap();
@@ -105,7 +105,7 @@ fn z_is_raised_before_x_and_y() {
     assert_eq!(raised(&mut printer, "G28 X"), RAISE - 1.0);
     execute(&mut printer, "G1 Z80 F600").unwrap();
     assert_eq!(raised(&mut printer, "G28 X Y"), 0.0);
-    // Without the key nothing is raised.
+    // Without the key Z is not raised.
     let rig = Rig::new(|_| ());
     execute(&mut rig.printer(), "G28 X").unwrap();
     assert_eq!(rig.true_mm()[2], 40.0);
@@ -155,7 +155,7 @@ fn the_second_attempt_begins_where_a_sensor_can_tell() {
     for (sensor, early_10nm, before_second) in [
         // The second has met the switch: away from it.
         (HomeSensor::EndStop, vec![0, 0, 0, 3 * MM], vec![back]),
-        // The second has met nothing: on from there.
+        // The second approach has missed the switch: it continues from there.
         (HomeSensor::EndStop, vec![0, 0, 0, 20 * MM], vec![]),
         (HomeSensor::Stall, vec![0, 0, 0, 20 * MM], vec![back]),
     ] {

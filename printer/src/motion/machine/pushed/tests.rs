@@ -9,7 +9,7 @@ use crate::motion::machine::timeline::Timeline;
 type Step = (u64, i64);
 
 fn slots() -> impl Strategy<Value = Vec<Step>> {
-    // Lines, travels, retractions and what undoes them, in runs of slots.
+    // Lines, travels, retractions and their recoveries, in runs of slots.
     let run = (1usize..60, 50_000u64..400_000, -3i64..=5);
     proptest::collection::vec(run, 1..60).prop_map(|runs| {
         runs.into_iter().flat_map(|(count, ticks, steps)| std::iter::repeat_n((ticks, steps), count)).collect()
@@ -24,7 +24,7 @@ struct Run {
     queued: Vec<Step>,
     tick: u64,
     extruder: i64,
-    /// Slots played, and what the extruder has done in them.
+    /// Slots played, and the extruder's steps in them.
     played: usize,
     played_extruder: i64,
     furthest: i64,

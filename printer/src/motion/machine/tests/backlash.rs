@@ -106,7 +106,7 @@ fn a_sensor_s_place_is_the_axis_own() {
     });
 }
 
-/// Other numbers move nothing, and what was taken up stays so.
+/// Changed play moves no motor, and play that was taken up stays so.
 #[test]
 fn play_may_change_between_moves() {
     with_play(|mut machine, mut interrupt| {

@@ -54,7 +54,7 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
             interrupt.update();
         }
         assert!(planned < -1000, "{planned}");
-        // Not one step after the one that triggered, and that is what the machine says.
+        // Not one step after the one that triggered, and the machine reports the same.
         assert_eq!((interrupt.motor_steps()[0], machine.motor_steps()[0]), (-120, -120));
         assert_eq!((machine.position_10nm()[0], machine.stops()), (-150_000, 0));
         assert_eq!(interrupt.sensors.watched.get(), None);
@@ -63,7 +63,7 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
         machine.flush();
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!(interrupt.motor_steps()[0], 240);
-        // It is triggered already: nothing moves.
+        // It is triggered already: no motor moves.
         interrupt.sensors.trigger_at.set(1000);
         machine.add(&travel(-30, 0)).unwrap();
         machine.begin_seek(0);
@@ -129,7 +129,7 @@ fn a_stop_before_a_seek_is_planned_ends_it() {
         machine.begin_seek(0);
         machine.work(NO_SILENCE);
         assert_eq!((machine.take_homing_result(), machine.stops()), (Some(Err(MotionError::Stopped)), 1));
-        // The move is gone; a seek that begins after it has nothing to wait for, and says so.
+        // The move is gone; a seek that begins after it has no move to wait for, and reports so.
         machine.work(NO_SILENCE);
         assert_eq!(machine.take_homing_result(), Some(Err(MotionError::Stopped)));
     });

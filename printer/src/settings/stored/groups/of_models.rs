@@ -7,7 +7,7 @@ use crate::heat::model::HeaterModel;
 use crate::settings::stored::values::{Parts, Place};
 
 impl<M: Parts> Group<M> {
-    /// Those of the heaters' models.
+    /// Settings of the heaters' models.
     pub(super) const OF_MODELS: &'static [Self] = &[
         Self {
             code: "M306 E0",

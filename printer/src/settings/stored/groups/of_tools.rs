@@ -10,7 +10,7 @@ use crate::settings::stored::values::{MM, Parts, Place, ToolValues, Values};
 const OFFSET: [f64; 2] = [-(LARGEST_OFFSET_10NM as f64) / MM, LARGEST_OFFSET_10NM as f64 / MM];
 
 impl<M: Parts> Group<M> {
-    /// Those of a second tool.
+    /// Settings of a second tool.
     pub(super) const OF_TOOLS: &'static [Self] = &[
         Self {
             code: "M92 T1",
