@@ -147,8 +147,8 @@ pub trait Motion {
     type SupplySignal: Part;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
-    /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned
-    /// since.
+    /// Returns true if [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may
+    /// have been turned since.
     fn take_switched_off(&mut self) -> bool {
         false
     }

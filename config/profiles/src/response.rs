@@ -26,7 +26,7 @@ pub struct Response {
     pub of_speed_s: f64,
 }
 
-/// Number of frequencies that are tried between the ends of the frame's range; the ends are tried as well.
+/// Number of frequencies that are tried over the frame's range, its ends included.
 const FREQUENCIES: u32 = 9;
 
 /// Damping ratios that are tried: parts of the one that was measured, which is known far worse than the frequency.

@@ -83,7 +83,7 @@ impl<P: Ports> Printer<'_, P> {
                     Ok(Answer::Given) => return Ok(Answer::Given),
                     Ok(Answer::Ok) if self.begins_change(&mut changes, command) => continue,
                     Ok(Answer::Ok) => match self.command_with_signs_of_life(command).await {
-                        // A stop between the lines of a macro stops all that is at work, and the macro with it.
+                        // A macro continues after its own M410; any other stop, also between its lines, ends it.
                         Ok(_) if matches!(command, Command::QuickStop) && call.is_some() => {
                             stops = self.motion.stops();
                             continue;

@@ -77,7 +77,7 @@ impl Arc {
             });
         }
         let turn = core::f64::consts::TAU;
-        // By the chord, which is exact: the two ends of an arc of large radius differ in their last digits only.
+        // The chord is exact: the two ends of an arc of large radius differ in their last digits only.
         let chord = [(end[0] - start[0]) as f64, (end[1] - start[1]) as f64];
         let cross = from[0] * chord[1] - from[1] * chord[0];
         let dot = from[0] * to[0] + from[1] * to[1];

@@ -415,7 +415,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         is_over
     }
 
-    /// Takes note of the idle timeout, see [`crate::ports::Motion::take_switched_off`].
+    /// Returns true if the idle timeout has fired since the last call, see
+    /// [`crate::ports::Motion::take_switched_off`].
     pub fn take_switched_off(&mut self) -> bool {
         self.idle_timeout.take_fired()
     }

@@ -88,8 +88,8 @@ fn the_bed_does_not_overshoot() {
     }
 }
 
-/// After a pause of seconds, with the fan on and a weak supply, the control still knows the power that holds the
-/// target.
+/// The control still knows the power that holds the target after a pause of seconds, with the fan on and a weak
+/// supply.
 #[test]
 fn a_short_pause_costs_little() {
     let profile = load("prusa-mini").unwrap();

@@ -20,12 +20,12 @@ use Said::{Byte, Start, Stop};
 /// Two wires with pull-ups, and a part at 0x50 that answers reads with 1, 2, 3, and so on. It listens to the levels only.
 struct Wires {
     pins: I2cPins,
-    /// The chip's outputs: released (true) or pulled low.
+    /// The master's outputs: released (true) or pulled low.
     master: [bool; 2],
     part_sda: bool,
     said: Vec<Said>,
     bits: Vec<bool>,
-    /// Byte that it sends when the clock falls next.
+    /// Byte that the part sends when the clock falls next.
     sends: Option<u8>,
     next: u8,
     acknowledges: usize,

@@ -46,7 +46,7 @@ const fn in_file(command: &CardCommand<'_>) -> InFile {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Adds a remark if a command for the card has no effect in a file.
+    /// Adds the remarks on a command for the card in a file.
     pub(crate) fn add_card_remarks(&self, command: &CardCommand<'_>, remarks: &mut Remarks) {
         if self.source_is_host() {
             return;

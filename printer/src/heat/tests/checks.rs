@@ -280,7 +280,7 @@ fn frozen_after(powers: impl IntoIterator<Item = f32>) -> Option<u32> {
 fn a_reading_that_does_not_answer_a_change_of_power_is_frozen() {
     let steady = [0.3; 2 * RUNAWAY_SAMPLES as usize];
     assert_eq!(frozen_after(steady), None);
-    // More power, and less; a change of exactly the bound counts.
+    // More power, and less, up to the ends of its range.
     for changed in [0.36, 0.24, 1.0, 0.0] {
         let powers = steady.into_iter().take(100).chain([changed; 2 * RUNAWAY_SAMPLES as usize]);
         assert_eq!(frozen_after(powers), Some(100 + RUNAWAY_SAMPLES - 1), "{changed}");

@@ -195,7 +195,7 @@ impl<Q: StepOutput, B: Bed, L: BacklashCorrection> Feeder<Q, B, L> {
         self.bed.is_waiting() || self.backlash.is_waiting()
     }
 
-    /// Queues the next of the waiting entries with their corrections; `false` if none waits. There is room for some
+    /// Queues some of the waiting entries with their corrections; `false` if none waits. There is room for some
     /// entries.
     pub fn correct(&mut self) -> bool {
         if !self.is_waiting() {

@@ -10,7 +10,7 @@ pub struct IdleTimeout {
 }
 
 impl IdleTimeout {
-    /// Returns whether the motors have now rested for `timeout_ms`; `None`: they do not rest, or keep their current.
+    /// Returns true if the motors have now rested for `timeout_ms`; `None`: they do not rest, or keep their current.
     pub fn check(&mut self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
         let Some(timeout_ms) = timeout_ms else {
             self.since_ms = None;
@@ -21,7 +21,7 @@ impl IdleTimeout {
         is_over
     }
 
-    /// Takes whether the motors have been switched off since the last call.
+    /// Returns true if the motors have been switched off since the last call.
     pub fn take_fired(&mut self) -> bool {
         core::mem::take(&mut self.fired)
     }

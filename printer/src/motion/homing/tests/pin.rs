@@ -50,7 +50,7 @@ fn the_pin_is_in_while_x_and_y_move_and_out_only_for_a_touch() {
     }
 }
 
-/// After one wrong signal the pin is released and commanded again. After two the command fails, Z has not gone down,
+/// The pin is released and commanded again after one wrong signal. After two the command fails, Z has not gone down,
 /// and the pin is called in.
 #[test]
 fn a_wrong_signal_is_tried_again_once() {
