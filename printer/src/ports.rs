@@ -37,8 +37,8 @@ pub trait Motion {
 
     /// Constant of [`ferrostep_hal_shim::MotionWatch::HAS_FILAMENT_SWITCH`].
     const HAS_FILAMENT_SWITCH: bool = true;
-    /// A command begins: any stop from now on ends its waits. Returns whether motion was stopped since the last command began, by
-    /// anything but [`Self::stop`].
+    /// Begins a command: any stop from now on ends its waits. Returns true if motion was stopped since the last
+    /// command began, by anything but [`Self::stop`].
     fn begin_command(&mut self) -> bool {
         false
     }

@@ -49,8 +49,8 @@ pub struct Buses {
 }
 
 impl Buses {
-    /// STM32F405 and STM32F407 (RM0090 7.3.5 to 7.3.9 and 7.3.15 to 7.3.19). What an STM32F405 lacks (Ethernet, camera) is
-    /// reserved there: writes have no effect.
+    /// STM32F405 and STM32F407 (RM0090 7.3.5 to 7.3.9 and 7.3.15 to 7.3.19). The bits of peripherals that an
+    /// STM32F405 lacks (Ethernet, camera) are reserved there: writes have no effect.
     pub const F405: Self = Self {
         parts: [0x2260_1000, 0x0000_00f1, 0x1, 0x26fe_c9ff, 0x0007_5933],
         in_sleep: [0x7e67_91ff, 0x0000_00f1, 0x1, 0x36fe_c9ff, 0x0007_5f33],

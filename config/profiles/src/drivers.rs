@@ -92,7 +92,7 @@ pub(crate) fn driver(keys: &Section<'_>, motor: &str, steps_per_mm: f64, both_ed
     Some(settings(&table, motor, steps_per_mm, both_edges))
 }
 
-/// Settings of one motor's driver. Whether it can make the current is for the board's sense resistors to say.
+/// Settings of one motor's driver. The board's check decides whether its sense resistors allow the current.
 fn settings(table: &Section<'_>, motor: &str, steps_per_mm: f64, both_edges: bool) -> DriverSettings {
     let current_ma = table
         .whole("current_ma", DRIVER_CURRENT)

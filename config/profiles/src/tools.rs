@@ -125,7 +125,7 @@ fn further_tool(table: &Section<'_>, name: &'static str, first: &First<'_>) -> F
     }
 }
 
-/// The heater of its own nozzle.
+/// The tool's own heater, with its nozzle's settings; `None` if it shares T0's nozzle.
 fn heater(table: &Section<'_>, first: &First<'_>) -> Option<ToolHeater> {
     let named = |connector: SpareConnector| (connector.name(), connector);
     let heater = table

@@ -8,7 +8,8 @@ use std::path::{Component, Path};
 /// Files that decide how everything is built.
 const OF_ALL: [&str; 4] = [".cargo/config.toml", "Cargo.lock", "Cargo.toml", "rust-toolchain.toml"];
 
-/// Files and folders, relative to `root`, that go into the package in the folder `package`. What only tests use is left out.
+/// Files and folders, relative to `root`, that go into the package in the folder `package`, without those that only
+/// tests use.
 ///
 /// # Errors
 /// A manifest cannot be read.

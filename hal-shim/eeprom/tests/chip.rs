@@ -237,8 +237,9 @@ fn faults_are_named_and_bounded() {
     assert_eq!(load(&chip), Ok(Some(record(2))));
 }
 
-/// Every page of 240 saves of 1 to 80 values, which go round the sectors 60 times; at each the power goes before the write, and, by six
-/// seeds, within it: anything may be in the page then. What such a cut has left is where the next save begins, every fifth time.
+/// Every page of 240 saves of 1 to 80 values, which go round the sectors 60 times; at each the power goes before the
+/// write, and, by six seeds, within it: anything may be in the page then. Every fifth time the next save begins with
+/// the contents that such a cut has left.
 #[test]
 fn a_cut_leaves_the_old_record_or_the_new_one() {
     let (mut cuts, mut news, mut seed) = (0_u32, 0_u32, 1);

@@ -307,8 +307,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
     }
 
-    /// The steps that the queue holds and the motors have not made, forwards minus backwards, a motor each. Of the steps that the
-    /// interrupt makes meanwhile each counts as made or as not made.
+    /// The steps that the queue holds and the motors have not made, forwards minus backwards, a motor each. A step
+    /// that the interrupt makes meanwhile counts as made or as not made.
     pub fn unplayed_steps(&self) -> [i32; 4] {
         self.left().dropped.signed
     }
@@ -379,7 +379,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         words
     }
 
-    /// Adds the last `events` of a slot; before them the motors have these directions. Whether the first one is among them.
+    /// Adds the last `events` of a slot, with the first one among them if `first_too`; before them the motors have
+    /// these directions.
     fn add_events(&self, number: u32, events: u32, first_too: bool, directions: &mut u8, left: &mut Left) {
         let slot = self.player.slot_of(number);
         let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));

@@ -23,7 +23,7 @@ pub(super) struct Newest<const PORTS: usize> {
 
 /// Events that follow the one that was held back.
 pub(super) struct Following<const PORTS: usize> {
-    /// Reload value for the gap between them. Of pulses, for its low part.
+    /// Reload value for the gap between them; with pulses, for its low part.
     pub(super) reload: u32,
     /// The words of the first of them.
     pub(super) then: [u32; PORTS],

@@ -26,8 +26,9 @@ pub fn start(_: SDIO, clock: &Clock, _: MotionClock) -> Option<Slot> {
     if clock.source == ClockSource::Internal {
         return None;
     }
-    // SAFETY: the SDIO was given up to this; of DMA2 it has stream 3 and the flags of that alone, which are cleared by writing
-    // ones. Of the ports it reads the pin of the slot. Clocks are switched on before any task runs.
+    // SAFETY: the SDIO was given up to this; of DMA2 it has stream 3 and the flags of that alone, which are cleared
+    // by writing ones. The pin of the slot is the only part of the ports that it reads. Clocks are switched on before
+    // any task runs.
     let registers = unsafe { Volatile::new() };
     // Addresses have 32 bits here.
     let address = MEMORY.0.as_ptr() as u32;

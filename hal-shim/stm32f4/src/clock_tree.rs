@@ -18,7 +18,7 @@ pub enum ClockSource {
 
 /// The parts of a chip's clock. Every attempt ends in bounded time.
 pub trait ClockTree {
-    /// Starts the crystal; whether it oscillates.
+    /// Starts the crystal. Returns true if it oscillates.
     fn start_crystal(&mut self) -> bool;
     /// Stops the crystal.
     fn stop_crystal(&mut self);

@@ -102,7 +102,7 @@ impl fmt::Display for ReplyError {
     }
 }
 
-/// The value in a reply, which must be one of `register` (section 4.1.2). What follows its eight bytes is not looked at.
+/// The value in a reply, which must be one of `register` (section 4.1.2). Bytes after its eight are ignored.
 ///
 /// # Errors
 /// The bytes are not such a reply.

@@ -121,8 +121,8 @@ const fn bit(flag: bool, at: u32) -> u32 {
     (flag as u32) << at
 }
 
-/// GCONF (section 5.1). What is not here is off: the reference voltage from the pin, resistors in the chip, the
-/// functions of INDEX, the test mode.
+/// GCONF (section 5.1). All functions without a field are off: the reference voltage from the pin, resistors in the
+/// chip, the functions of INDEX, the test mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GlobalConf {
     /// spreadCycle at all speeds (and no stealthChop).

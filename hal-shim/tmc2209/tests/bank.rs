@@ -255,9 +255,9 @@ fn settle(bench: &mut Bench, mut confirmed: impl FnMut(&mut Bench, usize)) -> [b
     settled
 }
 
-/// One byte in a hundred costs repetitions. It takes more than minutes until a datagram fails as often as it is tried, or
-/// until several garbled bytes pass for another datagram; and then the driver is set up again. How rare that is is counted,
-/// over the same minutes in every run: a property must hold for every seed.
+/// One byte in a hundred costs repetitions. It takes more than minutes until all tries of a datagram fail, or until
+/// several garbled bytes pass for another datagram; and then the driver is set up again. These rare events are
+/// counted, over the same minutes in every run: a property must hold for every seed.
 #[test]
 fn a_noisy_line_is_good_enough() {
     let mut disturbed = 0;

@@ -36,7 +36,7 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.say(format_args!("echo:  M92 X{x} Y{y} Z{z} E{e} ; (steps/mm)"));
     }
 
-    /// M92, at standstill. What cannot be set is named, and stays.
+    /// Executes M92, at standstill. Steps that cannot be set are named, and the old ones stay.
     #[inline(never)]
     pub(crate) fn set_steps_per_mm(&mut self, tool: Option<u8>, words: &AxisWords) -> Result<(), CommandError> {
         let of_profile = self.profile.steps_per_mm;

@@ -66,7 +66,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         Ok(())
     }
-    /// Sets the motion at standstill, for which it waits; what cannot be set is refused before.
+    /// Sets the motion at standstill, for which it waits; a choice that cannot be set is refused before.
     pub(crate) async fn set_motion_choice(
         &mut self,
         choice: &MotionChoice,

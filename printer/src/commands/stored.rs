@@ -391,7 +391,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.put_in_force(&stored.values)
     }
 
-    /// The profile's values with the stored ones in their places. What cannot be used is named.
+    /// The profile's values, replaced by the stored ones. Stored values that cannot be used are named.
     #[inline(never)]
     fn read_settings(
         &self,

@@ -1,4 +1,5 @@
-//! M301, M303, M304 and M309: the gains of heaters, and how they are found. Of a heater with a model M303 finds that ([`crate::commands::heater_model`]).
+//! M301, M303, M304 and M309: the gains of heaters, and their autotune. For a heater with a model M303 finds the
+//! model ([`crate::commands::heater_model`]).
 
 use ferrostep_gcode::{Decimal, GainWords, Real, Reply, TunedHeater};
 use ferrostep_hal_shim::Heater;

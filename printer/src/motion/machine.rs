@@ -404,8 +404,9 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.set_motors_enabled(ALL_MOTORS, false);
     }
 
-    /// Switches the motors off when they have rested for `timeout_ms`; `None`: they keep their current. To be called every
-    /// now and then with a clock of milliseconds, which may wrap. Returns whether it has just switched them off.
+    /// Switches the motors off when they have rested for `timeout_ms`; `None`: they keep their current. To be called
+    /// every now and then with a clock of milliseconds, which may wrap. Returns true if it has just switched them
+    /// off.
     pub fn rest(&mut self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
         let rests = self.is_idle() && self.enabled_motors != 0;
         let is_over = self.idle_timeout.check(now_ms, timeout_ms.filter(|_| rests));

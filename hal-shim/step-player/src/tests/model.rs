@@ -121,7 +121,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Interrupt<M, PORTS, N> {
         }
     }
 
-    /// Starts a motion as the producer does; whether there was one to start.
+    /// Starts a motion as the producer does. Returns true if there was one to start.
     pub fn start(&self, feeder: &mut StepFeeder<'_, M, PORTS, N>) -> bool {
         let starts = feeder.start();
         if starts {

@@ -80,7 +80,7 @@ fn every_wait_ends() {
             "{fault:?}: {} ms",
             (bench.ticks.get() - before) / u64::from(MS)
         );
-        // Mended, it works again; where the card was gone or stuck, after a start.
+        // Mended, it works again; a card that was gone or stuck needs a start first.
         bench.faults.set(Faults::default());
         assert_eq!(bench.slot.is_still_started(), !(fault.missing || fault.silent || fault.stays_busy), "{fault:?}");
         if !bench.slot.is_still_started() {

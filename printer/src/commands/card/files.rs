@@ -113,7 +113,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Selects a file. Returns whether that succeeded.
+    /// Selects a file. Returns true if that succeeded.
     async fn select_file(&mut self, path: &str) -> Result<bool, CommandError> {
         self.unless_in_use()?;
         if self.print.card.job == Job::Paused {

@@ -32,8 +32,8 @@ pub(super) const MAX_MISSED_UPDATES: u32 = 8;
 const PORTIONS_AT_ONCE: usize = 256;
 
 impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<R, Q, M> {
-    /// Keeps the step queue full; to be called when something was added, and at a steady pace. Returns whether there is
-    /// more to do at once.
+    /// Keeps the step queue full; to be called when something was added, and at a steady pace. Returns true if there
+    /// is more to do at once.
     pub fn work(&mut self, silence: Silence) -> bool {
         let queue = &mut self.feeder.queue;
         if queue.link().is_stopping() {
@@ -112,7 +112,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// Plans while there is room; whether there is more to do at once.
+    /// Plans while there is room. Returns true if there is more to do at once.
     fn plan(&mut self, may_release: bool) -> bool {
         for _ in 0..PORTIONS_AT_ONCE {
             if self.feeder.queue.room() < MAX_ENTRIES || self.feeder.fan.is_full() {

@@ -43,7 +43,7 @@ impl Bench {
         }
     }
 
-    /// Moves the extruder by this much in 2 ms; whether filament is missing then.
+    /// Moves the extruder by this much in 2 ms. Returns true if filament is missing then.
     fn look(&mut self, by_mm: f64) -> bool {
         let at_least = self.count.at_end();
         self.extruder_mm += by_mm;
@@ -59,7 +59,7 @@ impl Bench {
         self.signals.is_filament_missing()
     }
 
-    /// Moves it by this much at a speed; whether filament was missing at any time.
+    /// Moves it by this much at a speed. Returns true if filament was missing at any time.
     fn push(&mut self, mm: f64, mm_per_s: f64) -> bool {
         let looks = (mm.abs() / mm_per_s / 0.002).ceil().max(1.0);
         (0..looks as u32).fold(false, |missing, _| self.look(mm / looks) || missing)
