@@ -153,14 +153,6 @@ fn folders_use_those_below_them() {
 /// Folders of the packages whose files do not import each other in circles.
 const WITHOUT_CIRCLES: [&str; 4] = ["planner", "hal-shim", "printer", "desk"];
 
-/// Circles of more than two files that are to be mended: the package, and the circle's files. None may join them; one that is gone leaves
-/// the list.
-const CIRCLES: [(&str, &str); 3] = [
-    ("hal-shim/stm32f4-board", "board servo step_timer"),
-    ("hal-shim/tmc2209", "bank driver event"),
-    ("planner", "shaping shaping/shapers shaping/stepper shaping/taps"),
-];
-
 #[test]
 fn files_do_not_import_each_other_in_circles() {
     let root = fs::canonicalize(repository()).unwrap();
@@ -173,9 +165,7 @@ fn files_do_not_import_each_other_in_circles() {
         let name = package.strip_prefix(&root).unwrap().to_str().unwrap();
         circles.extend(Imports::of(package).circles().iter().map(|files| (name.to_owned(), files.join(" "))));
     }
-    circles.sort();
-    let expected = CIRCLES.map(|(package, files)| (package.to_owned(), files.to_owned()));
-    assert_eq!(circles, expected, "let one of the files import no other, or move what both need below them");
+    assert!(circles.is_empty(), "let one of the files import no other, or move what both need below them: {circles:?}");
 }
 
 #[test]

@@ -5,8 +5,9 @@ use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
 use ferrostep_stm32f4::{ChipFamily, I2cPins, SpiPins, ThermalPins};
 
 use crate::handlers::complete_stores;
+use crate::motor_ports::{MotorPort, MotorPorts, Motors};
+use crate::motor_stop::stop_at_sensor;
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
-use crate::step_timer::{self, MotorPort, MotorPorts, Motors};
 use crate::stores;
 pub use crate::stores::Store;
 use crate::volatile::Volatile;
@@ -101,7 +102,7 @@ impl BoardPins {
         // SAFETY: opening and closing lines stores whole registers.
         let mut registers = unsafe { Volatile::new() };
         if self.sensors.interrupt(&mut registers) {
-            step_timer::stop_at_sensor(link);
+            stop_at_sensor(link);
         }
         complete_stores();
     }

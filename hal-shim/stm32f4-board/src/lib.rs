@@ -22,6 +22,8 @@ pub mod handlers;
 pub mod identifier;
 pub mod measured;
 pub mod motion_clock;
+mod motor_ports;
+mod motor_stop;
 pub mod safe_state;
 pub mod serial;
 pub mod servo;

@@ -4,90 +4,16 @@ use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepQueue};
 use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 use ferrostep_step_player::{
-    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, Pin, StepFeeder, StepLink, StepPlayer,
-    Stepping, UpdateTimer,
+    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, StepFeeder, StepLink, StepPlayer, Stepping, UpdateTimer,
 };
 
 use crate::board::SERVO;
 use crate::measured::PlanningMeter;
 use crate::motion_clock::MotionClock;
+pub use crate::motor_ports::{MotorPort, MotorPorts, Motors};
+pub use crate::motor_stop::stop;
 use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
 use crate::servo;
-
-/// A board's motors.
-pub trait Motors<const PORTS: usize> {
-    /// Constant of [`MotionWatch::FOLLOWS_FILAMENT`].
-    const FOLLOWS_FILAMENT: bool = false;
-    /// Constant of [`MotionWatch::HAS_FILAMENT_SWITCH`].
-    const HAS_FILAMENT_SWITCH: bool = false;
-    /// Number of motors that lift Z.
-    const Z_MOTORS: usize = 1;
-    /// The step pin of one of them; the first is the axis's own.
-    fn z_step_pin(_motor: usize) -> Option<Pin> {
-        None
-    }
-    /// Number of extruders; one of them steps at a time.
-    const EXTRUDERS: usize = 1;
-    /// The step pin of a tool's extruder.
-    fn extruder_step_pin(_tool: usize) -> Option<Pin> {
-        None
-    }
-    /// The ports that carry their step and direction signals.
-    fn ports(&self) -> MotorPorts<PORTS>;
-    /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
-    fn enable(&self, on: u8);
-
-    /// Reads a sensor as [`HomingSensors::is_sensor_triggered`] does.
-    fn is_sensor_triggered(&self, _axis: usize) -> bool {
-        false
-    }
-    /// Watches a sensor as [`HomingSensors::watch_sensor`] does.
-    fn watch_sensor(&self, _axis: Option<usize>) {}
-}
-
-/// A port that carries step and direction signals.
-#[derive(Clone, Copy, Debug)]
-pub struct MotorPort {
-    /// Address of its BSRR: one store sets and resets pins, without a read.
-    bsrr: *mut u32,
-}
-
-// SAFETY: a store to BSRR is atomic, and its effect depends on the word alone.
-unsafe impl Send for MotorPort {}
-// SAFETY: the same.
-unsafe impl Sync for MotorPort {}
-
-impl MotorPort {
-    /// The port of an index: 0 is A (RM0090 2.3 and 8.4.7: all ports are alike).
-    ///
-    /// # Safety
-    /// The caller may write to the pins that it will write to.
-    pub(crate) const unsafe fn of(index: u8) -> Self {
-        const BSRR: u32 = 0x4002_0018;
-        Self { bsrr: (BSRR + 0x400 * index as u32) as *mut u32 }
-    }
-
-    /// A store to BSRR sets and resets pins at once, without a read.
-    #[inline(always)]
-    pub(crate) fn write(self, word: u32) {
-        // SAFETY: the address is a port's BSRR, always writable; zeros have no effect, and ones name pins that are
-        // the caller's by the contract of `of`.
-        unsafe { self.bsrr.write_volatile(word) }
-    }
-}
-
-/// The ports of a board.
-#[derive(Clone, Copy, Debug)]
-pub struct MotorPorts<const PORTS: usize>(pub [MotorPort; PORTS]);
-
-impl<const PORTS: usize> OutputPorts<PORTS> for MotorPorts<PORTS> {
-    #[inline(always)]
-    fn write(&self, port: usize, word: u32) {
-        if let Some(port) = self.0.get(port) {
-            port.write(word);
-        }
-    }
-}
 
 /// The step interrupt: the addresses that it needs and its state, side by side.
 pub struct StepTimer<M: 'static, const PORTS: usize, const N: usize> {
@@ -222,26 +148,6 @@ impl UpdateTimer for Timer {
 /// Calls [`StepTimer::start_or_end`]; it has returned when this returns.
 fn call_start_or_end() {
     NVIC::pend(Interrupt::TIM1_BRK_TIM9);
-    cortex_m::asm::dsb();
-    cortex_m::asm::isb();
-}
-
-/// Stops all motors before the next instruction; the planner task does the rest. From any task but the step interrupt.
-pub fn stop(link: &StepLink) {
-    halt();
-    link.request_stop();
-}
-
-/// Stops all motors as [`stop`] does, for the sensor that an axis seeks.
-pub(crate) fn stop_at_sensor(link: &StepLink) {
-    halt();
-    link.request_sensor_stop();
-}
-
-fn halt() {
-    // SAFETY: a store to a register that only the step interrupt writes besides.
-    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
-    // An update that came before the store is played before the next instruction.
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
 }

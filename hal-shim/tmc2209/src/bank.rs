@@ -1,17 +1,11 @@
 //! All drivers of a board, and whose turn it is on their line.
 
 use super::driver::{Driver, DriverReport, DriverState};
-use super::event::SECOND_EXTRUDER;
 use super::event::{DriverEvent, DriverEventKind, Failure};
 use super::exchange::{Exchange, Request};
+use super::motors::{MOTORS, SECOND_EXTRUDER, Z};
 use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
 use super::uart::SingleWireUart;
-
-/// Motors of most machines: X (A), Y (B), Z and E. The further motors of Z follow them.
-pub const MOTORS: usize = 4;
-
-/// Z, whose further motors come after those of all axes.
-pub(super) const Z: usize = 2;
 
 /// Rest of the line between datagrams: the chip wants 12 bit times after one that it did not understand
 /// (section 4.1.1).

@@ -2,19 +2,10 @@
 
 use core::fmt;
 
-use super::bank::{MOTORS, Z};
 use super::exchange::ExchangeError;
+use super::motors::{MOTORS, SECOND_EXTRUDER, Z, motor_name};
 use super::registers::{DriverStatus, Register, VERSION};
 use super::settings::SettingsError;
-
-/// The most motors: X (A), Y (B), Z, E, the further ones of Z, and the second extruder's.
-pub const MOST_MOTORS: usize = NAMES.len();
-
-/// Names of the motors, by their number.
-const NAMES: [&str; 8] = ["X", "Y", "Z", "E", "Z2", "Z3", "Z4", "E1"];
-
-/// The second extruder's motor.
-pub const SECOND_EXTRUDER: usize = NAMES.len() - 1;
 
 /// Reason why a driver is not confirmed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,11 +102,6 @@ impl DriverEvent {
     pub const fn is_notable(&self) -> bool {
         !matches!(self.kind, DriverEventKind::Confirmed)
     }
-}
-
-/// The name of a motor's driver.
-pub fn motor_name(motor: usize) -> &'static str {
-    NAMES.get(motor).copied().unwrap_or("?")
 }
 
 impl fmt::Display for DriverEvent {

@@ -14,18 +14,20 @@ mod datagram;
 mod driver;
 mod event;
 mod exchange;
+mod motors;
 mod registers;
 mod settings;
 mod uart;
 
-pub use bank::{DriverBank, LineTiming, MOTORS};
+pub use bank::{DriverBank, LineTiming};
 pub use current::{CurrentError, CurrentScale};
 pub use datagram::{
     READ_REQUEST_BYTES, REPLY_BYTES, ReplyError, WRITE_BYTES, crc8, parse_reply, read_request, write_request,
 };
 pub use driver::{DriverReport, DriverState};
-pub use event::{DriverEvent, DriverEventKind, Failure, MOST_MOTORS, SECOND_EXTRUDER, motor_name};
+pub use event::{DriverEvent, DriverEventKind, Failure};
 pub use exchange::ExchangeError;
+pub use motors::{MOST_MOTORS, MOTORS, SECOND_EXTRUDER, motor_name};
 pub use registers::{
     ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,
 };

@@ -5,9 +5,8 @@
 
 use core::fmt;
 
-use super::MAX_LENGTH_TICKS;
 use super::even_spacing::EvenSpacing;
-use super::kernel::Kernel;
+use super::kernel::{Kernel, MAX_LENGTH_TICKS};
 use crate::square_root::square_root;
 use crate::time_units::TICKS_PER_SECOND;
 

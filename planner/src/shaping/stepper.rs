@@ -4,8 +4,8 @@
 //! out afresh from the plan, so nothing drifts; within it each motor's steps are solved for, and the four streams
 //! merge. Steps that are nearer than the least interval to an event join it.
 
-use super::Shaping;
 use super::fixed;
+use super::machine_filters::Shaping;
 use super::motor_states::MotorStates;
 use super::motor_steps::{MotorSteps, NEVER, WindowMotion};
 use super::plan::Plan;

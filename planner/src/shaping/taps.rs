@@ -2,9 +2,9 @@
 
 use core::num::Wrapping;
 
-use super::Shaping;
 use super::fixed::{Mean, PartRates, WEIGHT_BITS, WeightedSum};
 use super::kernel::MAX_IMPULSES;
+use super::machine_filters::Shaping;
 use super::motor_states::MotorStates;
 use super::plan_ring::{PlanPiece, PlanRing};
 use super::smoothing::{Anchor, MovingAverage, PositionSums, Reference, Seen};
