@@ -41,6 +41,6 @@ mod shipped;
 mod supply;
 mod timing;
 mod tools;
-
+mod turns;
 mod watchdog;
 mod z_motors;
