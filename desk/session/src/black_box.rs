@@ -1,4 +1,4 @@
-//! What a black box tells: records with their times, and the last steps, played again.
+//! Report on a black box: records with their times, and the last steps, played again.
 
 mod place;
 
@@ -21,7 +21,7 @@ const REST_RELOAD: u32 = ferrostep_step_player::IDLE_TICKS - 1;
 /// The kind of the record that a panic or a fault leaves.
 const LAST_WORDS: &str = "last words";
 
-/// What a black box tells.
+/// Contents of a black box, for a person or as JSON.
 #[derive(Clone, Debug, Serialize)]
 pub struct BlackBoxReport {
     /// The board that has sent it.
@@ -32,9 +32,9 @@ pub struct BlackBoxReport {
     pub version: String,
     /// A stop or a reset has left the steps, and nothing has moved since.
     pub is_kept: bool,
-    /// Whether the board has a memory for records.
+    /// True if the board has a memory for records.
     pub has_memory: bool,
-    /// Whether slots of the queue were damaged and are left out.
+    /// True if slots of the queue were damaged and are left out.
     pub is_damaged: bool,
     /// The records, the oldest first.
     pub records: Vec<RecordLine>,
@@ -51,12 +51,12 @@ pub struct RecordLine {
     pub time_s: f64,
     /// `command`, `temperatures`, `chamber`, `driver`, `halt`, `reset` or `last words`.
     pub kind: &'static str,
-    /// Of a command: its line in the file or of its host.
+    /// Line in the file or of its host, for a command.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u32>,
-    /// In words.
+    /// The record in words.
     pub text: String,
-    /// Of last words with an address, if the image is at hand: the place in the source.
+    /// Place in the source, for last words with an address, if the image is at hand.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
 }
@@ -72,13 +72,13 @@ pub struct StepsReport {
     pub motions: u32,
     /// Ticks a second.
     pub tick_hz: u32,
-    /// From the first step to the last, ticks, rests left out.
+    /// Ticks from the first step to the last, rests left out.
     pub ticks: u64,
     /// Steps made, forwards minus backwards, by motor.
     pub made: [i64; 4],
     /// Steps that waited in the queue, the same.
     pub not_made: [i64; 4],
-    /// Where the motors stood at the end, steps from their origin; without a note of the board it is not known.
+    /// Positions of the motors at the end, steps from their origin; unknown without a position mark from the board.
     pub motor_steps: Option<[i64; 4]>,
     /// The same of X, Y and Z, mm; without the profile it is not known.
     pub position_mm: Option<[f64; 3]>,
@@ -125,14 +125,14 @@ fn sum(contents: &Contents<'_>, events: u64) -> Sum {
     sum
 }
 
-/// Where the motors stood before the first slot.
+/// Motor positions before the first slot, steps; `None` without a position mark.
 fn origin(contents: &Contents<'_>) -> Option<[i64; 4]> {
     let slots: Vec<PastSlot> = contents.slots.clone().collect();
     contents.past.positions.iter().flatten().find_map(|mark: &PositionMark| {
         let place = usize::try_from(mark.filled).ok().filter(|place| *place <= slots.len())?;
         let before: u64 = slots.get(..place)?.iter().map(|slot| u64::from(slot.events)).sum();
-        // Of the place counts the event that was held back then, which is the first of the slot that was filled next. The end of a
-        // pulse is no step.
+        // The position includes the held event, which became the first of the next slot. The end of a pulse is not a
+        // step.
         let held = match (contents.both_edges, slots.get(place)) {
             (true, Some(_)) => 1,
             (true, None)
@@ -155,7 +155,7 @@ impl BlackBoxReport {
         }
     }
 
-    /// Of a black box. `profile` is that of its machine, if it is known.
+    /// Reads the contents of a black box. `profile` is its machine's, if known.
     pub fn new(contents: &Contents<'_>, profile: Option<&Profile>) -> Self {
         let mut damaged_records = 0;
         let mut records = Vec::new();

@@ -231,7 +231,7 @@ impl Input {
         self.reader = Box::new(Cursor::new(bytes).chain(rest));
     }
 
-    /// Whether it is a prepared job (GPRE), not G-code.
+    /// Returns true if it is a prepared job (GPRE), not G-code.
     pub fn is_prepared(&self) -> bool {
         self.is_prepared
     }
@@ -241,7 +241,7 @@ impl Input {
         self.description.as_ref()
     }
 
-    /// How far it has been read.
+    /// Returns the progress of reading it.
     pub fn place(&self) -> Rc<Place> {
         Rc::clone(&self.place)
     }
@@ -252,7 +252,7 @@ impl Input {
     }
 }
 
-/// Whether a file is a zip archive. It stands at its beginning again.
+/// Returns true if a file is a zip archive. Rewinds the file.
 fn is_zip(file: &mut File) -> io::Result<bool> {
     let mut magic = [0; 4];
     let is_zip = file.read_exact(&mut magic).is_ok() && ZIP_MAGICS.contains(&magic);

@@ -20,7 +20,7 @@ pub enum JobError {
         line: u32,
         /// Its text, as far as it could be read.
         text: String,
-        /// What was wrong, and how to mend it.
+        /// The error, and how to mend it.
         message: String,
     },
     /// Reading the file failed.
@@ -38,7 +38,7 @@ pub enum JobError {
         line: Option<u32>,
         /// Byte of the file at which the frame, or the fault, begins.
         offset: u64,
-        /// What was wrong, and how to mend it.
+        /// The error, and how to mend it.
         message: String,
     },
     /// The job cannot be entered at this frame.
@@ -130,7 +130,7 @@ pub async fn run<P: Ports>(
     run_watched(input, printer, progress, &mut (), look).await
 }
 
-/// As [`run`], with an observer of each line.
+/// Runs a job as [`run`] does, with an observer of each line.
 pub async fn run_watched<P: Ports>(
     input: &mut impl Read,
     printer: &mut Printer<'_, P>,

@@ -216,7 +216,8 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether an output's name leads to this file, which need not exist yet. Opens neither: opening a pipe consumes from it.
+/// Returns true if an output's name leads to this file, which need not exist yet. Opens neither: opening a pipe
+/// consumes from it.
 fn is_same(path: &Path, existing: Option<&Metadata>, other: &Path) -> bool {
     let resolved = |path: &Path| match (path.canonicalize(), folder_of(path).canonicalize(), path.file_name()) {
         (Ok(resolved), ..) => resolved,
@@ -232,14 +233,14 @@ fn is_same(path: &Path, existing: Option<&Metadata>, other: &Path) -> bool {
     is_file && (same_file || resolved(path) == resolved(other))
 }
 
-/// Whether both are the same file, by device and inode (hard links too).
+/// Returns true if both are the same file, by device and inode (hard links too).
 #[cfg(unix)]
 fn has_same_number(one: &Metadata, other: &Metadata) -> bool {
     use std::os::unix::fs::MetadataExt;
     (one.dev(), one.ino()) == (other.dev(), other.ino())
 }
 
-/// Without inodes only the paths can be compared.
+/// Returns false: without inodes only the paths can be compared.
 #[cfg(not(unix))]
 fn has_same_number(_: &Metadata, _: &Metadata) -> bool {
     false

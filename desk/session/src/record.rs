@@ -44,7 +44,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Whether a waveform is written and no motion lies in its part so far.
+    /// Returns true if a waveform is written and no motion lies in its part so far.
     pub fn waveform_is_empty(&self) -> bool {
         self.vcd.as_ref().is_some_and(|vcd| !vcd.has_changes())
     }

@@ -30,13 +30,13 @@ impl<T> From<[T; 4]> for PerAxis<T> {
     }
 }
 
-/// Where and why a job stopped.
+/// Place at which a job stopped, and why.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stop {
     /// The line's number, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u32>,
-    /// What was wrong, and how to mend it.
+    /// The error, and how to mend it.
     pub message: String,
 }
 
@@ -58,9 +58,9 @@ pub struct Motors {
     pub motor_steps: PerAxis<u64>,
     /// Most events in any millisecond, times 1000.
     pub max_event_rate_hz: u64,
-    /// How often the step queue was empty at non-zero speed.
+    /// Times the step queue was empty at non-zero speed.
     pub underruns: u64,
-    /// How often a block left the look-ahead ring because steps ran out.
+    /// Times a block left the look-ahead ring early because steps ran out.
     pub starvation_flushes: u64,
     /// Moves that were slowed because a board could not keep up with them.
     pub slowed_moves: u64,
@@ -113,7 +113,7 @@ pub struct Summary {
     /// Remarks for a person; a host was sent them with the answers to its lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remarks: Option<Vec<Remark>>,
-    /// Where and why the job stopped early.
+    /// Place at which the job stopped early, and why.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<Stop>,
 }

@@ -1,4 +1,4 @@
-//! When each line of a job is executed: the time that is left is known from it, and only falls.
+//! Times at which the lines of a job are executed: the remaining time is read from them, and only falls.
 
 use std::io::{self, Read};
 use std::path::Path;

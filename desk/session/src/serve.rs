@@ -42,7 +42,7 @@ const EXCHANGE_INTERVAL: Duration = Duration::from_millis(1);
 /// Interval of the looks at motors at rest, ns of virtual time, as on a board.
 const REST_INTERVAL_NS: u64 = 100_000_000;
 
-/// How often the state is shown.
+/// Interval between two displays of the state.
 const STATUS_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Room for the longest frame of a prepared job, and as much as a host may send meanwhile, as on a board.
@@ -65,7 +65,7 @@ type HostPrinter<'a> = Printer<'a, (SharedMotion<LiveMachine<'a>>, DeskHeating<'
 pub struct Settings {
     /// The machine.
     pub profile: Profile,
-    /// How fast its time passes.
+    /// Speed of its time.
     pub speed: Speed,
     /// The faults to make.
     pub faults: Vec<Fault>,
@@ -80,9 +80,9 @@ pub struct Settings {
 pub struct Status {
     /// Its activity.
     pub state: State,
-    /// Whether a host is connected.
+    /// True while a host is connected.
     pub is_connected: bool,
-    /// Where the tool head will be after all moves taken, mm.
+    /// Position of the tool head after all moves taken, mm.
     pub position_mm: [f64; 3],
     /// Temperatures and targets.
     pub temperatures: Temperatures,
@@ -97,7 +97,7 @@ pub struct Status {
 /// The activity of a printer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Nothing.
+    /// No command and no motion.
     Idle,
     /// Motion.
     Moving,
@@ -108,7 +108,7 @@ pub enum State {
 }
 
 impl State {
-    /// In a word.
+    /// Returns the state's name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Idle => "idle",

@@ -57,9 +57,9 @@ pub struct Session<D, R> {
     filament: Cell<FilamentWatch>,
     encoder: Cell<Encoder>,
     encoder_watch: Cell<EncoderWatch>,
-    /// As it was last reported.
+    /// Stalled fan, as last reported.
     stalled_fan: Cell<Option<FanOutput>>,
-    /// What the filament sensor says.
+    /// True while the filament sensor reports no filament.
     is_filament_out: Cell<bool>,
     is_supply_failing: Cell<bool>,
     supply: Cell<SupplyWatch>,
@@ -67,7 +67,7 @@ pub struct Session<D, R> {
     last_step_ns: Cell<u64>,
     /// The motion clock when time passed last.
     last_tick: Cell<u64>,
-    /// Whether motors have moved since the last look at the heaters' timeout.
+    /// True if motors have moved since the last look at the heaters' timeout.
     has_moved: Cell<bool>,
     accelerometer: Option<Rc<DeskAccelerometer>>,
 }
@@ -241,7 +241,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         &self.signals
     }
 
-    /// Where the replies go.
+    /// Returns the receiver of the replies.
     pub fn replies(&self) -> &R {
         &self.replies
     }
@@ -492,7 +492,7 @@ impl Replies for JobReplies<'_> {
     fn refuse(&self, _line: u32, _failure: &Failure) {}
 }
 
-/// Whether a line is M205.
+/// Returns true if a line is M205.
 fn is_corner_limit(text: &str) -> bool {
     matches!(ferrostep_gcode::parse(text), Ok(ferrostep_gcode::Command::Junction { .. }))
 }

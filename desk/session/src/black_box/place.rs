@@ -1,11 +1,11 @@
-//! Where in the source a program was when it ended.
+//! Finds the place in the source at which a program ended.
 
 use std::path::Path;
 
 use addr2line::Loader;
 use ferrostep_black_box::Identity;
 
-/// How the last words name an address.
+/// Text before an address in the last words.
 const AT: &str = " at 0x";
 
 /// Folders of others' sources, as an image names them: the core library, and what cargo has fetched.

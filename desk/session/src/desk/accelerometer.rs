@@ -29,7 +29,7 @@ struct Record {
     samples: u16,
     taken: u16,
     overflows: u32,
-    /// When it began; `None` while it waits for a move.
+    /// Tick of its beginning; `None` while it waits for a move.
     since_tick: Option<u64>,
 }
 
@@ -39,11 +39,11 @@ struct State {
     geometry: Geometry,
     /// Steps since the start.
     motor_steps: [i64; 3],
-    /// Where the motors have X and Y, mm.
+    /// Commanded motion of X and Y, mm.
     command: [Motion; 2],
     frame: [Mode; 2],
     tick: u64,
-    /// How far the board's time is ahead of the motion clock, which stands between motions; modulo 2^64.
+    /// Lead of the board's time over the motion clock, which stops between motions; ticks, modulo 2^64.
     ahead_ticks: u64,
     settings: AccelerometerSettings,
     record: Option<Record>,
@@ -98,7 +98,7 @@ impl State {
         self.swing_to(tick);
     }
 
-    /// What the chip measures now.
+    /// Returns what the chip measures now, micro-g.
     fn sample(&mut self) -> [i32; 3] {
         let unit = (2 * RANGE_MICRO_G) >> self.settings.resolution_bits;
         let [x, y] = [0, 1].map(|axis: usize| self.frame[axis].acceleration_mm_per_s2(self.command[axis]));

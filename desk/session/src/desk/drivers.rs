@@ -23,13 +23,13 @@ struct Drivers {
     events: VecDeque<DriverEvent>,
     now_tick: u64,
     next_tick: u64,
-    /// Whether drivers in service are watched.
+    /// True if drivers are also watched in service.
     watched: bool,
     polls: u64,
 }
 
 impl Drivers {
-    /// Whether all drivers have confirmed their settings.
+    /// Returns true if all drivers have confirmed their settings.
     fn are_in_service(&self) -> bool {
         (0..MOTORS).all(|motor| matches!(self.bank.state(motor), None | Some(DriverState::Confirmed)))
     }
@@ -65,7 +65,7 @@ impl DeskDrivers {
         })))
     }
 
-    /// Whether the machine has any.
+    /// Returns true if the machine has drivers that are configured over a line.
     #[must_use]
     pub fn exist(&self) -> bool {
         self.0.is_some()
@@ -80,13 +80,13 @@ impl DeskDrivers {
         self.with(|drivers| act(&mut drivers.lines))
     }
 
-    /// When a motor's chip, as it is set now, says that the motor stalls; `None`: never.
+    /// Returns the threshold at which a motor's chip, as set now, signals a stall; `None`: never.
     #[must_use]
     pub fn stall_signal(&self, motor: usize) -> Option<StallSignal> {
         self.with(|drivers| drivers.lines.chip(motor).and_then(|chip| chip.stall_signal()))?
     }
 
-    /// How often their code has run: the measure of their cost.
+    /// Number of times the drivers' code has run, a measure of its cost.
     #[must_use]
     pub fn polls(&self) -> u64 {
         self.with(|drivers| drivers.polls).unwrap_or(0)

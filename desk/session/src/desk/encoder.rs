@@ -1,6 +1,6 @@
 //! An encoder in the filament's path, of a machine in virtual time.
 
-/// How much filament turns its wheel from one change of its level to the next, of what its user lets count as standing still: 2.88 of
+/// Filament between two changes of the signal's level, as a share of the detection length that the user sets: 2.88 of
 /// 3 mm (BIGTREETECH, smart filament sensor 2.0).
 const EDGE_OF_DETECTION: f64 = 0.96;
 
@@ -15,7 +15,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Whether the filament does not follow the extruder any more.
+    /// Sets whether the filament no longer follows the extruder.
     pub fn set_stuck(&mut self, is_stuck: bool) {
         self.is_stuck = is_stuck;
     }

@@ -13,9 +13,9 @@ pub struct Figures {
     pub motor_steps: [u64; 4],
     /// Most events in any millisecond, times 1000.
     pub max_event_rate_hz: u64,
-    /// How often the step queue was empty at non-zero speed.
+    /// Times the step queue was empty at non-zero speed.
     pub underruns: u64,
-    /// How often a block left the look-ahead ring because steps ran out.
+    /// Times a block left the look-ahead ring early because steps ran out.
     pub starvation_flushes: u64,
     /// Moves planned slower than asked for, because a board could not keep up with them.
     pub slowed_moves: u64,

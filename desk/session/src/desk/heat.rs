@@ -17,7 +17,7 @@ pub struct DeskHeat {
     control: HeatControl,
     heaters: VirtualHeaters,
     at_rest: HeatAtRest,
-    /// Whether heaters at rest are stepped, too: the time that an estimate takes must not follow the print's.
+    /// True to step heaters at rest as well; false for estimates, whose cost must not grow with the print's time.
     steps_at_rest: bool,
     samples: u64,
     next_ns: u64,

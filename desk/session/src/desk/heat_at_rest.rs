@@ -12,7 +12,7 @@ const OFF_BAND_CELSIUS: f32 = 0.05;
 /// steps of its thermistor's readings.
 const HELD_BAND_CELSIUS: f32 = 0.11;
 
-/// How far from its target it may be, degrees.
+/// Maximum distance of a resting heater from its target, degrees Celsius.
 const HELD_CELSIUS: f32 = 0.5;
 
 /// A heater after a sample.
@@ -61,7 +61,7 @@ impl HeatAtRest {
         *self = Self::default();
     }
 
-    /// Whether all heaters are at rest.
+    /// Returns true if all heaters are at rest.
     pub const fn is_at_rest(&self) -> bool {
         self.samples >= REST_SAMPLES
     }

@@ -5,9 +5,9 @@ use ferrostep_planner::Limits;
 /// Factors of a plan's limits, powers of two: for estimates of what another machine would take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimitFactors {
-    /// Of all accelerations.
+    /// Factor of all accelerations.
     pub acceleration: f64,
-    /// Of the deviation at corners.
+    /// Factor of the deviation at corners.
     pub corners: f64,
 }
 

@@ -20,7 +20,7 @@ use super::step_queue::VirtualStepQueue;
 /// The planner task looks at the step queue this often, as on a board.
 const PLANNER_INTERVAL_NS: u64 = 2_000_000;
 
-/// At standstill the moves in the ring are executed after this much silence of the host, as on a board.
+/// Silence of the host after which the moves in the ring are executed at standstill, as on a board.
 const FLUSH_AFTER_NS: u64 = 100_000_000;
 
 /// A machine that makes every step at its time.
@@ -28,7 +28,7 @@ pub struct LiveDesk {
     machine: RefCell<QueueMachine>,
     now_ns: Cell<u64>,
     granted_ns: Cell<u64>,
-    /// When the command side began to wait for the host.
+    /// Time at which the command side began to wait for the host.
     host_awaited_since_ns: Cell<Option<u64>>,
     accelerometer: Option<Rc<DeskAccelerometer>>,
 }
@@ -55,7 +55,7 @@ impl LiveDesk {
         self.granted_ns.set(self.now_ns.get().saturating_add(ns));
     }
 
-    /// Whether the time granted has passed.
+    /// Returns true once the time granted has passed.
     pub fn is_held(&self) -> bool {
         self.now_ns.get() >= self.granted_ns.get()
     }
@@ -66,7 +66,7 @@ impl LiveDesk {
         self.host_awaited_since_ns.set(is_awaited.then_some(since_ns));
     }
 
-    /// Whether all moves taken have been executed.
+    /// Returns true if all moves taken have been executed.
     pub fn is_idle(&self) -> bool {
         self.machine.borrow().is_idle()
     }
@@ -82,12 +82,12 @@ impl LiveDesk {
         self.machine.borrow_mut().switch_motors_off();
     }
 
-    /// As [`QueueMachine::rest`].
+    /// Switches idle motors off as [`QueueMachine::rest`] does.
     pub fn rest(&self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
         self.machine.borrow_mut().rest(now_ms, timeout_ms)
     }
 
-    /// Where X, Y and Z will stand at the end of all moves taken, units of 10 nm.
+    /// Position of X, Y and Z at the end of all moves taken, units of 10 nm.
     pub fn position_10nm(&self) -> [i64; 3] {
         self.machine.borrow().position_10nm()
     }

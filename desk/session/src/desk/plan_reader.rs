@@ -44,7 +44,7 @@ struct Reading {
     digests: StepDigests,
     /// Durations of the blocks that were read, ticks.
     read_ticks: u64,
-    /// Where the extruder is after these blocks, 1/256 steps.
+    /// Position of the extruder after these blocks, 1/256 steps.
     extruder_256ths: i64,
     /// The record of the plan, if one is written.
     script: Option<Script>,
@@ -264,7 +264,7 @@ impl MotionState for PlanReader {
         self.plan.borrow().tick()
     }
 
-    /// Without steps the machine stops at the end of its moves.
+    /// Reads the plan to its end: without steps the machine stops at the end of its moves.
     fn stop(&self) {
         self.plan.borrow_mut().read_all();
     }

@@ -33,7 +33,7 @@ pub struct Rehearsal<O> {
 struct Steps {
     machine: RefCell<QueueMachine>,
     time: DeskTime,
-    /// Whether a command waits for motion.
+    /// True while a command waits for motion.
     awaits_motion: Cell<bool>,
 }
 
@@ -48,12 +48,12 @@ impl<O: Observer> Rehearsal<O> {
         Self { steps, observer: PhantomData }
     }
 
-    /// Where the tool head truly is, units of 10 nm.
+    /// True position of the tool head, units of 10 nm.
     pub fn true_position_10nm(&self) -> [i64; 3] {
         self.steps.machine.borrow().queue().motors().true_position_10nm()
     }
 
-    /// How far the motors have pushed against the frame behind end stops that did not trigger, units of 10 nm.
+    /// Distance that the motors have pushed against the frame past end stops that did not trigger, units of 10 nm.
     pub fn pushed_10nm(&self) -> [i64; 3] {
         self.steps.machine.borrow().queue().motors().pushed_10nm()
     }

@@ -11,22 +11,22 @@ pub trait MotionState {
     fn tick(&self) -> u64;
     /// Stops motion at once.
     fn stop(&self);
-    /// What fans are to do at the present point of the motion.
+    /// Demand on the fans at the present point of the motion.
     fn fan_demand(&self) -> FanDemand;
     /// Mask of the motors that have current.
     fn enabled_motors(&self) -> u8;
-    /// For comparison: see [`ferrostep_planner::Planner::plan_block_by_block`].
+    /// Plans block by block, for comparison: see [`ferrostep_planner::Planner::plan_block_by_block`].
     fn plan_block_by_block(&self) -> bool;
     /// The counts so far, without the print's time.
     fn figures(&self) -> Figures;
 }
 
-/// What the extruder does at present.
+/// State of the extruder at present.
 #[derive(Clone, Copy, Debug)]
 pub struct ExtruderNow {
-    /// Where its motor stands, steps.
+    /// Position of its motor, steps.
     pub steps: i64,
-    /// What it has pushed, as the printer knows it.
+    /// Filament it has pushed, as the printer knows it.
     pub pushed: PushedFilament,
     /// Its steps in a millimetre of filament.
     pub steps_per_mm: f64,
@@ -42,18 +42,18 @@ pub trait Desk {
     /// Planner and motors.
     type State: MotionState;
 
-    /// Whether it makes every step. Otherwise it is an estimate, whose cost must not follow the print's time.
+    /// True if it makes every step. Otherwise it is an estimate, whose cost must not grow with the print's time.
     const MAKES_STEPS: bool;
 
     /// The motion, as commands see it; a halt ends their waits.
     fn motion<'a>(&'a self, signals: &'a Signals) -> Self::Motion<'a>;
-    /// If a command waits for motion: lets time pass until there is something new, or for a while.
+    /// Lets time pass until something changes, or for a while, if a command waits for motion.
     fn pass_motion(&self);
     /// A command waits for a moment: lets time pass up to it.
     fn wait_until(&self, wake_ns: u64);
     /// Virtual time since the machine was switched on.
     fn now_ns(&self) -> u64;
-    /// What the extruder does at present; `None` where time leaps, so that no sensor could follow it.
+    /// Returns the extruder's present state; `None` where time leaps, so that no sensor could follow it.
     fn extruder_now(&self) -> Option<ExtruderNow> {
         None
     }

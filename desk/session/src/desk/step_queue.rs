@@ -54,7 +54,7 @@ pub struct VirtualStepQueue {
     watched_axis: Option<usize>,
     /// Tick up to which motion goes before the command side looks again.
     pause_tick: u64,
-    /// If time passes by itself: the motion clock now. A value before the last event stands for that event.
+    /// Motion clock now, if time passes by itself. A value before the last event means the time of that event.
     now_tick: u64,
     watch: Watch,
 }
@@ -119,7 +119,7 @@ impl VirtualStepQueue {
         self.pause_tick = tick;
     }
 
-    /// Whether motion has come to its pause.
+    /// Returns true if motion has reached its pause.
     pub fn is_paused(&self) -> bool {
         self.motors.ledger.tick() > self.pause_tick
     }

@@ -92,10 +92,10 @@ fn say_item(item: &Item<'_>, out: &mut impl Write) -> io::Result<()> {
     }
 }
 
-/// Which parts of a prepared job to show after its header.
+/// Parts of a prepared job to show after its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
-    /// Where the frames begin.
+    /// Beginnings of the frames.
     Frames,
     /// Every frame and item.
     Items,

@@ -19,7 +19,7 @@ pub struct PartReader<R> {
 }
 
 impl<R: Read> PartReader<R> {
-    /// From a file's start.
+    /// Reads from a file's start.
     pub fn new(input: R) -> Self {
         Self { input, offset: 0, bytes: Vec::new(), next: 0 }
     }

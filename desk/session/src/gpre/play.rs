@@ -29,8 +29,8 @@ pub async fn play<P: Ports>(
     play_from(0, input, profile, printer, progress, look).await
 }
 
-/// As [`play`], from a frame on. First brings the machine to the frame's start; for frame 0, the job's start, that is not
-/// needed.
+/// Plays a job as [`play`] does, from a frame on. First brings the machine to the frame's start, except for frame 0,
+/// the job's start.
 ///
 /// # Errors
 /// As [`play`], and [`JobError::Entry`] if there is no such frame, the job cannot be entered there, or the machine cannot be

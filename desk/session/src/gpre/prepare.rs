@@ -1,4 +1,4 @@
-//! From G-code to GPRE, in one pass and in constant memory.
+//! Converts G-code to GPRE in one pass and in constant memory.
 
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
@@ -42,7 +42,7 @@ pub struct Prepared {
     pub content_bytes: u64,
     /// Length of the G-code, bytes.
     pub source_bytes: u64,
-    /// How far the G-code was read.
+    /// Progress of reading the G-code.
     pub progress: JobProgress,
     /// Counts of what it does.
     pub tally: Tally,

@@ -9,12 +9,12 @@ use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::{ForwardPass, RingMemory};
 use ferrostep_planner::{Move, PlannedBlock, Planner, Recorded, Recorder, SquaredSpeed};
 
-/// How the command in execution is written to the file.
+/// Form in which the command in execution is written to the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 enum Now {
     /// Its moves.
     Moves {
-        /// Whether their filament counts in E.
+        /// True if their filament counts in E.
         counts: bool,
     },
     /// A change of the fan.
@@ -77,7 +77,7 @@ pub enum Ready {
     State {
         /// The state.
         modal: ModalState,
-        /// Where the machine is, units of 10 nm.
+        /// Position of the machine, units of 10 nm.
         position_10nm: [i64; 3],
     },
 }
@@ -99,9 +99,9 @@ impl Ready {
 pub struct Script {
     now: Now,
     waiting: VecDeque<Waiting>,
-    /// How many parts have left `waiting`.
+    /// Number of parts that have left `waiting`.
     left: u64,
-    /// Which blocks' first moves, counted from the job's start, have no speeds yet.
+    /// Blocks whose first moves have no speeds yet, counted from the job's start.
     unplanned: VecDeque<u64>,
     recorder: Recorder,
     pass: ForwardPass,

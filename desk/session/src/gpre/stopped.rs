@@ -13,12 +13,12 @@ pub struct Stopped {
 }
 
 impl Stopped {
-    /// At a line, for this reason.
+    /// Creates the error of a line with this reason.
     pub fn new(line: u32, message: String) -> Self {
         Self { line: Some(line), message }
     }
 
-    /// At a line.
+    /// Creates the error of a line from a command's error.
     pub fn at_line(line: u32, error: &CommandError) -> Self {
         Self::new(line, error.to_string())
     }
@@ -28,7 +28,7 @@ impl Stopped {
         JobError::Prepared { frame: Some(frame), line: self.line, offset, message: self.message }
     }
 
-    /// At a command.
+    /// Creates the error of a command's text from its failure.
     pub fn at_command(line: u32, text: &str, failure: &Failure) -> Self {
         Self::new(line, format!("{text:?}: {failure}"))
     }

@@ -26,7 +26,7 @@ pub fn take(input: &mut Input) -> io::Result<Option<Picture>> {
     Ok(picture)
 }
 
-/// Whether a picture fits into a prepared job.
+/// Returns true if a picture fits into a prepared job.
 fn fits(bytes: &[u8]) -> bool {
     !bytes.is_empty() && bytes.len() < ferrostep_gpre::header::MAX_THUMBNAIL_BYTES as usize
 }

@@ -146,7 +146,7 @@ fn rest<'a>(file: &'a [u8], decoder: &Decoder) -> &'a [u8] {
 pub struct GcodeText {
     file: Vec<u8>,
     decoder: Decoder,
-    /// Where the count of the file's bytes is kept.
+    /// Counter of the file's bytes.
     place: Rc<Place>,
 }
 

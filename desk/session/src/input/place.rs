@@ -1,4 +1,4 @@
-//! How far a job has been read, as a share of its file.
+//! Measures how far a job has been read, as a share of its file.
 
 use std::cell::Cell;
 use std::io::{self, BufRead, Read};

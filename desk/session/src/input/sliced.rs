@@ -121,13 +121,13 @@ impl From<rawzip::Error> for SlicedError {
     }
 }
 
-/// What the archive's directory says of a plate's G-code.
+/// Entry of a plate's G-code in the archive's directory.
 #[derive(Clone, Copy)]
 struct Entry {
     plate: u32,
     wayfinder: ZipArchiveEntryWayfinder,
     is_encrypted: bool,
-    /// Whether it is packed; `None`: in a way that this program does not know.
+    /// True if it is packed; `None` for a method that this program does not know.
     is_packed: Option<bool>,
     checksum: u32,
 }
@@ -139,7 +139,7 @@ fn plate_of(path: &[u8]) -> Option<u32> {
     number.bytes().all(|byte| byte.is_ascii_digit()).then(|| number.parse().ok()).flatten()
 }
 
-/// Whether an archive with this path in it is a 3MF.
+/// Returns true if an archive with this path in it is a 3MF.
 fn is_of_project(path: &[u8]) -> bool {
     path.starts_with(b"3D/") || path == b"[Content_Types].xml"
 }

@@ -15,10 +15,10 @@ use super::readings::Readings;
 use super::shared::{PageHost, Phase, Wishes};
 use super::watching::Watching;
 
-/// How often wishes are looked at while nothing is printed.
+/// Interval between looks at the wishes while nothing is printed.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// How often a line that is not open is tried, in looks.
+/// Looks between two attempts to open a closed line.
 const LOOKS_UNTIL_RETRY: u32 = 100;
 
 /// A person's line without an answer for this long has lost it. A wait for heat may take as long without a sign of life.
@@ -30,7 +30,7 @@ const LAST_ANSWER: Duration = Duration::from_secs(2);
 /// Reports of a board that is asked: temperatures every two seconds, and the position.
 const REPORTS: &[u8] = b"M155 S2\nM114\n";
 
-/// Without them: another host may not want them.
+/// Commands that switch these reports off: another host may not want them.
 const NO_REPORTS: &[u8] = b"M155 S0\n";
 
 /// Talks with the printer until `ends`: opens the line, and again when it is lost. A job under way is ended first.
@@ -84,7 +84,7 @@ fn disconnect(host: &PageHost, why: String) {
     host.ownership.release_page();
 }
 
-/// What to do next.
+/// Next thing to do.
 enum Task {
     Print(Arc<NamedTempFile>),
     Line(String),
@@ -191,7 +191,7 @@ fn print(host: &PageHost, line: &mut PrinterLine, file: &NamedTempFile, ends: &i
     Ok(())
 }
 
-/// How a job has ended, in words; one that has not come to its end is ended in the printer.
+/// Describes how a job ended; a job that stopped early is also ended in the printer.
 fn describe(host: &PageHost, line: &mut PrinterLine, outcome: Result<Outcome, SendError>) -> String {
     match outcome {
         Ok(Outcome { stop: None, sent, resends, .. }) => format!("printed: {sent} lines sent, {resends} of them again"),

@@ -30,7 +30,7 @@ impl JobLines {
         Ok(Self { lines: FileLines::new(BufReader::new(input)), failed: None })
     }
 
-    /// How many lines there are, up to one that cannot be read.
+    /// Counts the lines, up to one that cannot be read.
     pub fn count(mut self) -> u32 {
         std::iter::from_fn(|| self.next().and_then(Result::ok)).zip(1..=u32::MAX).last().map_or(0, |(_, number)| number)
     }

@@ -2,12 +2,12 @@
 
 use ferrostep_web::Heat;
 
-/// Where temperatures and position come from.
+/// Source of temperatures and position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Readings {
-    /// From the printer's lines: its reports (M155), and M114 where it is asked.
+    /// The printer's lines: its reports (M155), and M114 where it is asked.
     Asked,
-    /// From the virtual board itself, so that no line is needed.
+    /// The virtual board itself, so that no line is needed.
     Told,
 }
 

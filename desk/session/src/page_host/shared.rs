@@ -15,20 +15,20 @@ use super::readings::{self, Readings};
 use crate::schedule::Schedule;
 use crate::serve::Ownership;
 
-/// What a page's host is set up with.
+/// Settings of a page's host.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The machine and its place, for a person.
     pub machine: String,
     /// The machine that times are estimated for.
     pub profile: Profile,
-    /// Where temperatures and position come from.
+    /// Source of temperatures and position.
     pub readings: Readings,
     /// The other host's place, for a person, where there is one.
     pub outside: Option<String>,
 }
 
-/// Where the host is with its job.
+/// State of the host and its job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     Disconnected,
@@ -40,7 +40,7 @@ pub(super) enum Phase {
 }
 
 impl Phase {
-    /// Whether a job is under way.
+    /// Returns true while a job is under way.
     pub(super) const fn is_job(self) -> bool {
         matches!(self, Self::Printing | Self::Pausing | Self::Paused | Self::Cancelling)
     }
@@ -68,7 +68,7 @@ impl Drop for PageJob {
     }
 }
 
-/// What persons want and the conversation has not done yet.
+/// Wishes of persons that the conversation has not fulfilled yet.
 #[derive(Default)]
 pub(super) struct Wishes {
     pub start: bool,
@@ -77,7 +77,7 @@ pub(super) struct Wishes {
     pub wait_ended: bool,
 }
 
-/// What is known and wanted.
+/// State of the host, and the wishes of its pages.
 pub(super) struct Inner {
     pub console: Console,
     pub phase: Phase,
@@ -92,7 +92,7 @@ pub(super) struct Inner {
     pub position_mm: Option<[f64; 3]>,
     pub message: Option<String>,
     pub output: Option<LineOutput>,
-    /// When the position was asked for.
+    /// Time of the last question for the position.
     pub asked_position: Option<Instant>,
 }
 
@@ -144,7 +144,7 @@ impl PageHost {
         self.lock().job = None;
     }
 
-    /// What a person should know: how the last job ended, or why the line is not open.
+    /// Returns the message for a person: how the last job ended, or why the line is not open.
     #[must_use]
     pub fn message(&self) -> Option<String> {
         self.lock().message.clone()

@@ -1,4 +1,4 @@
-//! What happens while a job is sent: progress, and a person's wishes.
+//! Reports progress and obeys a person's wishes while a job is sent.
 
 use std::time::{Duration, Instant};
 
@@ -16,12 +16,12 @@ const PAUSE: &str = "M601";
 /// The watch of a job.
 pub struct Watching<'a, E> {
     host: &'a PageHost,
-    /// Whether the program is to end.
+    /// Returns true once the program is to end.
     ends: E,
 }
 
 impl<'a, E: Fn() -> bool> Watching<'a, E> {
-    /// Of a host's job.
+    /// Watches a host's job.
     pub fn new(host: &'a PageHost, ends: E) -> Self {
         Self { host, ends }
     }

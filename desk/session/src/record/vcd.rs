@@ -23,11 +23,11 @@ pub struct VcdWriter {
     timing: DriverTiming,
     /// The part of the motion that is written.
     cut: Cut,
-    /// Whether the part has begun.
+    /// True once the part has begun.
     is_open: bool,
     /// The signals' levels.
     levels: Levels,
-    /// When the current pulses end, ns, and their axes.
+    /// End of the current pulses, ns, and their axes.
     falling: Option<(u64, u8)>,
     /// The last step's time, ns.
     stepped_ns: u64,
@@ -85,7 +85,7 @@ impl VcdWriter {
         self.cut.redefined(nanoseconds(tick));
     }
 
-    /// Whether the part has a change so far.
+    /// Returns true if the part has a change so far.
     pub(super) fn has_changes(&self) -> bool {
         self.is_open
     }

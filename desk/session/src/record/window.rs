@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use ferrostep_planner::Move;
 
-/// Where a part of the motion begins or ends.
+/// Beginning or end of a part of the motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     /// A time of the motion clock, s.
@@ -26,7 +26,7 @@ impl Window {
     /// All of the motion.
     pub const ALL: Self = Self { from: Bound::Seconds(0.0), to: None };
 
-    /// Whether it ends before it begins, as far as both are given in the same way.
+    /// Returns true if it ends before it begins, when both bounds are of the same kind.
     pub fn is_reversed(&self) -> bool {
         match (self.from, self.to) {
             (Bound::Seconds(from_s), Some(Bound::Seconds(to_s))) => to_s <= from_s,
@@ -43,7 +43,7 @@ pub(super) struct Cut {
     begin_ns: Option<u64>,
     end_ns: Option<u64>,
     lines: Lines,
-    /// When the last move ended, ns.
+    /// End of the last move, ns.
     ended_ns: u64,
 }
 
@@ -98,12 +98,12 @@ impl Cut {
         }
     }
 
-    /// Whether a change at this time is in the part.
+    /// Returns true if a change at this time is in the part.
     pub fn contains(&self, now_ns: u64) -> bool {
         self.begin_ns.is_some_and(|begin_ns| now_ns >= begin_ns) && self.end_ns.is_none_or(|end_ns| now_ns < end_ns)
     }
 
-    /// When it begins; `None` if no motion of its lines has come.
+    /// Returns its beginning, ns; `None` if no motion of its lines has come.
     pub fn begin_ns(&self) -> Option<u64> {
         self.begin_ns
     }

@@ -50,31 +50,31 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// Whether it needs a card in the slot.
+    /// Returns true if it needs a card in the slot.
     #[must_use]
     pub const fn is_of_card(self) -> bool {
         matches!(self, Self::CardPulled | Self::CardPutBack)
     }
 
-    /// Whether it needs a filament sensor.
+    /// Returns true if it needs a filament sensor.
     #[must_use]
     pub const fn is_of_filament(self) -> bool {
         matches!(self, Self::FilamentOut | Self::FilamentBack)
     }
 
-    /// Whether it needs a signal of the supply.
+    /// Returns true if it needs a signal of the supply.
     #[must_use]
     pub const fn is_of_supply(self) -> bool {
         matches!(self, Self::SupplySignal(_))
     }
 
-    /// Whether it needs a sensor that sees filament move.
+    /// Returns true if it needs a sensor that sees filament move.
     #[must_use]
     pub const fn is_of_moving_filament(self) -> bool {
         matches!(self, Self::FilamentStuck(_))
     }
 
-    /// Whether it needs a probe with a pin.
+    /// Returns true if it needs a probe with a pin.
     #[must_use]
     pub const fn is_of_pin(self) -> bool {
         matches!(self, Self::Pin(_))

@@ -27,7 +27,7 @@ pub struct HostSide {
     host: Host,
     lines: Lines,
     frames: StrayFrames,
-    /// How the last prepared job ended.
+    /// Result of the last prepared job.
     last_job: Report,
 }
 
@@ -85,7 +85,7 @@ pub struct CardHost<'a> {
 }
 
 impl<'a> CardHost<'a> {
-    /// Of the host at the port.
+    /// Takes the card's bytes from the host at the port.
     pub fn new(port: &'a HostPort, host: &'a mut HostSide) -> Self {
         Self { port, host, chunk: [0; CHUNK_BYTES], at: 0, end: 0 }
     }
@@ -128,7 +128,7 @@ pub struct JobHost<'a> {
 }
 
 impl<'a> JobHost<'a> {
-    /// Of the host at the port.
+    /// Takes a prepared job from the host at the port.
     pub fn new(port: &'a HostPort, host: &'a mut HostSide, clock: &'a VirtualClock) -> Self {
         Self { port, host, clock }
     }

@@ -12,7 +12,8 @@ use ferrostep_host_line::Line;
 
 use super::ownership::Ownership;
 
-/// What a host outside hears for each of its lines while the page owns the printer. Without an `ok`, so that it does not go on.
+/// Reply to each line of an outside host while the page owns the printer. It has no `ok`, so that the host does not
+/// continue.
 const REFUSED: &str =
     "Error:the web page owns this printer until its print has ended: this line is refused (M112 acts)\n";
 
@@ -50,12 +51,12 @@ impl PageLine {
     }
 }
 
-/// What the hosts have sent.
+/// Bytes that the hosts have sent.
 #[derive(Default)]
 pub struct HostBytes {
     /// The owner's bytes.
     pub bytes: Vec<u8>,
-    /// Whether another host than the owner has sent M112.
+    /// True if a host other than the owner has sent M112.
     pub is_stop: bool,
 }
 
@@ -67,7 +68,7 @@ impl Hosts {
         hosts
     }
 
-    /// Whether any host is there.
+    /// Returns true if any host is connected.
     pub fn connected(&mut self) -> bool {
         if let Some(outside) = &mut self.outside {
             self.is_outside_open = outside.connected();
@@ -88,7 +89,7 @@ impl Hosts {
         }
     }
 
-    /// Whether the next bytes are another host's since the last call.
+    /// Returns true once after the bytes begin to come from another host.
     pub fn take_change(&mut self) -> bool {
         std::mem::take(&mut self.has_changed)
     }
@@ -171,7 +172,7 @@ impl Hosts {
     }
 }
 
-/// Whether there is an M112 among bytes that are not executed.
+/// Returns true if bytes that are not executed contain an M112.
 fn has_stop(scanner: &mut EmergencyScanner, bytes: &[u8]) -> bool {
     bytes.iter().filter_map(|byte| scanner.feed(*byte)).any(|emergency| emergency == Emergency::Stop)
 }
@@ -185,7 +186,7 @@ mod tests {
 
     use super::*;
 
-    /// What the hosts send, once it has come.
+    /// Reads until the expected bytes or a stop have come; returns true for a stop.
     fn read(hosts: &mut Hosts, expected: &[u8]) -> bool {
         let end = Instant::now() + Duration::from_secs(60);
         let (mut bytes, mut is_stop) = (Vec::new(), false);

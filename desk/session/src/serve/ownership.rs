@@ -21,7 +21,7 @@ impl Ownership {
         self.release(PAGE);
     }
 
-    /// Whether the page owns it.
+    /// Returns true if the page owns it.
     pub fn is_pages(&self) -> bool {
         self.0.load(Ordering::SeqCst) == PAGE
     }
@@ -36,7 +36,7 @@ impl Ownership {
         self.release(OUTSIDE);
     }
 
-    /// Whether the outside host owns it.
+    /// Returns true if the outside host owns it.
     pub fn is_outsides(&self) -> bool {
         self.0.load(Ordering::SeqCst) == OUTSIDE
     }

@@ -1,4 +1,4 @@
-//! How virtual time follows the wall clock.
+//! Paces virtual time by the wall clock.
 
 use std::fmt;
 use std::str::FromStr;
@@ -20,12 +20,12 @@ const LEAP_NS: u64 = 1_000_000_000;
 /// Longest wait for the host before the pace is looked at again.
 const MAX_WAIT: Duration = Duration::from_millis(20);
 
-/// How fast virtual time passes.
+/// Speed of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Speed {
     /// This many virtual seconds in a second.
     Times(f64),
-    /// As fast as this computer can while the printer has something to do; otherwise in real time.
+    /// The maximum that this computer reaches while the printer has something to do; otherwise real time.
     Max,
 }
 
@@ -55,13 +55,13 @@ impl fmt::Display for Speed {
 pub struct Doing {
     /// A command is being executed.
     pub command: bool,
-    /// That command waits for a person.
+    /// The command waits for a person.
     pub waits_for_person: bool,
     /// Motion is planned or under way.
     pub motion: bool,
 }
 
-/// What may happen next.
+/// Next permission for virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// This much virtual time may pass, ns.
@@ -97,7 +97,7 @@ impl Pace {
         self.host_turn_since = None;
     }
 
-    /// How much time may pass at a moment, when virtual time is `now_ns`.
+    /// Returns how much time may pass at a moment, when virtual time is `now_ns`.
     pub fn look(&mut self, now: Instant, now_ns: u64, doing: Doing) -> Next {
         let passed = now.saturating_duration_since(self.looked);
         self.due_ns = (self.due_ns - now_ns.saturating_sub(self.looked_ns) as f64).max(0.0);

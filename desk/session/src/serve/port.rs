@@ -69,9 +69,9 @@ impl Buffers for Ring {
 /// A summary of the bytes that have come from the host.
 #[derive(Default)]
 pub struct Received {
-    /// Whether any have come.
+    /// True if any bytes have come.
     pub anything: bool,
-    /// Whether a line has ended.
+    /// True if a line has ended.
     pub line: bool,
     /// Commands that act at once.
     pub emergencies: Vec<Emergency>,
@@ -87,7 +87,7 @@ pub struct HostPort {
     is_connected: Cell<bool>,
     /// Time of the last look whether a host is there.
     looked: Cell<Instant>,
-    /// Whether the printer waits for bytes.
+    /// True while the printer waits for bytes.
     is_awaited: Cell<bool>,
     unknown: RefCell<BTreeSet<String>>,
     lines: Cell<u32>,
@@ -187,12 +187,12 @@ impl HostPort {
         self.is_awaited.set(is_awaited);
     }
 
-    /// Whether the printer waits for bytes, and none have come.
+    /// Returns true if the printer waits for bytes and none have come.
     pub fn is_awaited(&self) -> bool {
         self.is_awaited.get() && self.ring.borrow().bytes.is_empty()
     }
 
-    /// Whether a host has the line open.
+    /// Returns true if a host has the line open.
     pub fn is_connected(&self) -> bool {
         self.is_connected.get()
     }
