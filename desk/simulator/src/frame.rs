@@ -57,7 +57,7 @@ impl Mode {
         self.omega * (self.omega * away_mm - 2.0 * self.damping * self.speed_mm_per_s)
     }
 
-    /// Where the mode would be if nothing rang: the particular solution that is itself a parabola.
+    /// Returns the mode's motion without ringing: the particular solution that is itself a parabola.
     fn steady(&self, command: Motion) -> Motion {
         let lag_s = 2.0 * self.damping / self.omega;
         let compliance_s2 = (4.0 * self.damping * self.damping - 1.0) / (self.omega * self.omega);
@@ -110,13 +110,13 @@ pub struct SecondMode {
 }
 
 impl Default for SecondMode {
-    /// At 1.7 times the frequency, damping 0.04, -12 dB.
+    /// Returns a mode at 1.7 times the frequency, damping 0.04, -12 dB.
     fn default() -> Self {
         Self { frequency_ratio: 1.7, damping: 0.04, amplitude: 10f64.powf(-12.0 / 20.0) }
     }
 }
 
-/// What a frame is made of.
+/// Parameters of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSettings {
     /// Undamped frequencies of X and Y, Hz.
@@ -225,12 +225,12 @@ impl Frame {
         }
     }
 
-    /// Where the nozzle is, mm.
+    /// Returns the nozzle's position, mm.
     pub fn position_mm(&self) -> [f64; 2] {
         self.axes.map(|axis| axis.mean(Mode::position_mm))
     }
 
-    /// How fast it moves, mm/s.
+    /// Returns the nozzle's speed, mm/s.
     pub fn speed_mm_per_s(&self) -> [f64; 2] {
         self.axes.map(|axis| axis.mean(Mode::speed_mm_per_s))
     }

@@ -77,7 +77,7 @@ impl KlipperSettings {
         Ok(())
     }
 
-    /// What happens to the plan on its way to the motors, with shapers for X and Y.
+    /// Returns the filters between plan and motors, with shapers for X and Y.
     pub fn filters(&self, shapers: [Shaper; 2]) -> Filters {
         Filters { shapers, extruder: ExtruderFilter::klipper(self.pressure_advance_s, self.smooth_time_s) }
     }
@@ -87,7 +87,7 @@ impl KlipperSettings {
 struct Candidate {
     shape: MoveShape,
     acceleration_mm_per_s2: f64,
-    /// Before an axis lowers it.
+    /// Acceleration before an axis lowers it, mm/s^2.
     machine_acceleration_mm_per_s2: f64,
     max_cruise: f64,
     /// Gained over the whole move.
@@ -211,7 +211,7 @@ pub fn plan(job: &Job, settings: &KlipperSettings) -> Vec<MoveSpeeds> {
     speeds
 }
 
-/// What the look-ahead knows of a move, squared speeds.
+/// Squared speeds of a move that the look-ahead knows.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     start: f64,

@@ -1,4 +1,4 @@
-//! What is measured of a nozzle's motion and flow against the programmed path.
+//! Measures a nozzle's motion and flow against the programmed path.
 
 mod bead;
 mod histogram;
@@ -21,10 +21,10 @@ const DIFFERENCE_SAMPLES: usize = 4;
 /// The same in seconds.
 const DIFFERENCE_S: f64 = DIFFERENCE_SAMPLES as f64 * SAMPLE_S;
 
-/// By how much the nozzle may be before or after the plan, s: a shaper's half length and the frame's lag.
+/// Maximum time by which the nozzle leads or lags the plan, s: a shaper's half length and the frame's lag.
 pub const WINDOW_S: f64 = 0.03;
 
-/// Samples that wait for the path at most: 10 min. Of a longer move only the end is measured.
+/// Maximum number of samples that wait for the path: 10 min. Only the end of a longer move is measured.
 const MAX_WAITING: usize = 2_400_000;
 
 /// Motion that pauses for so long has stopped, s.
@@ -35,16 +35,16 @@ pub const STOP_S: f64 = 0.02;
 pub struct ContourError {
     /// Root of the mean square.
     pub rms: f64,
-    /// Not exceeded in 99 % of the time.
+    /// Value not exceeded in 99 % of the time.
     pub p99: f64,
     /// The largest.
     pub max: f64,
 }
 
-/// How the nozzle rings around the place where the motors stand, when they have stopped.
+/// Ringing of the nozzle around the position of the motors after they stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Ringing {
-    /// How often X and Y stopped.
+    /// Number of stops of X and Y.
     pub stops: u64,
     /// Root of the mean square of the amplitudes, um.
     pub rms_um: f64,
@@ -66,7 +66,7 @@ impl Ringing {
 /// Acceleration of the motors in X and Y while printing, by second differences over 1 ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TrueAcceleration {
-    /// Not exceeded in 99 % of the time.
+    /// Value not exceeded in 99 % of the time.
     pub p99: f64,
     /// The largest.
     pub max: f64,
@@ -99,7 +99,7 @@ pub struct Report {
     pub ringing: Ringing,
     /// Acceleration of X and Y.
     pub true_acceleration_mm_per_s2: TrueAcceleration,
-    /// What the extruder must do.
+    /// Demands on the extruder.
     pub extruder: ExtruderReport,
     /// Time spent printing, s.
     pub printing_time_s: f64,

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Sub};
 
-/// How a coordinate moves at an instant; with the acceleration held it is a parabola in time.
+/// Motion of a coordinate at an instant; with the acceleration held it is a parabola in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Position, mm.
@@ -29,7 +29,7 @@ impl Motion {
         }
     }
 
-    /// Whether neither speed nor acceleration is left.
+    /// Returns true if neither speed nor acceleration is left.
     pub fn is_standing(self) -> bool {
         self.speed_mm_per_s.abs() < 1e-9 && self.acceleration_mm_per_s2.abs() < 1e-6
     }

@@ -19,7 +19,7 @@ pub struct SecondSlope {
     pub time_constant_s: f64,
 }
 
-/// What a nozzle is.
+/// Parameters of a nozzle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NozzleSettings {
     /// Compressed volume for each mm^3/s of flow, s: Klipper's `pressure_advance`, Marlin's K.
@@ -96,7 +96,7 @@ impl Nozzle {
         }
     }
 
-    /// What flows out now, mm^3/s.
+    /// Returns the present flow out of the nozzle, mm^3/s.
     pub fn flow_mm3_per_s(&self) -> f64 {
         if self.compressed_mm3 <= 0.0 {
             return 0.0;

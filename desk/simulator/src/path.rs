@@ -5,13 +5,13 @@ use std::collections::VecDeque;
 /// A straight part of the programmed path in X and Y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathSegment {
-    /// When the plan, without any filter, begins it, s.
+    /// Time at which the plan, without any filter, begins it, s.
     pub start_s: f64,
-    /// When it ends it, s.
+    /// Time at which the plan ends it, s.
     pub end_s: f64,
-    /// Where it begins, mm.
+    /// Start point, mm.
     pub from_mm: [f64; 2],
-    /// Where it ends, mm.
+    /// End point, mm.
     pub to_mm: [f64; 2],
     /// Cross-section of the material along it, mm^2 (that is mm^3/mm); 0 on a travel.
     pub bead_mm2: f64,
@@ -23,7 +23,7 @@ impl PathSegment {
         (self.to_mm[0] - self.from_mm[0]).hypot(self.to_mm[1] - self.from_mm[1])
     }
 
-    /// Whether material is laid along it.
+    /// Returns true if material is laid along it.
     pub fn is_printing(&self) -> bool {
         self.bead_mm2 > 0.0
     }
@@ -68,7 +68,7 @@ impl PathWindow {
         self.known_until_s
     }
 
-    /// Nothing of the path is missing before this time: the motors stood, or moved only Z or the extruder.
+    /// Marks the path as complete up to this time: the motors stood, or moved only Z or the extruder.
     pub fn nothing_until(&mut self, time_s: f64) {
         self.known_until_s = self.known_until_s.max(time_s);
     }

@@ -21,13 +21,13 @@ const MARGIN_S: f64 = 0.3;
 /// Speeds of a move along its path (along the filament, if only that moves).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoveSpeeds {
-    /// At its start, mm/s.
+    /// Speed at its start, mm/s.
     pub entry_mm_per_s: f64,
-    /// In its middle, mm/s.
+    /// Speed in its middle, mm/s.
     pub cruise_mm_per_s: f64,
-    /// At its end, mm/s.
+    /// Speed at its end, mm/s.
     pub exit_mm_per_s: f64,
-    /// Of both ramps, mm/s^2.
+    /// Acceleration of both ramps, mm/s^2.
     pub acceleration_mm_per_s2: f64,
 }
 
@@ -51,7 +51,7 @@ pub struct MoveShape {
     pub filament_mm: f64,
     /// Length along which the speeds count, mm.
     pub length_mm: f64,
-    /// Whether only the filament moves.
+    /// True if only the filament moves.
     pub is_filament_only: bool,
 }
 
@@ -83,7 +83,7 @@ pub struct Plan {
     y: Law,
     z: Law,
     filament: Law,
-    /// Of each piece, whether pressure advance applies.
+    /// True where pressure advance applies, by piece.
     advances: Vec<bool>,
     path: Vec<PathSegment>,
     ends: Vec<MoveEnd>,
@@ -112,7 +112,7 @@ impl Plan {
         plans
     }
 
-    /// How long it takes, s.
+    /// Returns its duration, s.
     pub fn duration_s(&self) -> f64 {
         let [start_s, end_s] = self.x.ends_s();
         end_s - start_s
@@ -153,7 +153,7 @@ impl Plan {
 struct Builder {
     filament_mm2: f64,
     time_s: f64,
-    /// Of X, Y, Z and the filament.
+    /// Pieces of X, Y, Z and the filament.
     pieces: [Vec<Piece>; 4],
     advances: Vec<bool>,
     path: Vec<PathSegment>,
@@ -206,7 +206,7 @@ impl Builder {
         }
     }
 
-    /// Nothing, if nothing moves.
+    /// Builds the plan; `None` if nothing moves.
     fn build(self) -> Option<Plan> {
         let Self { advances, path, ends, .. } = self;
         let [x, y, z, filament] = self.pieces.map(|pieces| Law::new(pieces).ok());
@@ -225,17 +225,17 @@ pub fn phases(speeds: &MoveSpeeds, length_mm: f64) -> impl Iterator<Item = (f64,
         .filter(|(duration_s, _)| *duration_s > 1e-12)
 }
 
-/// How a plan is filtered on its way to the motors.
+/// Filters between a plan and the motors.
 #[derive(Clone, Debug)]
 pub struct Filters {
     /// Shapers of X and Y.
     pub shapers: [Shaper; 2],
-    /// What happens to the filament.
+    /// Filter of the filament.
     pub extruder: ExtruderFilter,
 }
 
 impl Filters {
-    /// By how much they begin earlier and end later than the plan, s.
+    /// Returns the time by which the filters begin earlier and end later than the plan, s.
     pub(crate) fn half_length_s(&self) -> f64 {
         let half_s = |shaper: &Shaper| {
             let centred = shaper.clone().centred();
@@ -248,7 +248,7 @@ impl Filters {
 }
 
 impl Default for Filters {
-    /// None at all.
+    /// Returns filters that change nothing.
     fn default() -> Self {
         Self { shapers: [Shaper::identity(), Shaper::identity()], extruder: ExtruderFilter::default() }
     }
@@ -323,7 +323,7 @@ struct Player<'a> {
     shapers: &'a [Shaper; 2],
     filters: &'a Filters,
     filament_mm2: f64,
-    /// What the plan's time 0 is called.
+    /// Time in the results of the plan's time 0, s.
     base_s: f64,
 }
 

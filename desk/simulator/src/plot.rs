@@ -24,7 +24,7 @@ const COLOURS: [&str; 5] = ["#0072b2", "#56b4e9", "#e69f00", "#d55e00", "#7a0000
 /// Colours of X and Y.
 const AXES: [(&str, &str); 2] = [("X", "#0072b2"), ("Y", "#d55e00")];
 
-/// So much of a stop is drawn before and after it, s.
+/// Time drawn around a stop, from its beginning to its end, s.
 const STOP_S: [f64; 2] = [-0.05, 0.2];
 
 /// A rectangle of the page that shows a range of numbers.

@@ -63,7 +63,7 @@ impl std::error::Error for ShaperError {}
 pub struct Impulse {
     /// Its part of the command; a shaper's weights sum to 1.
     pub weight: f64,
-    /// By how much it is later than the command, s; negative is earlier.
+    /// Delay after the command, s; negative is earlier.
     pub delay_s: f64,
 }
 
@@ -173,8 +173,8 @@ impl Shaper {
         self.impulses.iter().map(|one| one.weight * (one.delay_s - centroid_s).powi(2)).sum()
     }
 
-    /// What is left of the vibration of a mode (undamped frequency, Hz, and damping ratio), as a part of what one impulse
-    /// makes at the time of the last.
+    /// Returns the remaining vibration of a mode (undamped frequency, Hz, and damping ratio), as a part of what one
+    /// impulse makes at the time of the last.
     pub fn residual(&self, frequency_hz: f64, damping: f64) -> f64 {
         let omega = TAU * frequency_hz;
         let damped = omega * (1.0 - damping * damping).sqrt();

@@ -108,7 +108,7 @@ pub struct StepSimulation {
     /// The frame's time, s.
     time_s: f64,
     samples: u64,
-    /// Of each motor, positions at samples, in steps.
+    /// Positions at samples, in steps, by motor.
     crossings: [Crossings; MOTORS],
     /// Samples whose motor positions are not known yet.
     waiting: VecDeque<Sample>,
@@ -122,7 +122,7 @@ pub struct StepSimulation {
     homing_s: f64,
 }
 
-/// What may turn out to be homing.
+/// Motion that may turn out to be homing.
 #[derive(Debug, Default)]
 struct SinceMoveEnd {
     time_s: f64,
@@ -238,7 +238,7 @@ impl StepSimulation {
         Ok(())
     }
 
-    /// What has happened since the last end of a move was no homing.
+    /// Counts the stops since the last end of a move, which were not homing.
     fn count_stops(&mut self, time_s: f64) {
         let since = std::mem::replace(&mut self.since, SinceMoveEnd { time_s, ..SinceMoveEnd::default() });
         for (time_s, amplitude_mm) in since.stops {

@@ -7,12 +7,12 @@ use crate::motion::Motion;
 #[derive(Clone, Debug)]
 pub struct ShapedCursor<'a> {
     shaped: ShapedLaw<'a>,
-    /// Of each impulse, how many pieces have begun.
+    /// Number of pieces that have begun, by impulse.
     begun: Vec<usize>,
 }
 
 impl<'a> ShapedCursor<'a> {
-    /// Before the law's beginning.
+    /// Creates a cursor before the law's beginning.
     pub fn new(shaped: ShapedLaw<'a>) -> Self {
         Self { begun: vec![0; shaped.impulses.len()], shaped }
     }

@@ -9,16 +9,16 @@ const JOINT_S: f64 = 1e-6;
 /// A part of a law: a parabola in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
-    /// When it begins, s.
+    /// Start, s.
     pub start_s: f64,
-    /// How long it lasts, s.
+    /// Duration, s.
     pub duration_s: f64,
     /// The motion at its start.
     pub motion: Motion,
 }
 
 impl Piece {
-    /// When it ends, s.
+    /// Returns its end, s.
     pub fn end_s(&self) -> f64 {
         self.start_s + self.duration_s
     }
@@ -85,7 +85,7 @@ impl Law {
         &self.pieces
     }
 
-    /// When motion begins and ends, s.
+    /// Returns the beginning and end of the motion, s.
     pub fn ends_s(&self) -> [f64; 2] {
         match self.pieces.as_slice() {
             [] => [0.0; 2],

@@ -1,4 +1,4 @@
-//! When a motor steps: by bisection, so that nothing but the law itself decides.
+//! Finds the times at which a motor steps, by bisection, so that only the law itself decides.
 
 use crate::law::shaped::ShapedLaw;
 use crate::motion::Motion;
@@ -9,7 +9,7 @@ const HALVINGS: usize = 64;
 /// A step of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepTime {
-    /// When, s.
+    /// Time of the step, s.
     pub time_s: f64,
     /// Towards smaller positions.
     pub negative: bool,

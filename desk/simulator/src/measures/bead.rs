@@ -25,17 +25,19 @@ const PAUSE_S: f64 = 1e-6;
 /// Misplaced material; each difference counts, whether it is too much or too little.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct BeadReport {
-    /// At a corner within 5 mm of path, mean of all corners, mm^3.
+    /// Volume at a corner within 5 mm of path, mean of all corners, mm^3.
     pub corner_volume_mm3: f64,
     /// Corners: turns by more than 30 degrees between two printed moves without a stop.
     pub corners: u64,
-    /// At a beginning or an end of a line within 5 mm of path, mean of all, mm^3; what comes out on travels belongs to it.
+    /// Volume at a beginning or an end of a line within 5 mm of path, mean of all, mm^3; includes what comes out on
+    /// travels.
     pub end_volume_mm3: f64,
     /// Beginnings and ends of lines, and stops in them.
     pub ends: u64,
-    /// In between, in all, mm^3.
+    /// Sum of the volumes in between, mm^3.
     pub elsewhere_volume_mm3: f64,
-    /// What came out while no line was printed, on travels and at stops for filament, in all, mm^3; also counted above.
+    /// Sum of what came out while no line was printed, on travels and at stops for filament, mm^3; also counted
+    /// above.
     pub oozed_volume_mm3: f64,
 }
 
@@ -102,7 +104,7 @@ impl Bead {
         self.bins[index] += difference_mm3.abs();
     }
 
-    /// So much came out while no line was printed.
+    /// Counts a volume that came out while no line was printed.
     pub(super) fn ooze(&mut self, out_mm3: f64) {
         self.report.oozed_volume_mm3 += out_mm3;
     }

@@ -1,6 +1,6 @@
 //! Counts values, for percentiles without keeping them.
 
-/// How a quantity is spread.
+/// Distribution of a quantity.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     bin: f64,
@@ -26,7 +26,7 @@ impl Histogram {
         self.max = self.max.max(value);
     }
 
-    /// How many values there were.
+    /// Returns the number of values.
     pub const fn count(&self) -> u64 {
         self.count
     }

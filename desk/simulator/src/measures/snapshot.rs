@@ -1,9 +1,9 @@
-//! What was around the largest error, and after the strongest stop, for pictures.
+//! Records the samples around the largest error, and after the strongest stop, for pictures.
 
 use crate::measures::sample::{SAMPLE_S, Sample};
 use std::collections::VecDeque;
 
-/// A snapshot has so much before and after its instant, s.
+/// Time that a snapshot covers before and after its instant, s.
 const SIDE_S: f64 = 0.25;
 
 /// Samples of a snapshot.

@@ -1,4 +1,4 @@
-//! What pressure advance and smoothing make of the filament's law, at equal times.
+//! Applies pressure advance and smoothing to the filament's law, at equal times.
 
 use crate::law::{ShapedCursor, ShapedLaw};
 use crate::measures::SAMPLE_S;
@@ -17,7 +17,7 @@ pub struct ExtruderFilter {
 }
 
 impl Default for ExtruderFilter {
-    /// None.
+    /// Returns a filter that changes nothing.
     fn default() -> Self {
         Self { advance_s: 0.0, shaper: Shaper::identity(), boxes_s: Vec::new() }
     }
@@ -37,7 +37,7 @@ struct Average {
     /// Values that are averaged.
     length: usize,
     sum: f64,
-    /// Whether the outermost two count by half: means of points, and not of cells.
+    /// True if the outermost two count by half, for means of points and not of cells.
     of_points: bool,
 }
 
@@ -67,13 +67,13 @@ impl Average {
 /// The filament's position at one sample after the other.
 pub(crate) struct ExtruderSamples<'a> {
     cursor: ShapedCursor<'a>,
-    /// How far the law has been read, s.
+    /// Time up to which the law has been read, s.
     read_until_s: f64,
     averages: Vec<Average>,
 }
 
 impl<'a> ExtruderSamples<'a> {
-    /// Of a shaped law, after these moving averages; the first sample will be at this time.
+    /// Samples a shaped law after these moving averages; the first sample will be at `first_s`.
     pub(crate) fn new(shaped: ShapedLaw<'a>, boxes_s: &[f64], first_s: f64) -> Self {
         // Half a length, so that an average is centred at a sample.
         let halves: Vec<usize> = boxes_s

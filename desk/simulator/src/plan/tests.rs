@@ -143,7 +143,7 @@ fn contour_errors_are_those_of_another_simulator() {
     }
 }
 
-/// Without a filter, on a frame that does not give, the nozzle is on the path.
+/// The nozzle is on the path without a filter, on a frame that does not give.
 #[test]
 fn a_stiff_frame_follows_the_path() {
     let plans = right_angle(100.0, 3000.0);

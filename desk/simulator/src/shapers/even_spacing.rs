@@ -27,7 +27,7 @@ pub struct EvenSpacing {
 /// Such a shaper does not exist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EvenSpacingError {
-    /// Not 3 to 10 impulses; the number asked for.
+    /// The number of impulses asked for is not 3 to 10.
     Count(usize),
     /// The time, in periods, is not positive, or too long for the number of impulses.
     Length {

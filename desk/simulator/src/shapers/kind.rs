@@ -1,4 +1,4 @@
-//! Which shapers there are.
+//! Lists the kinds of shapers.
 
 use crate::shapers::even_spacing::EvenSpacing;
 

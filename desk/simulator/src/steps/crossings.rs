@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 /// A motor that has not stepped for so long stands, s.
 const REST_S: f64 = 0.05;
 
-/// How long it takes at most from a crossing to the position where it stands, and back, s.
+/// Maximum time from a crossing to the position where the motor rests, and back, s.
 const SETTLE_S: f64 = 0.005;
 
 /// The positions of a motor at the samples, in steps, by straight lines between crossings. A step is made where the position

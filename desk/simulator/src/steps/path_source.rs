@@ -1,4 +1,4 @@
-//! Where the programmed path comes from: the G-code, or the steps themselves.
+//! Provides the programmed path, from the G-code or from the steps themselves.
 
 use crate::measures::Measures;
 use crate::path::PathSegment;
@@ -21,7 +21,7 @@ const PAUSE_S: f64 = 0.1;
 /// The path does not fit the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathError {
-    /// In the trace a move of one line ends where the G-code has one of another.
+    /// A move in the trace ends on one line, the G-code's move on another.
     Line {
         /// The line of the trace.
         traced: u32,
@@ -65,7 +65,7 @@ impl std::error::Error for PathError {}
 pub struct PathSource {
     from: From,
     filament_mm2: f64,
-    /// When the last known part of the path ended, s.
+    /// End of the last known part of the path, s.
     end_s: f64,
 }
 
@@ -75,7 +75,7 @@ enum From {
     Steps { points: Vec<Point> },
 }
 
-/// Where the motors stood after a step.
+/// Position of the motors after a step.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     time_s: f64,

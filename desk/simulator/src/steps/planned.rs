@@ -110,7 +110,7 @@ impl<'a> Motors<'a> {
         motors
     }
 
-    /// How the motors of the axes move from now on, if they do not change before a time, s.
+    /// Returns the motion of the axes' motors from now on, if they do not change before a time, s.
     fn motion(&mut self, until_s: f64) -> [Motion; 3] {
         // The middle is inside one piece of every impulse, which the ends, by rounding, may not be.
         let half_s = 0.5 * (until_s - self.time_s);
