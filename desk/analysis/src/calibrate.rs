@@ -20,10 +20,10 @@ const EXAMPLE_ACCELERATION_MM_PER_S2: f64 = 5000.0;
 /// The largest record that is read, bytes: ten minutes of an accelerometer.
 const LARGEST_BYTES: u64 = 256 << 20;
 
-/// What shook an axis.
+/// Measurement of an axis and its frame.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameMeasurement {
-    /// Where it comes from, for a person.
+    /// Source of the measurement, for a person.
     pub source: String,
     /// The axis, `X` or `Y`.
     pub axis: char,
@@ -31,7 +31,7 @@ pub struct FrameMeasurement {
     pub mode: Mode,
     /// The shapers for it.
     pub shapers: Comparison,
-    /// What the record shows, for the chart.
+    /// Spectrum of the record, for the chart.
     #[serde(skip)]
     pub spectrum: Option<Spectrum>,
 }

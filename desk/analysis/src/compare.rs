@@ -33,7 +33,7 @@ pub struct Asked<'a> {
     pub changes: &'a [(String, f64)],
 }
 
-/// What is compared of a print.
+/// Figures of a print for the comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct Side {
     /// The job's file.
@@ -45,9 +45,9 @@ pub struct Side {
     pub changes: BTreeMap<String, f64>,
     /// Time of the print, s.
     pub print_time_s: f64,
-    /// Time spent printing, and travelling, s.
+    /// Time spent printing, s.
     pub printing_s: f64,
-    /// See `printing_s`.
+    /// Time spent travelling, s.
     pub travelling_s: f64,
     /// Mean speed while printing, mm/s.
     pub mean_printing_mm_per_s: f64,

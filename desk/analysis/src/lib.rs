@@ -1,5 +1,5 @@
-//! What the desk finds out about jobs and machines: a print's record for its page, its error on a frame that rings, its time with other
-//! settings, two prints side by side; and a machine's settings from what it has measured or printed.
+//! Analyses jobs and machines: a print's record for its page, its error on a frame that rings, its time with other
+//! settings, two prints side by side; and a machine's settings from measurements or prints.
 
 pub mod calibrate;
 pub mod compare;

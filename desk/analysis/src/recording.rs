@@ -149,7 +149,7 @@ pub fn record(
     record_without(&Dropped::new(Vec::new()), profile, input, max_nodes, replies, look)
 }
 
-/// As [`record`], without some of the job's commands.
+/// Records a job as [`record`] does, without some of its commands.
 pub(crate) fn record_without(
     dropped: &Dropped,
     profile: Profile,
@@ -248,7 +248,8 @@ fn estimate(profile: Profile, file: &Path, factors: LimitFactors) -> Option<f64>
 }
 
 impl Shown {
-    /// What a page says besides the motion. `file`: the job's name; `slicer_time_s`: the slicer's, where the job's text does not say it.
+    /// Returns the page's facts besides the motion. `file`: the job's name; `slicer_time_s`: the slicer's estimate,
+    /// used if the job's text has none.
     pub fn job(&self, file: &Path, profile: &Profile, slicer_time_s: Option<f64>, chances: Vec<(String, f64)>) -> Job {
         let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
         Job {
@@ -269,7 +270,7 @@ impl Shown {
         }
     }
 
-    /// What the page lists, the most important first.
+    /// Returns the findings that the page lists, the most important first.
     pub fn findings(&self) -> Vec<Finding> {
         let stopped = self.stopped.as_ref().map(|error| (error.to_string(), Stop::from(error).line));
         let remarks = self.remarks.iter().map(|remark| Remarked {

@@ -50,7 +50,7 @@ pub enum SimulationError {
     Steps(StepsError),
     /// The frame's or the nozzle's numbers are out of range.
     Machine(MachineError),
-    /// What is said of filters and of the frame contradicts itself.
+    /// The options for filters and frame contradict each other.
     Filters(FilterError),
     /// `--compare` needs G-code to plan by other rules.
     NothingToCompare,
@@ -148,7 +148,7 @@ pub struct Simulation {
     /// The moves of the G-code, and how the reference plans them.
     path: Option<(Job, Vec<MoveSpeeds>)>,
     filament_mm2: f64,
-    /// Whether ringing is measured as a part of the unfiltered plan's, too.
+    /// True to measure ringing also as a part of the unfiltered plan's.
     has_relative_ringing: bool,
 }
 
@@ -216,12 +216,12 @@ impl Simulation {
         self.source
     }
 
-    /// Whether the path is that of G-code, not the one that the steps draw.
+    /// Returns true if the path comes from G-code, not from the steps.
     pub const fn has_path(&self) -> bool {
         self.path.is_some()
     }
 
-    /// What words say of filters and frame for this job or trace.
+    /// Returns the filters and the frame's frequencies that the options give for this job or trace.
     ///
     /// # Errors
     /// They contradict each other, or mean nothing for it.
@@ -267,7 +267,7 @@ impl Simulation {
         Ok((report, snapshots))
     }
 
-    /// What plans measure without filters.
+    /// Measures plans without filters.
     fn unfiltered(&self, machine: &Machine, plans: &[Plan]) -> Result<Report, SimulationError> {
         let mut measures = Measures::default();
         let time_s = simulate(plans, &Filters::default(), machine, self.filament_mm2, &mut measures)?;
@@ -335,7 +335,7 @@ impl Simulation {
     }
 }
 
-/// Whether the simulated machine is as true as the profile's.
+/// Rejects a profile with skew or backlash, which the simulated machine does not have.
 fn check(profile: &Profile) -> Result<(), SimulationError> {
     if profile.skew != Skew::NONE {
         return Err(SimulationError::Skew);

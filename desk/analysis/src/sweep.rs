@@ -1,4 +1,4 @@
-//! What a job would take with other values of a profile's keys.
+//! Estimates a job with other values of a profile's keys.
 
 pub mod chart;
 mod error;
@@ -49,7 +49,7 @@ const BUDGET_KEYS: [&str; 2] = [ERROR_BUDGET_KEY, "frame"];
 pub struct Sweep {
     /// Full paths with dots.
     pub keys: Vec<String>,
-    /// What they are together, for a person.
+    /// Name of the keys together, for a person.
     pub label: String,
     /// The values.
     pub values: Values,
@@ -121,14 +121,14 @@ pub struct Swept {
     pub profile: String,
     /// The keys that were changed together.
     pub keys: Vec<String>,
-    /// What they are together, for a person.
+    /// Name of the keys together, for a person.
     #[serde(skip)]
     pub label: String,
     /// Time with the profile as it is, and the job as it is but for the lines left out, s.
     pub print_time_s: f64,
     /// Lines of the job left out, for what they set would hold over the profile's values.
     pub lines_left_out: u64,
-    /// In the order of the values.
+    /// Rows in the order of the values.
     pub rows: Vec<Row>,
 }
 

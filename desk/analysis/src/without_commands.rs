@@ -24,13 +24,13 @@ impl Dropped {
     }
 }
 
-/// Where in a line the reader is.
+/// Position of the reader in a line.
 enum Place {
-    /// At its beginning: the characters so far, without spaces before them.
+    /// Its beginning: the characters so far, without spaces before them.
     Start(Vec<u8>),
-    /// Behind a command that stays.
+    /// After a command that stays.
     Kept,
-    /// Behind one that is left out.
+    /// After a command that is left out.
     Dropped,
 }
 

@@ -1,19 +1,19 @@
-//! What a block contains.
+//! Kinds of blocks.
 
-/// What a block contains.
+/// Kind of a block's contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockKind {
-    /// What wrote the file, and when: [entries](crate::entries).
+    /// Producer and time of the file: [entries](crate::entries).
     FileMetadata,
     /// G-code.
     Gcode,
     /// The slicer's settings: [entries](crate::entries).
     SlicerMetadata,
-    /// What a printer compares with itself, such as its model and nozzle: [entries](crate::entries).
+    /// Values that a printer compares with its own, such as model and nozzle: [entries](crate::entries).
     PrinterMetadata,
     /// Time and material: [entries](crate::entries).
     PrintMetadata,
-    /// A picture, in a block of its own.
+    /// A picture.
     Thumbnail {
         /// Its format.
         format: ThumbnailFormat,

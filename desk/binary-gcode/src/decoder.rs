@@ -1,4 +1,4 @@
-//! From the file's bytes to what its blocks contain.
+//! Decodes the file's bytes into the contents of its blocks.
 
 use crc::Digest;
 use ferrostep_gcode::meatpack::{Unpacked, Unpacker};
@@ -13,7 +13,7 @@ use crate::{BlockKind, Error, Reason};
 /// The table of the checksums.
 static TABLE: crc::Crc<u32> = CRC;
 
-/// Which blocks' contents a [`Decoder`] gives out. The checksums of the others are checked all the same.
+/// Blocks whose contents a [`Decoder`] returns. The checksums of all others are also checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Selection {
     gcode: bool,
@@ -43,12 +43,13 @@ impl Selection {
     }
 }
 
-/// What a call of [`Decoder::advance`] gave.
+/// Result of a call of [`Decoder::advance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Nothing yet: the decoder wants the bytes at its new [`Decoder::position`].
+    /// No contents yet: the decoder wants the bytes at its new [`Decoder::position`].
     More,
-    /// So many bytes of a block's contents, at the start of the output. Lines of G-code may go on in the next portion.
+    /// This many bytes of a block's contents, at the start of the output. A line of G-code may continue in the next
+    /// portion.
     Contents(BlockKind, usize),
     /// The file has ended.
     End,
@@ -68,7 +69,7 @@ pub struct Decoder {
     has_gcode: bool,
     /// Number of the present block, from 1.
     block: u32,
-    /// Where it begins.
+    /// Offset of the block in the file, bytes.
     offset: u64,
     /// A header whose rest is still to come.
     gathered: [u8; MAX_HEAD_BYTES],
@@ -76,7 +77,7 @@ pub struct Decoder {
     contents: Contents,
 }
 
-/// What the next bytes are.
+/// Kind of the next bytes.
 #[derive(Clone)]
 enum Stage {
     FileHeader,
@@ -100,7 +101,7 @@ enum Stage {
 }
 
 impl Decoder {
-    /// At the start of a file.
+    /// Creates a decoder at the start of a file.
     pub fn new(selection: Selection) -> Self {
         Self {
             selection,
@@ -116,12 +117,12 @@ impl Decoder {
         }
     }
 
-    /// Where in the file the next call's bytes begin.
+    /// Returns the place in the file at which the next call's bytes begin.
     pub const fn position(&self) -> u64 {
         self.position
     }
 
-    /// Where in the file the block begins of which [`Progress::Contents`] were given out last.
+    /// Returns the place in the file of the block whose [`Progress::Contents`] were returned last.
     pub const fn block_offset(&self) -> u64 {
         self.offset
     }
@@ -299,7 +300,7 @@ impl Decoder {
         true
     }
 
-    /// As [`Self::collect`], and takes them out.
+    /// Collects bytes as [`Self::collect`] does, and takes them out.
     fn gather(&mut self, count: usize, input: &mut &[u8]) -> Option<[u8; MAX_HEAD_BYTES]> {
         if !self.collect(count, input) {
             return None;
@@ -321,7 +322,7 @@ impl Decoder {
     }
 }
 
-/// As many of the bytes as belong to what is left of a block.
+/// Takes as many of the bytes as belong to the rest of a block.
 fn take<'a>(left: &mut u32, input: &mut &'a [u8]) -> &'a [u8] {
     let (bytes, rest) = input.split_at(input.len().min(*left as usize));
     *left -= bytes.len() as u32;
@@ -336,7 +337,7 @@ struct Contents {
     heatshrink: Heatshrink,
     #[cfg(feature = "deflate")]
     inflate: Inflate,
-    /// How G-code is packed, if it is.
+    /// Unpacker of the G-code, if it is packed.
     meatpack: Option<Unpacker>,
     /// Bytes that had no room in the output, from `waiting_from`.
     waiting: Unpacked,

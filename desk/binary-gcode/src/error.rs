@@ -9,15 +9,15 @@ use crate::block_kind::BlockKind;
 pub struct Error {
     /// Number of the block, from 1; 0 for the file's header.
     pub block: u32,
-    /// What the block contains, where that is known.
+    /// Contents of the block, where known.
     pub kind: Option<BlockKind>,
-    /// Where the block begins in the file, bytes.
+    /// Offset of the block in the file, bytes.
     pub offset: u64,
-    /// What is wrong.
+    /// The reason.
     pub reason: Reason,
 }
 
-/// What is wrong with a file.
+/// Reason for which a file is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reason {
     /// It does not begin as binary G-code does.
@@ -34,9 +34,9 @@ pub enum Reason {
     Encoding(u16),
     /// A block's checksum is not that of its bytes.
     Checksum {
-        /// The one in the file.
+        /// Checksum in the file.
         stored: u32,
-        /// That of the bytes.
+        /// Checksum of the bytes.
         computed: u32,
     },
     /// The file ends within its header or a block.
@@ -47,7 +47,7 @@ pub enum Reason {
     Deflate,
     /// The block's contents have another length than its header says.
     Length {
-        /// What the header says, bytes.
+        /// Length in the header, bytes.
         expected: u32,
     },
     /// The file contains no G-code.

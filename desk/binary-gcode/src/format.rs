@@ -24,7 +24,7 @@ pub(crate) const CRC_BYTES: usize = 4;
 /// The most bytes before a block's data: its header and a thumbnail's parameters.
 pub(crate) const MAX_HEAD_BYTES: usize = COMPRESSED_HEADER_BYTES + 6;
 
-/// How a block's bytes are compressed.
+/// Compression of a block's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {
     None,
@@ -58,7 +58,7 @@ pub(crate) struct Head {
     pub stored_bytes: u32,
     /// Bytes of its data, decompressed.
     pub bytes: u32,
-    /// What the first parameter says: how the data is encoded.
+    /// First parameter: the encoding of the data.
     pub encoding: u16,
 }
 

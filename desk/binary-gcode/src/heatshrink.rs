@@ -17,7 +17,7 @@ const COUNT_BITS: u8 = 4;
 pub(crate) struct Heatshrink {
     window: [u8; WINDOW_BYTES],
     window_bits: u8,
-    /// Where the next byte goes.
+    /// Place of the next byte in the window.
     head: usize,
     /// Bits that have come and are not used yet, the lowest `held` of them.
     bits: u32,
@@ -30,7 +30,7 @@ pub(crate) struct Heatshrink {
 }
 
 impl Heatshrink {
-    /// At the start of a block, with the largest window.
+    /// Creates a decoder at the start of a block, with the largest window.
     pub const fn new() -> Self {
         Self {
             window: [0; WINDOW_BYTES],

@@ -21,12 +21,12 @@ pub(crate) struct Inflate {
     /// The window was full before all was decompressed.
     has_more: bool,
     is_done: bool,
-    /// What comes after the bytes that are ready is damaged.
+    /// The data after the ready bytes is damaged.
     is_damaged: bool,
 }
 
 impl Inflate {
-    /// At the start of a block.
+    /// Creates a decoder at the start of a block.
     pub fn new() -> Self {
         Self {
             state: DecompressorOxide::new(),
@@ -77,7 +77,7 @@ impl Inflate {
         }
     }
 
-    /// Whether the data has come to its end.
+    /// Returns true if the data has ended and all of it was taken.
     pub fn is_done(&self) -> bool {
         self.is_done && self.ready.is_empty()
     }

@@ -1,4 +1,4 @@
-//! What blocks of metadata say.
+//! Reads the entries of blocks of metadata.
 
 /// The entries of a block of metadata, in its order: a key and its value. Lines without `=` are left out.
 ///

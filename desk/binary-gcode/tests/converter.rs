@@ -22,7 +22,7 @@ fn files() -> Vec<(String, Vec<u8>)> {
 /// A block's kind and its contents.
 type Block = (BlockKind, Vec<u8>);
 
-/// What is selected of a file that comes in portions of `portion` bytes, in output of `room` bytes.
+/// Reads the selected blocks of a file that comes in portions of `portion` bytes, into output of `room` bytes.
 fn read(file: &[u8], selection: Selection, portion: usize, room: usize) -> Result<Vec<Block>, Error> {
     let mut decoder = Decoder::new(selection);
     let mut output = vec![0; room];

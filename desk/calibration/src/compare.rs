@@ -1,4 +1,4 @@
-//! What each shaper leaves of a measured vibration.
+//! Computes what each shaper leaves of a measured vibration.
 
 use ferrostep_simulator::shapers::{Shaper, ShaperKind};
 use serde::Serialize;
@@ -9,7 +9,8 @@ use crate::spectrum::Spectrum;
 /// Frequencies of vibrations that count, Hz: a print shows lower ones not as ringing, and higher ones hardly.
 const COUNTED_HZ: [f64; 2] = [5.0, 200.0];
 
-/// What is below this part of the highest density counts as the movement that shook the frame, not as its vibration.
+/// Part of the highest density below which a density counts as the movement that shook the frame, not as its
+/// vibration.
 const COUNTED_PART: f64 = 0.05;
 
 /// The kinds that are compared, the shortest first.
@@ -32,7 +33,7 @@ const GOOD: f64 = 0.05;
 /// A frequency is tried each time the one before times this.
 const NEXT_FREQUENCY: f64 = 1.004;
 
-/// What a shaper does for the measured frame.
+/// Effect of a shaper on the measured frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Score {
     /// The name in a profile.
@@ -42,7 +43,7 @@ pub struct Score {
     /// Amplitude that it leaves of the recorded vibration, as a part: the worst of the frame as measured, and of one that is stiffer or
     /// softer by [`Comparison::change`].
     pub left: f64,
-    /// How far it rounds a curve for each mm/s^2 of acceleration, s^2: half its variance.
+    /// Rounding of a curve for each mm/s^2 of acceleration, s^2: half the shaper's variance.
     pub rounding_s2: f64,
 }
 
@@ -51,11 +52,11 @@ pub struct Score {
 pub struct Comparison {
     /// Damping ratio that all are made for.
     pub damping: f64,
-    /// By which part of its frequency the frame is taken to change.
+    /// Change of the frame's frequency to allow for, as a part of it.
     pub change: f64,
     /// Each kind with its best frequency.
     pub scores: Vec<Score>,
-    /// Which of them to take.
+    /// The score to take.
     pub choice: Choice,
 }
 
@@ -78,7 +79,7 @@ impl Comparison {
 pub enum Choice {
     /// It leaves at most a twentieth, and of those that do it rounds least: its index.
     RoundsLeast(usize),
-    /// None leaves so little; it leaves least: its index.
+    /// No shaper leaves that little; this one leaves least: its index.
     LeavesLeast(usize),
 }
 

@@ -20,7 +20,7 @@ const BESIDE: f64 = 1.6;
 /// Another peak with this part of the strongest one's density is named.
 pub const SECOND_PEAK_SHARE: f64 = 0.1;
 
-/// What Hann's window makes of the power of one frequency, at halves of a line from it.
+/// Power of one frequency under Hann's window, at halves of a line from it.
 const WINDOW: [(f64, f64); 7] =
     [(-1.5, 0.0144), (-1.0, 0.25), (-0.5, 0.7205), (0.0, 1.0), (0.5, 0.7205), (1.0, 0.25), (1.5, 0.0144)];
 
@@ -56,7 +56,7 @@ pub struct Mode {
 /// No mode shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModeError {
-    /// Nothing stands out between the lowest and the highest frequency.
+    /// No peak stands out between the lowest and the highest frequency.
     NoPeak,
     /// The peak has not the shape of a mode.
     Shape,

@@ -11,10 +11,10 @@ const GRAVITY_MM_PER_S2: f64 = 9806.65;
 /// The first line of RepRapFirmware's records of all axes.
 const REPRAPFIRMWARE_HEADER: &str = "Sample,X,Y,Z";
 
-/// What lines begin with that a printer says beside a record.
+/// Beginnings of the lines that a printer sends beside a record.
 const ANSWERS: [&str; 4] = ["ok", "echo:", "//", "T:"];
 
-/// What this printer says of a record that has ended before its time.
+/// Beginning of this printer's line about a record that ended early.
 const ENDED: &str = "echo:record ended: ";
 
 /// An interval longer than this many usual ones is a gap.
@@ -135,12 +135,12 @@ impl Record {
         self.acceleration_mm_per_s2[0].len()
     }
 
-    /// Whether there are no samples.
+    /// Returns true if there are no samples.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How long it lasts, s.
+    /// Returns its duration, s.
     pub fn duration_s(&self) -> f64 {
         self.len() as f64 / self.rate_hz
     }

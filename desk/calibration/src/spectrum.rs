@@ -30,7 +30,7 @@ pub struct Spectrum {
     pub step_hz: f64,
     /// The density; the first is that of a constant.
     pub density: Vec<f64>,
-    /// How many parts of the record it is the mean of; they overlap by a half.
+    /// Number of parts of the record in the mean; they overlap by a half.
     pub parts: usize,
 }
 
@@ -45,12 +45,12 @@ pub enum SpectrumError {
     OtherAxis {
         /// The axis that was asked for.
         axis: char,
-        /// That which shakes most.
+        /// The axis that shakes most.
         strongest: char,
         /// Its power over that of the axis.
         times: f64,
     },
-    /// Nothing shakes.
+    /// No axis shakes.
     Still,
 }
 

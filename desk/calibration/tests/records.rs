@@ -36,7 +36,7 @@ impl Random {
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Of a normal distribution (Box and Muller 1958).
+    /// Returns a number from a normal distribution (Box and Muller 1958).
     fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.share()).ln()).sqrt() * (TAU * self.share()).cos()
     }
@@ -307,8 +307,8 @@ proptest! {
         }
     }
 
-    /// What a printer answers between the lines of a record changes nothing; a line that is missing, doubled or swapped with the next
-    /// is noticed.
+    /// A printer's answers between the lines of a record change nothing; a line that is missing, doubled or swapped
+    /// with the next is noticed.
     #[test]
     fn a_log_is_the_record_in_it_or_refused(
         samples in prop::collection::vec(prop::array::uniform3(-16.0..16.0_f64), 2..40),

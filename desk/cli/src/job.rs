@@ -46,7 +46,7 @@ pub fn replies(progress: &Progress) -> JobReplies<'_> {
     })
 }
 
-/// With `--strict`: exit status 1 if there are remarks that say more than that corners follow the profile.
+/// Returns exit status 1 on any remark other than `corner`, for `--strict`.
 pub fn strict(job: &JobArguments, remarks: &[Remark]) -> ExitCode {
     let remarks: Vec<&Remark> = remarks.iter().filter(|remark| remark.kind != RemarkKind::Corner).collect();
     match remarks[..] {

@@ -1,4 +1,4 @@
-//! What `ferrostep` says of itself to shells and to `man`, made from the command line's definition.
+//! Writes shell completions and manual pages from the command line's definition.
 
 use std::io::{self, Write};
 use std::path::Path;

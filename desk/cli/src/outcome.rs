@@ -1,4 +1,4 @@
-//! How a command ends: its result on standard output, and its exit status.
+//! Ends a command: writes its result to standard output, and returns its exit status.
 
 use std::process::ExitCode;
 

@@ -20,12 +20,12 @@ const LENGTH: usize = 20;
 /// Least time between two messages: what changes faster cannot be read.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// When each line of a file is executed, once a thread beside this one has estimated it.
+/// Times at which the lines of a file are executed, once a thread beside this one has estimated them.
 #[derive(Clone, Default)]
 pub struct Estimate(Arc<OnceLock<Schedule>>);
 
 impl Estimate {
-    /// Begins to estimate a file for a machine. Of what is no file nothing is estimated, for it can be read once only.
+    /// Begins to estimate a file for a machine. Only a regular file is estimated: others can be read once only.
     pub fn begin(&self, file: &Path, profile: Profile, look_ahead: usize) {
         if !file.metadata().is_ok_and(|metadata| metadata.is_file()) {
             return;

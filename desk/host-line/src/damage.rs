@@ -5,11 +5,12 @@
 pub enum LineFault {
     /// Some bytes are lost.
     DropBytes,
-    /// In some bytes a bit changes.
+    /// A bit changes in some bytes.
     FlipBits,
     /// Some lines are lost, with their ends.
     DropLines,
-    /// In some lines one bit changes. Of two, the checksum misses one pair in eight, as it adds the bytes bit by bit.
+    /// One bit changes in some lines. If two changed, the checksum would miss one pair in eight, as it adds the bytes
+    /// bit by bit.
     FlipInLines,
 }
 
@@ -42,7 +43,7 @@ pub fn share(text: &str) -> Result<f64, String> {
 pub struct DamagedLine {
     random: fastrand::Rng,
     faults: Vec<(LineFault, f64)>,
-    /// At the start of a line.
+    /// True at the start of a line.
     begins: bool,
     drops_line: bool,
     /// Bytes of this line up to the one in which a bit changes.
@@ -78,7 +79,7 @@ impl DamagedLine {
         }
     }
 
-    /// Whether a byte arrives; it may have changed.
+    /// Returns true if a byte arrives; it may have changed.
     fn arrives(&mut self, byte: &mut u8) -> bool {
         let ends = matches!(*byte, b'\n' | b'\r');
         if std::mem::replace(&mut self.begins, ends) {

@@ -28,7 +28,7 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 const MAX_WAITING: usize = 64 * 1024;
 /// Maximum bytes of one read.
 const MAX_READ: usize = 4096;
-/// How long [`Line::wait`] sleeps at most while no host has the terminal open, which cannot be waited for.
+/// Maximum sleep of [`Line::wait`] while no host has the terminal open, which cannot be waited for.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A line that a host program on this computer can open.
@@ -37,7 +37,7 @@ pub struct Line {
     end: End,
     waiting: VecDeque<u8>,
     dropped_bytes: u64,
-    /// Whether a host had the line open at the last look.
+    /// True if a host had the line open at the last look.
     was_open: bool,
     /// A host has gone since the last [`Self::take_departure`].
     has_departed: bool,
@@ -129,7 +129,7 @@ impl Line {
         }
     }
 
-    /// Whether a host has the line open.
+    /// Returns true if a host has the line open.
     pub fn connected(&mut self) -> bool {
         match &mut self.end {
             End::Pty { board_end, .. } => {
@@ -145,9 +145,9 @@ impl Line {
         }
     }
 
-    /// Whether a host has gone since the last call: what it has left of a line is not the beginning of the next host's. What the
-    /// [`Self::read`] that has seen it go returns comes from the next host. Of a terminal only [`Self::connected`] sees it, so that a host
-    /// that goes and comes back between two looks stays unnoticed.
+    /// Returns true if a host has gone since the last call: the rest of its line is not the beginning of the next
+    /// host's. The [`Self::read`] that has seen it go returns bytes of the next host. On a terminal only
+    /// [`Self::connected`] sees it, so that a host that goes and comes back between two looks stays unnoticed.
     pub fn take_departure(&mut self) -> bool {
         std::mem::take(&mut self.has_departed)
     }
@@ -302,7 +302,7 @@ fn write_to(host: &mut Option<impl Write>, bytes: &[u8]) -> Option<usize> {
 }
 
 impl End {
-    /// What is waited for until a host speaks; `None`: no host will.
+    /// Returns the file to wait on until a host speaks; `None`: no host will.
     fn source(&self) -> Option<PollFd<'_>> {
         let source = match self {
             Self::Pty { board_end, .. } => board_end.as_fd(),
@@ -342,12 +342,12 @@ fn open_terminal() -> io::Result<(File, PathBuf)> {
     Ok((File::from(board_end), name))
 }
 
-/// Whether an error only means that no byte is ready, or that no host has the terminal open (EIO).
+/// Returns true if an error only means that no byte is ready, or that no host has the terminal open (EIO).
 fn is_idle(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error())
 }
 
-/// Whether the last host has closed the terminal. It counts as open until the first host opens it.
+/// Returns true if the last host has closed the terminal. It counts as open until the first host opens it.
 fn hung_up(board_end: &File) -> bool {
     let mut ends = [PollFd::new(board_end, PollFlags::empty())];
     let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };

@@ -68,7 +68,7 @@ impl Assembly {
         Ok(Some(false))
     }
 
-    /// Whether a line has come.
+    /// Returns true once a line has come.
     pub const fn is_begun(&self) -> bool {
         self.next > 0
     }

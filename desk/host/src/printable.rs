@@ -40,7 +40,7 @@ pub fn name(path: &Path) -> String {
     one_line(&path.to_string_lossy()).into_owned()
 }
 
-/// Whether a path stands for standard input.
+/// Returns true if a path means standard input.
 pub fn is_standard_input(path: &Path) -> bool {
     path.as_os_str() == STANDARD_INPUT
 }

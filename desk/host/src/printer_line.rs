@@ -18,7 +18,7 @@ use crate::send::Port;
 /// Longest time of one read; a longer wait repeats it.
 const READ: Duration = Duration::from_millis(100);
 
-/// How long a connection may take.
+/// Maximum time to connect.
 const CONNECT: Duration = Duration::from_secs(10);
 
 /// The address of a printer.
@@ -66,7 +66,7 @@ pub struct FoundPort {
 }
 
 impl FoundPort {
-    /// Whether its USB numbers are those of this firmware.
+    /// Returns true if its USB numbers are those of this firmware.
     #[must_use]
     pub fn is_ours(&self) -> bool {
         self.usb == Some((ferrostep_usb::VENDOR_ID, ferrostep_usb::PRODUCT_ID))

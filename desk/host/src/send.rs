@@ -32,7 +32,7 @@ use ferrostep_gpre::transfer::{Report, Sender, Word};
 use meeting::meet;
 use protocol::numbered;
 
-/// How many of the board's last lines an error repeats.
+/// Number of the board's last lines that an error repeats.
 const REMEMBERED_LINES: usize = 6;
 
 /// Commands that open a transfer, each answered by an `ok`.

@@ -25,7 +25,8 @@ fn expanded_at(text: &str, definitions: &Definitions, options: usize) -> Option<
     Some(out)
 }
 
-/// Whether Marlin counts an option as switched on: without a value, 1 or true. `None` if Marlin itself works it out.
+/// Evaluates an option as Marlin does: it is on without a value, with 1 or with true. `None` if Marlin itself works
+/// it out.
 pub(crate) fn is_enabled(name: &str, definitions: &Definitions) -> Option<bool> {
     is_enabled_at(name, definitions, 0)
 }
@@ -110,7 +111,8 @@ impl Expansion<'_> {
         Some(())
     }
 
-    /// What Marlin's TERN and its like choose; the inner `None` if it is another name.
+    /// Expands Marlin's TERN and its like; the inner `None` for another name, the outer one if the condition is
+    /// unknown.
     fn chosen(&self, name: &str, arguments: &[Vec<Token>]) -> Option<Option<Vec<Token>>> {
         let [condition, rest @ ..] = arguments else { return Some(None) };
         let [Token::Name(option)] = condition.as_slice() else { return None };

@@ -51,12 +51,12 @@ pub(crate) fn tokens(text: &str) -> Vec<Token> {
     tokens
 }
 
-/// Whether a name may have a letter.
+/// Returns true if a name may contain this character.
 pub(crate) fn is_of_name(char: char) -> bool {
     char.is_ascii_alphanumeric() || char == '_'
 }
 
-/// Where a number ends that a text begins with; the sign of an exponent is in it.
+/// Returns the end of the number that a text begins with, including the sign of an exponent.
 fn number_end(text: &str) -> usize {
     let mut before = ' ';
     let is_hex = text.starts_with("0x") || text.starts_with("0X");

@@ -12,7 +12,7 @@ const MAX_DEPTH: usize = 20;
 /// Comparisons, the longer ones first.
 const COMPARISONS: [&str; 6] = ["==", "!=", "<=", ">=", "<", ">"];
 
-/// Whether a condition holds.
+/// Returns true if a condition holds.
 pub fn holds(text: &str, definitions: &Definitions) -> bool {
     any(text, definitions, 0)
 }
@@ -51,7 +51,7 @@ fn one(text: &str, definitions: &Definitions, depth: usize) -> bool {
     }
 }
 
-/// What a function-like name says; `None` if it is not known.
+/// Evaluates a function-like name; `None` if it is not known.
 fn called(function: &str, names: &[&str], definitions: &Definitions) -> Option<bool> {
     let is_on = |name: &&str| is_enabled(name, definitions).unwrap_or(false);
     let first = names.first().copied().unwrap_or_default();
@@ -82,7 +82,7 @@ fn any_driver(definitions: &Definitions, is: impl Fn(&str) -> bool) -> bool {
     definitions.values.iter().any(|(name, kind)| name.ends_with("_DRIVER_TYPE") && is(kind))
 }
 
-/// Whether a driver is one of Trinamic's that takes settings.
+/// Returns true if a driver is one of Trinamic's that takes settings.
 fn is_trinamic(kind: &str) -> bool {
     let rest = kind.strip_prefix("TMC").filter(|rest| !rest.ends_with("_STANDALONE"));
     rest.is_some_and(|rest| !["2100", "26X"].contains(&rest))

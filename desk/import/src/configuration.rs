@@ -60,8 +60,8 @@ fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(|| name_of_input(path), |name| printable::name(Path::new(name)))
 }
 
-/// As [`read`], of a text, with nothing assumed; `include` returns the files of a name, relative to the text's, that may stand for
-/// several.
+/// Reads a text as [`read`] does, with nothing assumed; `include` returns the files of a name, relative to the
+/// text's, which may match several.
 ///
 /// # Errors
 /// As [`read`].
@@ -69,7 +69,7 @@ pub fn of_text(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included
     of_text_with(name, text, include, false)
 }
 
-/// As [`of_text`], with leave to assume.
+/// Reads a text as [`of_text`] does; `assume` allows it to assume what the machine is where the text does not say it.
 ///
 /// # Errors
 /// As [`read`].

@@ -55,7 +55,7 @@ pub struct Definitions {
 }
 
 impl Definitions {
-    /// None yet, of a printer that is to be asked.
+    /// Starts without definitions, for a running printer.
     pub fn of_running(running: Running) -> Self {
         Self { running: Some(running), ..Self::default() }
     }

@@ -16,7 +16,7 @@ const BASE: &str = "cartesian";
 /// Most values that are changed because the checks of profiles refuse them.
 const MAX_REFUSED: usize = 120;
 
-/// How often a value is moved into its range; one that two rules pull to and fro has none.
+/// Maximum number of moves of a value into its range; if two rules still pull it to and fro, no value fits.
 const MAX_MOVES: usize = 3;
 
 /// Tables that go where a value of the machine's identity and they exclude each other, the least first.
@@ -135,7 +135,7 @@ impl Draft {
         get(&self.table, path)?.as_str()
     }
 
-    /// Whether a setting of the file says this key.
+    /// Returns true if a setting of the file sets this key.
     pub fn says(&self, path: &str) -> bool {
         self.set_by.contains_key(path)
     }

@@ -17,7 +17,7 @@ pub enum ImportError {
     Machine(String, usize, String),
     /// The configuration does not say what machine it is: each part, and the files that could not be read.
     Identity(Vec<Gap>, Vec<String>),
-    /// What came of it is no profile: the reason.
+    /// The result is not a valid profile: the reason.
     Profile(String),
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// Most names that a pattern is compared with.
 const MAX_NAMES: usize = 20_000;
 
-/// Whether a name has a sign that stands for several names.
+/// Returns true if a name contains a wildcard.
 pub(crate) fn is_pattern(name: &str) -> bool {
     name.contains(['*', '?', '['])
 }
@@ -43,10 +43,10 @@ pub(crate) fn matching(folder: &Path, pattern: &str) -> Vec<String> {
     found
 }
 
-/// Whether a name fits a pattern.
+/// Returns true if a name fits a pattern.
 fn fits(name: &str, pattern: &str) -> bool {
     let (name, pattern): (Vec<char>, Vec<char>) = (name.chars().collect(), pattern.chars().collect());
-    // Where the last `*` was, and up to where it reaches.
+    // Place after the last `*`, and the end of the text that it matches.
     let (mut at, mut place, mut star) = (0, 0, None);
     while at < name.len() {
         match pattern.get(place) {

@@ -76,7 +76,7 @@ impl fmt::Display for Url {
 pub(crate) struct Answer {
     /// The status, 200 for a good one.
     pub status: u16,
-    /// Where the server sends its client instead.
+    /// Address to which the server redirects its client.
     pub location: Option<String>,
     /// The body, with the parts of a chunked one put together.
     pub body: Vec<u8>,

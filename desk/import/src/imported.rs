@@ -1,4 +1,4 @@
-//! What came of a configuration: the profile, and what became of each setting.
+//! Result of an import: the profile, and the outcome of each setting.
 
 use std::fmt;
 
@@ -24,11 +24,11 @@ pub struct Row {
 /// A part of the machine's identity that the file does not say in a way that can be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Gap {
-    /// The profile's key.
+    /// Key of the profile.
     pub path: String,
-    /// File and line of the setting that should say it.
+    /// File and line of the setting that should give it a value.
     pub place: Option<(String, usize)>,
-    /// What is wrong with it.
+    /// Description of the problem.
     pub what: String,
 }
 
@@ -56,9 +56,9 @@ pub struct Imported {
     pub by_permission: Vec<String>,
     /// Keys whose value in the file a profile may not have, with what stands there.
     pub substituted: Vec<String>,
-    /// Of the assumed ones those of homing and of sensors.
+    /// Assumed keys of homing and of sensors.
     pub homing: Vec<String>,
-    /// Of the assumed ones those that are the built-in profile's, which may be another machine's.
+    /// Assumed keys with the built-in profile's values, which may be another machine's.
     pub built_in: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What of Klipper's settings a profile says.
+//! Maps Klipper's settings to a profile's keys.
 
 mod axes;
 mod bed_mesh;

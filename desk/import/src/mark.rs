@@ -8,7 +8,7 @@ pub(crate) fn marked(text: &str) -> String {
     format!("{HEAD}\n{SUM}{:016x}\n\n{text}", sum(text))
 }
 
-/// Whether a text is what an import has written, with no change since.
+/// Returns true if an import has written a text and it has not changed since.
 pub fn is_untouched(text: &str) -> bool {
     let Some((said, body)) = text
         .strip_prefix(HEAD)

@@ -14,7 +14,7 @@ const SECOND_FILE: &str = "Configuration_adv.h";
 /// Stands for a line end that a backslash takes away.
 const CONTINUED: char = '\u{1a}';
 
-/// Whether a file is one of Marlin's configuration: a header, or a text with one of its definitions.
+/// Returns true if a file is one of Marlin's configuration: a header, or a text with one of its definitions.
 pub fn is_one(name: &str, text: &str) -> bool {
     let is_header = Path::new(name).extension().is_some_and(|end| end.eq_ignore_ascii_case("h"));
     is_header
@@ -47,9 +47,9 @@ pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) 
 /// A condition around lines.
 struct Condition {
     line: usize,
-    /// Whether the present branch is in force.
+    /// True if the present branch is in force.
     holds: bool,
-    /// Whether a branch before was.
+    /// True if an earlier branch was in force.
     has_held: bool,
 }
 
@@ -173,7 +173,7 @@ fn with_continued_lines(text: &str) -> String {
     out
 }
 
-/// Where a string ends that a text begins with.
+/// Returns the end of the string that a text begins with.
 fn string_end(text: &str) -> Option<usize> {
     let mut is_escaped = false;
     for (at, byte) in text.bytes().enumerate().skip(1) {

@@ -1,4 +1,4 @@
-//! What of Marlin's definitions a profile says.
+//! Maps Marlin's definitions to a profile's keys.
 
 mod axes;
 mod backlash;

@@ -1,4 +1,4 @@
-//! What a running Marlin says of itself (M115, M503), as the definitions of its configuration.
+//! Reads the answers of a running Marlin (M115, M503) as the definitions of its configuration.
 
 mod command;
 mod reasons;

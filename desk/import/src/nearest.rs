@@ -100,7 +100,7 @@ fn first_number(text: &str) -> Option<f64> {
     text.get(..end)?.trim_end_matches('.').parse().ok()
 }
 
-/// As [`first_number`]; `3 points at least`.
+/// Returns the number as [`first_number`] does, after spaces; for `3 points at least`.
 fn leading_number(text: &str) -> Option<f64> {
     first_number(text.trim_start())
 }

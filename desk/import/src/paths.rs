@@ -19,7 +19,7 @@ const IDENTITY: [&str; 9] = [
 const OF_AXIS: [&str; 4] = ["end", "sensor", "triggers_low", "position_mm"];
 const OF_HEATER: [&str; 2] = ["sensor", "pull_up_ohm"];
 
-/// Whether a key says what machine it is.
+/// Returns true if a key is part of the machine's identity.
 pub(crate) fn is_identity(path: &str) -> bool {
     let begins = |start: &str| path.strip_prefix(start).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
     let parts: Vec<&str> = path.split('.').collect();

@@ -70,7 +70,7 @@ pub(crate) fn packed(bytes: &[u8]) -> std::io::Result<String> {
     Ok(encoder.finish()?.into_inner())
 }
 
-/// In base64.
+/// Encodes bytes in base64.
 pub(crate) fn base64(bytes: &[u8]) -> String {
     STANDARD.encode(bytes)
 }

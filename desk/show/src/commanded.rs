@@ -5,26 +5,27 @@ use std::collections::VecDeque;
 /// A move that has been taken after the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlannedMove {
-    /// Where X, Y and Z end, machine coordinates, mm.
+    /// End of X, Y and Z, machine coordinates, mm.
     pub target_mm: [f64; 3],
     /// Filament to push, mm.
     pub filament_mm: f64,
     /// Number of its line.
     pub line: u32,
-    /// Whether the line's move ends here.
+    /// True if the line's move ends here.
     pub ends_move: bool,
-    /// How many of all moves were slowed so far because the board could not keep up with them.
+    /// Moves slowed so far because the board could not keep up with them.
     pub slowed_moves: u64,
 }
 
-/// The nozzle is looked for on so much of the path around the place where it should be, mm, and on this much if it is not near that.
+/// Path around the nozzle's expected place that is searched for its nearest point, mm; the second is used if the
+/// first finds no near point.
 const REACH_MM: f64 = 0.5;
 const FAR_REACH_MM: f64 = 10.0;
 /// It does not go back on the path, but for the rounding of steps, mm: a wipe goes back over the line before.
 const BACK_MM: f64 = 0.03;
 const NEAR_MM: f64 = 0.3;
-/// Of two places on the path the one that is this much nearer, as a part of its way from where the nozzle should be, is where it is: on a
-/// path that goes back over itself both are equally near.
+/// Weight of a place's distance along the path from the expected place, added to its distance from the nozzle: on a
+/// path that goes back over itself two places are equally near.
 const PER_WAY: f64 = 0.1;
 /// Lines of the last moves that are kept, more than a block has.
 const MAX_TAKEN: usize = 256;
@@ -38,7 +39,7 @@ const MAX_LINES: usize = 1 << 16;
 #[derive(Debug, Default)]
 pub(crate) struct Commanded {
     ends_mm: VecDeque<[f64; 3]>,
-    /// How far on the path from the first of them the nozzle has come, mm.
+    /// Distance along the path from the first end to the nozzle, mm.
     along_mm: f64,
 }
 
@@ -150,7 +151,7 @@ impl SlowedLines {
         }
     }
 
-    /// Whether the move of a line was slowed; lines must not go back.
+    /// Returns true if the move of a line was slowed; lines must not go back.
     pub fn contains(&mut self, line: u32) -> bool {
         while self.waiting.pop_front_if(|waiting| *waiting < line).is_some() {}
         self.waiting.front() == Some(&line)

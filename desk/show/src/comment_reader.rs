@@ -8,12 +8,12 @@ const KEPT_BYTES: usize = 160;
 /// The stream's present place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Place {
-    /// At the start of a line, but for blanks.
+    /// The start of a line, but for blanks.
     #[default]
     LineStart,
-    /// In a comment that began the line.
+    /// A comment that began the line.
     Comment,
-    /// In anything else.
+    /// Any other text.
     Else,
 }
 

@@ -9,11 +9,11 @@ const STYLE: &str = include_str!("../page/comparison.css");
 /// A line of the table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// What is compared.
+    /// Name of the compared figure.
     pub name: String,
     /// The values of both prints, with their units.
     pub values: [String; 2],
-    /// How far the second is from the first; empty where that means nothing.
+    /// Change from the first print to the second; empty where that means nothing.
     pub change: String,
 }
 

@@ -17,7 +17,7 @@ pub struct Finding {
     /// Number of the first line that it is about.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u32>,
-    /// When, s.
+    /// Time, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_s: Option<f64>,
 }
@@ -31,11 +31,11 @@ pub struct Remarked<'a> {
     pub count: u64,
     /// The first of them.
     pub line: Option<u32>,
-    /// Whether the part is as it should be all the same.
+    /// True if the part is as it should be all the same.
     pub is_note: bool,
 }
 
-/// What came of a print besides its motion.
+/// Outcome of a print besides its motion.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome<'a> {
     /// Why the print stopped early, and in which line.
@@ -47,7 +47,7 @@ pub struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
-    /// What the page lists, the most important first.
+    /// Returns the findings that the page lists, the most important first.
     pub fn findings(&self, totals: &Totals) -> Vec<Finding> {
         let stop = self.stopped.iter().map(|(reason, line)| Finding {
             weight: "stop",
@@ -102,7 +102,7 @@ fn first_retraction(totals: &Totals) -> Option<Finding> {
     })
 }
 
-/// Where the print is fastest, longest or most; what it does not have is left out.
+/// Finds the places where the print is fastest, longest or most; leaves out what the print does not have.
 fn extremes(totals: &Totals) -> impl Iterator<Item = Finding> {
     let extreme = |extreme: &Extreme, text: String| (extreme.value > 0.0).then(|| place("extreme", extreme, text));
     let Totals { greatest_flow, fastest_print, longest_travel, longest_retraction, .. } = totals;

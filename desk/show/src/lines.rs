@@ -1,4 +1,4 @@
-//! What is known of a line when its motion is executed, which is later than when it is read.
+//! State of the file at a line when its motion is executed, which is later than when the line is read.
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,7 @@ pub struct LineState {
     pub feature: u8,
     /// The speed that the line asks for, mm/s.
     pub feed_mm_per_s: f32,
-    /// Whether the line homes or probes.
+    /// True if the line homes or probes.
     pub homes: bool,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct LineStates {
 }
 
 impl LineStates {
-    /// From this line on.
+    /// Notes the state from this line on.
     pub fn note(&mut self, line: u32, state: LineState) {
         if self.noted.replace(state) == Some(state) {
             return;

@@ -13,7 +13,7 @@ pub enum Mark {
     Time(f64),
 }
 
-/// How a slicer marks its layers.
+/// Form in which a slicer marks its layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LayerForm {
     /// `;LAYER_CHANGE` (PrusaSlicer and its family).

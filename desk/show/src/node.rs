@@ -3,7 +3,7 @@
 /// The layer of a node where the file marks none: the record counts them by height.
 pub(crate) const UNMARKED: u32 = u32::MAX;
 
-/// What happens between the node before and this one.
+/// Kind of motion between the node before and this one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Kind {
@@ -29,7 +29,7 @@ impl Kind {
     pub const ALL: [Self; 7] =
         [Self::Travel, Self::Print, Self::Retract, Self::Prime, Self::Homing, Self::Heating, Self::Wait];
 
-    /// Whether the nozzle moves.
+    /// Returns true if the nozzle moves.
     pub const fn moves(self) -> bool {
         matches!(self, Self::Travel | Self::Print | Self::Homing)
     }
@@ -38,20 +38,20 @@ impl Kind {
 /// The end of a part of the path, which is straight, and whose speed changes evenly along it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Node {
-    /// When it is reached, s from the first line on.
+    /// Time at which it is reached, s from the first line on.
     pub time_s: f64,
-    /// Where the nozzle is then.
+    /// Position of the nozzle then, mm.
     pub position_mm: [f32; 3],
     /// The nozzle's speed then.
     pub speed_mm_per_s: f32,
-    /// Of a part that prints, or travels while it draws filament back: filament for each mm of path, mm^2; of filament
-    /// alone its length, mm.
+    /// Filament for each mm of path, mm^2, for a part that prints, or that travels while it draws filament back; for
+    /// filament alone its length, mm.
     pub bead: f32,
     /// The volume that is compressed in the nozzle then, mm^3; negative: the gap after a retraction.
     pub pressure_mm3: f32,
     /// Distance from the path that the lines ask for, mm: what input shaping and corners take off. 0 if that path is unknown.
     pub deviation_mm: f32,
-    /// Whether the part's move was slowed because the board could not keep up with it.
+    /// True if the part's move was slowed because the board could not keep up with it.
     pub is_slowed: bool,
     /// The speed that the line asks for, mm/s; 0 if unknown.
     pub feed_mm_per_s: f32,
@@ -59,7 +59,7 @@ pub struct Node {
     pub line: u32,
     /// Layer, from 0; 0 also before the first.
     pub layer: u32,
-    /// What the part is.
+    /// Kind of the part.
     pub kind: Kind,
     /// Number of the feature in the list of their names.
     pub feature: u8,

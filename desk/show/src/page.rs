@@ -26,7 +26,7 @@ const SCRIPT: &str = concat!(
     "})();\n"
 );
 
-/// What is known of the job besides its motion.
+/// Facts about the job besides its motion.
 #[derive(Clone, Debug, Serialize)]
 pub struct Job {
     /// Name of the file.
@@ -53,7 +53,7 @@ pub struct Job {
     pub max_flow_mm3_per_s: Option<f64>,
     /// The nozzle's time constant, s.
     pub nozzle_time_constant_s: f64,
-    /// What could be won: words, and the print's time with them, s.
+    /// Possible gains: words, and the print's time with them, s.
     pub chances: Vec<(String, f64)>,
     /// Remarks, the most important first.
     pub findings: Vec<Finding>,
@@ -143,7 +143,7 @@ fn columns(recording: &Recording) -> Columns {
     columns
 }
 
-/// What the page may load and run: nothing but its own parts, and these styles.
+/// Returns the page's content security policy: it loads and runs only its own parts, and these styles.
 pub(crate) fn policy(styles: &[&str]) -> String {
     let hash = |part: &str| base64(&Sha256::digest(part));
     let styles: String = styles.iter().map(|style| format!(" 'sha256-{}'", hash(style))).collect();

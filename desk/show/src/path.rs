@@ -1,4 +1,4 @@
-//! From samples to nodes: a node at each end of a move, and between them where direction or speed change.
+//! Turns samples into nodes: a node at each end of a move, and between them where direction or speed change.
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,7 @@ const EVEN_PART: f64 = 0.02;
 /// The same for the volume that is compressed in the nozzle, mm^3: it changes by itself.
 const PRESSURE_MM3: f64 = 0.02;
 const PRESSURE_PART: f64 = 0.06;
-/// With less filament for each mm of path than this, mm^2, a move prints nothing: a tenth of a thin line.
+/// Minimum filament for each mm of path in a move that prints, mm^2: a tenth of a thin line.
 const THINNEST_MM2: f64 = 0.004;
 /// A shorter path is a motor that settles.
 const REST_MM: f64 = 0.03;

@@ -11,13 +11,13 @@ use crate::sampler::{Sample, Sampler};
 use crate::temperatures::{Temperature, Temperatures};
 use crate::totals::Totals;
 
-/// Where the file marks no layers: a printed move that is higher by more begins one.
+/// Height difference above which a printed move begins a layer, in a file that marks no layers, mm.
 const LAYER_MM: f32 = 0.04;
 
 /// Shorter waits are a rounding of clocks.
 const SHORTEST_WAIT_S: f64 = 1e-5;
 
-/// What of a machine the record needs.
+/// Parameters of a machine that the record needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
     /// Ticks of the motion clock in a second, at least 1000.
@@ -71,7 +71,7 @@ struct Kept {
     nodes: Nodes,
     totals: Totals,
     last: Node,
-    /// Where the file marks no layers: the present one, and its height.
+    /// Present layer and its height, in a file that marks no layers.
     by_height: u32,
     layer_z_mm: Option<f32>,
 }

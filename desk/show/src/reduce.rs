@@ -102,7 +102,8 @@ fn joined(first: &Node, second: &Node, is_last_resort: bool) -> Node {
     }
 }
 
-/// Whether a node's speed or flow stands out from both its neighbours by more than a tenth.
+/// Returns true if a node's speed, flow, pressure or deviation stands out from both its neighbours by more than a
+/// tenth.
 fn is_extreme(before: &Node, node: &Node, next: &Node) -> bool {
     let stands_out = |value: fn(&Node) -> f32| {
         let [a, b, c] = [value(before), value(node), value(next)];
@@ -114,7 +115,7 @@ fn is_extreme(before: &Node, node: &Node, next: &Node) -> bool {
         || stands_out(|node| 50.0 * node.deviation_mm)
 }
 
-/// How far a node's speed is from the even change between its neighbours', as a part of it.
+/// Returns the distance of a node's speed from the even change between its neighbours', as a part of the speed.
 fn speed_off(node: &Node, from: &Node, to: &Node) -> f32 {
     let whole_s = to.time_s - from.time_s;
     let share = if whole_s > 0.0 { ((node.time_s - from.time_s) / whole_s) as f32 } else { 0.0 };

@@ -19,7 +19,7 @@ struct Times {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
     pub tick: u64,
-    /// In steps.
+    /// Positions of the motors, steps.
     pub motors: [f64; 4],
     /// The line whose move ends here.
     pub ends: Option<u32>,

@@ -13,16 +13,16 @@ const MAX_WAITING: usize = 1 << 20;
 /// Longest line that is kept for the page whole.
 const LINE_BYTES: usize = 200;
 
-/// What has been read.
+/// Text that has been read.
 #[derive(Debug, Default)]
 pub struct Text {
     /// The first lines, each ended by a line feed.
     pub kept: Vec<u8>,
-    /// Whether later lines were not kept.
+    /// True if later lines were not kept.
     pub is_cut: bool,
     /// Names of features, in the order of their first lines; the first is empty, for what has no name.
     pub features: Vec<String>,
-    /// Whether the file marks its layers.
+    /// True if the file marks its layers.
     pub has_layers: bool,
     /// Comments that have been read and whose lines have not been reached: (line, what holds from then on).
     changes: std::collections::VecDeque<(u32, Change)>,
@@ -96,7 +96,7 @@ impl<R: Read> SourceText<R> {
         }
     }
 
-    /// What has been read.
+    /// Returns the text that has been read.
     pub fn text(&self) -> Rc<RefCell<Text>> {
         Rc::clone(&self.text)
     }

@@ -1,4 +1,4 @@
-//! Where the time goes, and what is largest: counted before nodes are left out.
+//! Sums up the time of a print, and finds its extremes, before nodes are left out.
 
 use serde::Serialize;
 
@@ -10,11 +10,11 @@ pub(crate) const MAX_FEATURES: usize = 64;
 /// The largest of something, and where.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Extreme {
-    /// How much.
+    /// The value.
     pub value: f64,
-    /// When, s.
+    /// Time, s.
     pub time_s: f64,
-    /// In which line.
+    /// Number of the line.
     pub line: u32,
 }
 
@@ -37,10 +37,10 @@ pub struct Share {
     pub volume_mm3: f64,
 }
 
-/// Where the time of a print goes.
+/// Sums of a print's time.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Totals {
-    /// By [`Kind`].
+    /// Shares by [`Kind`].
     pub kinds: [Share; 7],
     /// Printing, by the number of the feature.
     pub features: Vec<Share>,

@@ -29,7 +29,7 @@ pub struct ConsoleLine {
     pub number: u64,
     /// Who has said it.
     pub speaker: Speaker,
-    /// What.
+    /// The text.
     pub text: String,
 }
 

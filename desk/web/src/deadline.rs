@@ -12,7 +12,7 @@ pub struct Deadline<'a> {
 }
 
 impl<'a> Deadline<'a> {
-    /// From now on for this long.
+    /// Starts a deadline this long from now.
     pub fn new(stream: &'a TcpStream, time: Duration) -> Self {
         Self { stream, end: Instant::now() + time }
     }
@@ -41,7 +41,7 @@ impl Write for Deadline<'_> {
     }
 }
 
-/// Whether a stream was too slow.
+/// Returns true if a stream was too slow.
 pub fn is_slow(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock)
 }

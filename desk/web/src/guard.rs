@@ -36,7 +36,8 @@ impl Token {
         &self.0
     }
 
-    /// Whether this text is the token. The time that it takes says nothing about the token: hashes are compared, and whole.
+    /// Returns true if this text is the token. The time taken says nothing about the token: hashes are compared, and
+    /// whole.
     #[must_use]
     pub fn is(&self, text: &[u8]) -> bool {
         let (own, other) = (Sha256::digest(self.0.as_bytes()), Sha256::digest(text));
@@ -58,13 +59,13 @@ pub struct Names {
 }
 
 impl Names {
-    /// Of a server at an address.
+    /// Creates the names of a server bound to an address.
     pub const fn new(bound: SocketAddr) -> Self {
         Self { bound }
     }
 
-    /// Whether a `Host` header means this server: `localhost` or a loopback address with its port; if it is bound to another address,
-    /// that one or, bound to all of them, any address, but no other name.
+    /// Returns true if a `Host` header means this server: `localhost` or a loopback address with its port; if it is
+    /// bound to another address, that one or, bound to all of them, any address, but no other name.
     pub fn is_host(&self, host: &str) -> bool {
         let (name, port) = match host.rsplit_once(':') {
             Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
@@ -82,7 +83,7 @@ impl Names {
         address == bound || address.is_loopback() || bound.is_unspecified()
     }
 
-    /// Whether an `Origin` header is that of this server's own page.
+    /// Returns true if an `Origin` header is that of this server's own page.
     pub fn is_origin(&self, origin: &str) -> bool {
         origin.strip_prefix("http://").is_some_and(|host| self.is_host(host))
     }

@@ -19,10 +19,10 @@ pub use guard::Token;
 pub use printer::{Activity, Heat, Job, Printer, Refusal, State, Upload};
 pub use server::{Limits, Server};
 
-/// Whether a request's head comes whole before the input ends, for the fuzz target.
+/// Returns true if a request's head is complete before the input ends, for the fuzz target.
 ///
 /// # Errors
-/// The status that answers what is no request.
+/// The status that answers input which is not a request.
 #[doc(hidden)]
 pub fn reads_head(input: &mut impl std::io::Read) -> Result<bool, u16> {
     request::Request::read(input).map(|request| request.is_some()).map_err(|answer| answer.status)

@@ -1,4 +1,4 @@
-//! What the page knows of a printer.
+//! Interface between the page and a printer.
 
 use std::fmt;
 
@@ -7,13 +7,13 @@ use tempfile::NamedTempFile;
 
 use crate::console::ConsoleLine;
 
-/// What a printer does.
+/// Activity of a printer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activity {
     /// The line to it is not open.
     Disconnected,
-    /// Nothing.
+    /// No activity.
     Idle,
     /// A line from the console.
     Working,
@@ -32,15 +32,15 @@ pub enum Activity {
 /// Temperatures, °C; a target of 0 is off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Heat {
-    /// Of the nozzle.
+    /// Temperature of the nozzle.
     pub nozzle_celsius: f64,
     /// Its target.
     pub nozzle_target_celsius: f64,
-    /// Of the bed.
+    /// Temperature of the bed.
     pub bed_celsius: f64,
     /// Its target.
     pub bed_target_celsius: f64,
-    /// Of the chamber, if its temperature is known.
+    /// Temperature of the chamber, if known.
     pub chamber_celsius: Option<f64>,
     /// Its target.
     pub chamber_target_celsius: Option<f64>,
@@ -66,7 +66,7 @@ pub struct Job {
 pub struct State {
     /// The machine and where it is: a profile's name, a port.
     pub machine: String,
-    /// What it does.
+    /// Activity of the printer.
     pub activity: Activity,
     /// The other host that owns the line, in words; `None`: the page may use it.
     pub owner: Option<String>,
@@ -76,7 +76,7 @@ pub struct State {
     pub position_mm: Option<[f64; 3]>,
     /// The uploaded file.
     pub job: Option<Job>,
-    /// What a person should know: how the last job ended, why the line is not open.
+    /// Message for a person: how the last job ended, or why the line is not open.
     pub message: Option<String>,
 }
 
@@ -117,10 +117,10 @@ pub trait Printer: Send + Sync + 'static {
     /// The printer must not get it now.
     fn send_line(&self, line: &str) -> Result<(), Refusal>;
 
-    /// Whether a file would be taken now, asked before it comes.
+    /// Checks, before a file comes, that it would be taken now.
     ///
     /// # Errors
-    /// Not while one is printed.
+    /// A file is being printed.
     fn may_upload(&self) -> Result<(), Refusal>;
 
     /// Takes a file as the next job; it replaces the one before.

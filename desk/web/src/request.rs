@@ -18,7 +18,7 @@ pub struct Request {
     pub method: String,
     /// The target up to a question mark.
     pub path: String,
-    /// What follows the question mark.
+    /// Text after the question mark.
     pub query: String,
     /// `Host`.
     pub host: Option<String>,
@@ -32,7 +32,7 @@ pub struct Request {
     pub length: Option<u64>,
     /// `X-Name`: the name of an uploaded file, percent-encoded.
     pub name: Option<String>,
-    /// Whether the client waits for the word to send its body.
+    /// True if the client waits for `100 Continue` before it sends its body.
     pub expects_continue: bool,
     /// The body's first bytes.
     pub body_start: Vec<u8>,

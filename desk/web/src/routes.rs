@@ -1,4 +1,4 @@
-//! What each request does. The paths stand here; none is looked up in the file system.
+//! Answers each request. The paths are listed here; none is looked up in the file system.
 
 use std::io::Read;
 use std::net::TcpStream;
@@ -20,7 +20,7 @@ use crate::upload;
 /// Longest line of the console, bytes.
 const MAX_LINE_BYTES: u64 = 256;
 
-/// What a request is answered from.
+/// State from which requests are answered.
 pub struct Room<P> {
     pub printer: P,
     pub token: Token,

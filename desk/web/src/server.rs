@@ -139,7 +139,7 @@ fn accept<P: Printer>(listener: &TcpListener, room: &Arc<Room<P>>, ends: &Atomic
 /// A connection's place among those that are open.
 struct Place {
     open: Arc<AtomicUsize>,
-    /// How many were open before.
+    /// Number of connections that were open before.
     others: usize,
 }
 

@@ -141,7 +141,7 @@ fn sizes_have_limits() {
     assert!(printer.0.lock().unwrap().is_empty());
 }
 
-/// Of more connections than there is place for, the rest is closed; those that say nothing lose their places.
+/// Connections beyond the limit are closed; those that say nothing lose their places.
 #[test]
 fn places_are_limited_and_come_back() {
     // Long enough for a busy computer to open the connections.

@@ -22,18 +22,18 @@ const MARK_MM: f64 = 4.0;
 const HEIGHT_OF_NOZZLE: f64 = 0.5;
 const WIDTH_OF_NOZZLE: f64 = 1.125;
 
-/// Which values the lines have.
+/// Values of the lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdvanceSteps {
     /// K of the first line, s.
     pub first_s: f64,
-    /// How much more each line has, s.
+    /// Increase from line to line, s.
     pub step_s: f64,
-    /// How many lines.
+    /// Number of lines.
     pub lines: u16,
 }
 
-/// How the lines are printed.
+/// Parameters of the printed lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdvanceLines {
     /// Their values.
@@ -42,7 +42,7 @@ pub struct AdvanceLines {
     pub slow_mm_per_s: f64,
     /// Speed of the middle, mm/s.
     pub fast_mm_per_s: f64,
-    /// How hot nozzle and bed are.
+    /// Temperatures of nozzle and bed.
     pub temperatures: Temperatures,
 }
 
@@ -179,7 +179,7 @@ impl AdvanceLines {
     }
 }
 
-/// Where the lines are, and how thick.
+/// Position and thickness of the lines.
 struct Pattern {
     left_mm: f64,
     front_mm: f64,
@@ -194,7 +194,7 @@ impl Pattern {
         let _ = writeln!(out, "G1 X{x_mm:.3} Y{y_mm:.3} E{filament_mm:.5} F{}", 60.0 * speed_mm_per_s);
     }
 
-    /// To a place, raised and with the filament pulled back.
+    /// Travels to a place, raised and with the filament pulled back.
     fn travel(&self, out: &mut String, [x_mm, y_mm]: [f64; 2]) {
         let speed = 60.0 * RETRACTION_MM_PER_S;
         let _ = writeln!(

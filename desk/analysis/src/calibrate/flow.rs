@@ -32,23 +32,23 @@ const STUDENT_95: [f64; 9] = [12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2
 /// A factor that is known worse than this is not worth a key.
 const MAX_UNCERTAINTY: f64 = 0.1;
 
-/// Which flows the tube has.
+/// Flows of the tube.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowSteps {
     /// Flow of the lowest part, mm^3/s.
     pub first_mm3_per_s: f64,
-    /// How much more each band has.
+    /// Increase from band to band, mm^3/s.
     pub step_mm3_per_s: f64,
-    /// How many bands.
+    /// Number of bands.
     pub bands: u16,
 }
 
-/// How the tube is printed.
+/// Parameters of the printed tube.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowTube {
     /// Its flows.
     pub steps: FlowSteps,
-    /// How hot nozzle and bed are.
+    /// Temperatures of nozzle and bed.
     pub temperatures: Temperatures,
     /// Power of the fan above the first layers, %.
     pub fan_percent: f64,

@@ -1,4 +1,4 @@
-//! What the patterns that are printed to be looked at or measured have in common.
+//! Common parts of the patterns that are printed to be looked at or measured.
 
 use std::f64::consts::PI;
 use std::fmt::{self, Write};
@@ -13,9 +13,9 @@ pub const MARGIN_MM: f64 = 10.0;
 /// The nozzle of a profile that does not name it, mm.
 const USUAL_NOZZLE_MM: f64 = 0.4;
 
-/// Filament pulled back on the way to the next part, mm, and its speed, mm/s.
+/// Filament pulled back on the way to the next part, mm.
 pub const RETRACTED_MM: f64 = 0.8;
-/// See [`RETRACTED_MM`].
+/// Speed of that retraction, mm/s.
 pub const RETRACTION_MM_PER_S: f64 = 30.0;
 
 /// Such a pattern cannot be printed, or its measurement means nothing.
@@ -25,7 +25,7 @@ pub enum PatternError {
     Value(&'static str, f64, String),
     /// The bed is narrower than this, mm.
     Narrow(f64),
-    /// Nothing was measured: what to give.
+    /// No measurement was given: the options to give.
     Nothing(&'static str),
 }
 
@@ -52,7 +52,7 @@ pub fn in_range(option: &'static str, value: f64, range: RangeInclusive<f64>, un
     Err(PatternError::Value(option, value, format!("{} to {} {unit}", range.start(), range.end())))
 }
 
-/// How hot a pattern is printed.
+/// Temperatures for printing a pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Temperatures {
     /// The nozzle, degrees Celsius.
@@ -62,7 +62,7 @@ pub struct Temperatures {
 }
 
 impl Temperatures {
-    /// Whether the machine can be so hot, and melts filament.
+    /// Checks that the machine can reach the temperatures and that the nozzle melts filament.
     ///
     /// # Errors
     /// [`PatternError::Value`].

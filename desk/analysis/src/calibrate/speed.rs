@@ -9,7 +9,7 @@ use super::pattern::{
     Bead, MARGIN_MM, PatternError, RETRACTED_MM, RETRACTION_MM_PER_S, Temperatures, in_range, mm, nozzle_mm,
 };
 
-/// From stage to stage, mm.
+/// Distance from stage to stage, mm.
 const APART_MM: f64 = 12.0;
 
 /// Length of a mark's half, and the gap between its halves, mm.
@@ -26,14 +26,14 @@ const MARK_MM_PER_S2: f64 = 500.0;
 /// Side of the square in which short moves are made, mm.
 const SMALL_MM: f64 = 20.0;
 
-/// How much less than what held goes into the profile: a motor is weaker when it is hot and the axis is dirty.
+/// Share of the value that held which goes into the profile: a motor is weaker when it is hot and the axis is dirty.
 const KEPT: f64 = 0.85;
 
 /// Layer height and line width for each mm of the nozzle's diameter.
 const HEIGHT_OF_NOZZLE: f64 = 0.5;
 const WIDTH_OF_NOZZLE: f64 = 1.125;
 
-/// What rises from stage to stage.
+/// Quantity that rises from stage to stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tried {
     /// Acceleration of X and Y.
@@ -45,24 +45,24 @@ pub enum Tried {
 /// The stages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedSteps {
-    /// What rises.
+    /// Quantity that rises.
     pub tried: Tried,
     /// Its value in the first stage, mm/s^2 or mm/s.
     pub first: f64,
-    /// How much more each stage has.
+    /// Increase from stage to stage, mm/s^2 or mm/s.
     pub step: f64,
-    /// How many stages.
+    /// Number of stages.
     pub stages: u16,
 }
 
-/// How the moves are made.
+/// Parameters of the moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedMoves {
     /// The stages.
     pub steps: SpeedSteps,
-    /// How often a stage makes its moves.
+    /// Times that each stage makes its moves.
     pub repeats: u16,
-    /// How hot nozzle and bed are.
+    /// Temperatures of nozzle and bed.
     pub temperatures: Temperatures,
 }
 
@@ -139,7 +139,7 @@ impl SpeedSteps {
     }
 }
 
-/// Where things are.
+/// Positions of marks and moves, and thickness of the marks.
 struct Place {
     /// The marks' left end, and the middle of their height.
     first_mark: [f64; 2],
@@ -242,7 +242,7 @@ fn own_limits(out: &mut String, profile: &Profile) {
     let _ = writeln!(out, "M201 X{x} Y{y}\nM203 X{feed_x} Y{feed_y}\nM204 P{MARK_MM_PER_S2} T{MARK_MM_PER_S2}");
 }
 
-/// How fast X and Y may go together, so that no motor steps faster than events may follow each other, mm/s.
+/// Returns the maximum speed of X and Y together at which every motor keeps the minimum event interval, mm/s.
 fn fastest_mm_per_s(profile: &Profile) -> f64 {
     let steps_per_s = f64::from(TICKS_PER_SECOND) / f64::from(profile.minimum_event_interval_ticks);
     let motors = profile.kinematics.largest_motor_feeds([1.0, 1.0, 0.0]);

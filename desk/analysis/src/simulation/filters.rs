@@ -29,7 +29,7 @@ pub struct FilterWords {
     pub frame_hz: [Option<f64>; 2],
     /// `--detune`: by how much the frame's frequencies are above the filters', per cent.
     pub detune_percent: Option<f64>,
-    /// Whether there is a compared plan.
+    /// True if there is a compared plan.
     pub is_compared: bool,
     /// `--shaper`: the kind of the compared plan.
     pub compared: Option<ComparedKind>,
@@ -38,9 +38,10 @@ pub struct FilterWords {
 /// Filters and frame of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulatedFilters {
-    /// Of the steps when the job begins; [`ShaperKind::None`] on both axes for a trace, whose filters are unknown.
+    /// Filters of the steps when the job begins; [`ShaperKind::None`] on both axes for a trace, whose filters are
+    /// unknown.
     pub steps: [AxisShaper; 2],
-    /// Of the compared plan, if there is one.
+    /// Filter of the compared plan, if there is one.
     pub compared: Option<ComparedFilter>,
     /// The frequencies of the frame, Hz.
     pub frame_hz: [f64; 2],
@@ -66,9 +67,9 @@ pub enum FilterError {
     Shaper(char, AxisShaper, ShaperError),
     /// The machine can have no filter.
     Methods {
-        /// How its steps follow a line.
+        /// Method by which its steps follow a line.
         interpolation: &'static str,
-        /// How its speeds change.
+        /// Method by which its speeds change.
         acceleration: &'static str,
     },
     /// Klipper has no filter of this name.
@@ -161,7 +162,7 @@ fn write_shaper(out: &mut fmt::Formatter<'_>, axis: char, shaper: &AxisShaper, e
 impl std::error::Error for FilterError {}
 
 impl FilterWords {
-    /// What the words say of a job on a machine, or of a trace (`None`).
+    /// Applies the words to a job on a machine, or to a trace (`None`).
     ///
     /// # Errors
     /// [`FilterError`].
@@ -260,12 +261,12 @@ impl FilterWords {
 /// The frame's frequencies if nothing is said, Hz.
 const DEFAULT_HZ: [f64; 2] = FrameSettings::USUAL.frequency_hz;
 
-/// Whether it filters anything.
+/// Returns true if it filters anything.
 fn is_filter(shaper: &AxisShaper) -> bool {
     shaper.kind != ShaperKind::None
 }
 
-/// Whether a machine can have these filters.
+/// Checks that a machine can have these filters.
 fn check(profile: &Profile, shapers: [AxisShaper; 2]) -> Result<(), FilterError> {
     for (axis, shaper) in ['X', 'Y'].into_iter().zip(&shapers) {
         let kernel = smooth_ticks(profile.motion.smooth_time_s).and_then(|ticks| shaper.kernel_beside(ticks));

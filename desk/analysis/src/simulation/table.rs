@@ -16,7 +16,7 @@ pub struct SimulatedMachine {
     pub frequency_hz: [f64; 2],
     /// Damping ratio.
     pub damping: f64,
-    /// Whether there is a second mode.
+    /// True if there is a second mode.
     pub second_mode: bool,
     /// The nozzle's time constant, s.
     pub nozzle_time_constant_s: f64,
@@ -86,7 +86,7 @@ pub struct Simulated {
     pub path: &'static str,
     /// Frame and nozzle.
     pub machine: SimulatedMachine,
-    /// By how much the frame's frequencies are above those that the filters are made for, per cent, if that was said.
+    /// Excess of the frame's frequencies over those that the filters are made for, per cent, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detune_percent: Option<f64>,
     /// The filters of the steps when the job begins.
@@ -98,7 +98,7 @@ pub struct Simulated {
     /// The same job by other rules.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compared: Option<Compared>,
-    /// Where and why the job stopped.
+    /// Place at which the job stopped, and why.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<Stop>,
 }

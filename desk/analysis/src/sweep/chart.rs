@@ -17,7 +17,7 @@ const BOTTOM: f64 = 60.0;
 /// Colour of the line.
 const COLOUR: &str = "#0072b2";
 
-/// From a number to a place, pixels.
+/// Scale from numbers to places, pixels.
 struct Scale {
     from: [f64; 2],
     to: [f64; 2],

@@ -182,7 +182,7 @@ fn what_is_wrong_is_named_with_its_place() {
     );
 }
 
-/// Of a file with a damaged block all before it is given out, and nothing of it or after it.
+/// Everything before a damaged block is returned, nothing from it on.
 #[test]
 fn blocks_before_a_damaged_one_are_given_out() {
     let file = [header(1, 1), gcode_block(b"G28\n", 3, 0), gcode_block(b"G1 X5\n", 3, 0)].concat();

@@ -18,7 +18,7 @@ use ferrostep_session::record::{Recorder, TraceWriter};
 use crate::arguments::BlackBoxArguments;
 use crate::outcome::{exit_code, result};
 
-/// How a saved black box begins.
+/// First bytes of a saved black box.
 const MAGIC: &[u8] = b"FBX1";
 
 /// Largest file that is read, bytes: a terminal's log of some days.

@@ -21,7 +21,7 @@ const ASSUMED: u8 = 3;
 /// Examples that the list has of a reason for which settings are not kept.
 const EXAMPLES: usize = 3;
 
-/// Where a configuration comes from.
+/// Source of a configuration.
 pub enum Source {
     /// A file.
     File(PathBuf),

@@ -222,7 +222,7 @@ struct Show<S> {
     left: Left,
 }
 
-/// What is left of the print: it only falls.
+/// Remaining time of the print: it only falls.
 #[derive(Default)]
 struct Left {
     estimate: Estimate,
@@ -241,7 +241,7 @@ impl Left {
         }
     }
 
-    /// What is left at a line.
+    /// Returns the remaining time at a line, for a person.
     fn text(&self, line: u32) -> String {
         match (self.estimate.get(), self.slicer_min) {
             (Some(schedule), _) => format!("  left {}", clock(schedule.total_s() - schedule.at_s(line))),

@@ -20,10 +20,10 @@ use crate::progress::Progress;
 use crate::protected::inputs;
 use crate::terminal;
 
-/// How our pages begin.
+/// Beginning of the pages that this command writes.
 const MARK: &[u8] = b"<!doctype html><!-- ferrostep show -->";
 
-/// Largest file whose time is estimated with other limits, too.
+/// Largest file whose time is also estimated with other limits.
 const MAX_ASKED_BYTES: u64 = 32 << 20;
 
 /// Prints the job and writes its page.

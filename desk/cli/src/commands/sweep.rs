@@ -46,7 +46,8 @@ pub fn budgets(job: JobArguments, values: Values, simulate: bool) -> Result<Exit
     })
 }
 
-/// What is to be changed: the keys of `--set`, with the same values each, or what `--acceleration` and `--error-budget` stand for.
+/// Returns the change: the keys of `--set`, with the same values each, or the keys of `--acceleration` or
+/// `--error-budget`.
 fn keys(arguments: &SweepArguments) -> Result<Sweep, String> {
     let with_error = arguments.simulate;
     if let Some(values) = &arguments.acceleration {

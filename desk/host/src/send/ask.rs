@@ -12,7 +12,7 @@ use super::watch::Watch;
 /// Start of the line by which a printer says that it is at work on something else, every two seconds.
 const BUSY: &str = "echo:busy:";
 
-/// After this many signs of other work the printer counts as busy.
+/// Signs of other work after which the printer counts as busy.
 const MAX_BUSY: usize = 30;
 
 /// The longest time of a whole answer, and its most lines.

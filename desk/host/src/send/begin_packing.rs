@@ -66,7 +66,8 @@ mod tests {
 
     const NAMES: &str = "FIRMWARE_NAME:Other 1.0 (2020) MACHINE_TYPE:Mill";
 
-    /// What begins with a printer that answers the bytes that end packing, and M115; and its lines that were not heard.
+    /// Begins with a printer that answers the bytes that end packing, and M115; returns the outcome and the number of
+    /// its lines that were not heard.
     fn begin(to_end: &[&'static str], to_m115: &[&'static str]) -> (Result<Packing, SendError>, usize) {
         let lines = |lines: &[&str]| lines.iter().map(|&line| line.to_owned()).collect();
         let mut port = Scripted::new(|line: &str, _| match line {

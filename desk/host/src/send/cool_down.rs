@@ -11,7 +11,7 @@ const ANSWERS: Duration = Duration::from_secs(10);
 const END: [(&str, &str); 4] =
     [("M108", "waits"), ("M410", "motion"), ("M104 S0", "the nozzle's heater"), ("M140 S0", "the bed's heater")];
 
-/// How a printer took it.
+/// Printer's response to the commands that end a print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CooledDown {
     /// It has confirmed everything.
@@ -23,7 +23,7 @@ pub enum CooledDown {
 }
 
 impl CooledDown {
-    /// In words, for a person.
+    /// Describes the response for a person.
     #[must_use]
     pub fn describe(self) -> String {
         match self {

@@ -79,7 +79,7 @@ impl fmt::Display for Stop {
     }
 }
 
-/// How a job ended.
+/// Result of a job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
     /// Lines of the file up to which commands were answered.
@@ -98,9 +98,9 @@ type NextLine<'a> = &'a mut dyn FnMut() -> Option<io::Result<Vec<u8>>>;
 /// Commands around those of the file.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    /// Before its first line.
+    /// Commands before its first line.
     pub opening: &'a [&'a str],
-    /// After its last.
+    /// Commands after its last line.
     pub closing: &'a [&'a str],
     /// The lines are not executed but written to a file.
     pub is_upload: bool,
@@ -193,7 +193,7 @@ struct Command {
 }
 
 impl Command {
-    /// Whether it must not be in an upload: it acts as its bytes arrive, or ends the upload.
+    /// Returns true if it must not be in an upload: it acts as its bytes arrive, or ends the upload.
     fn acts_in_upload(&self) -> bool {
         use ferrostep_gcode::{CardCommand, Command as Parsed, parse};
         self.expects.is_none()
@@ -216,24 +216,25 @@ struct Sending<'a, P, W> {
     packing: Packing,
     patience: Patience,
     watch: &'a mut W,
-    /// Whether the printer has answered anything. Before that a `start` does not mean a reset.
+    /// True once the printer has answered anything. Before that a `start` does not mean a reset.
     is_known: bool,
     is_held: bool,
     /// The printer's lines about the present line.
     said: Vec<String>,
-    /// How many answers will come to M108, which no line waits for.
+    /// Answers still to come to M108, which no line waits for.
     beside: u32,
     /// The line under way, and how often it was sent.
     line: u32,
     times: u32,
     /// The printer repeats the text of M118.
     repeats_text: bool,
-    /// By how many lines the printer may be behind its answers. A line that was sent again because the printer was silent may have had
-    /// two answers, and so may one that was damaged, where the damage has cut it in two; the later was taken for that to the next
-    /// line. One that the printer calls unknown, in other words than ours, was damaged and answered.
+    /// Maximum number of lines by which the printer lags behind its answers. A line that was sent again because the
+    /// printer was silent may have had two answers, and so may a damaged line that was cut in two; the later answer
+    /// was taken for that to the next line. A line that the printer calls unknown, with a text that was not sent, was
+    /// damaged and answered.
     may_lack: u32,
-    /// How many answers may still come to lines sent before: one for each line that was sent again because the printer was silent, as
-    /// it may only have been slow.
+    /// Answers that may still come to lines sent before: one for each line that was sent again because the printer
+    /// was silent, as it may only have been slow.
     owed: u32,
 }
 
@@ -316,12 +317,12 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         }
     }
 
-    /// Whether the printer has said, about the present line, what it `expects`.
+    /// Returns true if the printer has said, about the present line, what it `expects`.
     fn has_said(&self, expects: Option<&str>) -> bool {
         expects.is_none_or(|expects| self.said.iter().any(|said| said.starts_with(expects)))
     }
 
-    /// Whether a line of the printer ends the job. Notes whether the job is to be held.
+    /// Returns the reason if a line of the printer ends the job. Notes whether the job is to be held.
     fn stop_of(&mut self, said: &str) -> Result<Option<Stop>, SendError> {
         if said.starts_with(HALTED) {
             return Err(SendError::Halted(said.to_owned()));

@@ -9,7 +9,7 @@ use super::watch::Watch;
 /// The answer of printers that do not know M118 and do not repeat its text.
 const UNKNOWN: &str = "\"M118\"";
 
-/// How a meeting ended.
+/// Result of a meeting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Met {
     /// The printer has answered everything.

@@ -29,13 +29,13 @@ pub trait Port {
 /// Time limits of a transfer.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
-    /// After this long without the expected answer the board is asked.
+    /// Time without the expected answer after which the board is asked.
     pub ask: Duration,
-    /// After this long without any line the board counts as gone.
+    /// Time without any line after which the board counts as gone.
     pub give_up: Duration,
-    /// How long the board waits for this host, s.
+    /// Time that the board waits for this host, s.
     pub board_s: u16,
-    /// Of G-code: after this long without any line the line under way is sent again.
+    /// Time without any line after which a line of G-code under way is sent again.
     pub repeat: Duration,
     /// Interval of the looks whether a person wants the end.
     pub look: Duration,

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::port::Port;
 
-/// What a printer says to M118, and its `ok`; `None` for another line.
+/// Returns a printer's answer to M118, and its `ok`; `None` for another line.
 pub(super) fn echo(line: &str) -> Option<Vec<String>> {
     let text = line.split_once("M118 ")?.1.split('*').next()?;
     Some(vec![text.to_owned(), "ok".to_owned()])
@@ -25,7 +25,7 @@ impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Scripted<F> {
         Self { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() }
     }
 
-    /// How many of its lines its host has not heard.
+    /// Returns the number of its lines that its host has not heard.
     pub(super) fn unheard(&self) -> usize {
         self.said.len()
     }

@@ -1,4 +1,4 @@
-//! What a caller hears of a conversation with a printer.
+//! Observes a conversation with a printer.
 
 /// Observes the lines that are sent.
 pub trait Watch {
@@ -6,17 +6,17 @@ pub trait Watch {
     fn hear(&mut self, line: &str);
     /// A line of the file, with its command, has been answered.
     fn sent(&mut self, _line: u32, _command: &str) {}
-    /// The printer wants its host to hold the job, or to go on.
+    /// The printer wants its host to hold the job, or to continue.
     fn held(&mut self, _is_held: bool) {}
-    /// Whether a person wants the job to end.
+    /// Returns true if a person wants the job to end.
     fn wants_end(&mut self) -> bool {
         false
     }
-    /// A command that a person wants executed before the file's next one.
+    /// Returns a command that a person wants executed before the file's next one.
     fn command_between(&mut self) -> Option<String> {
         None
     }
-    /// Whether a person wants the printer's wait to end: a pause, or one for heat (M108).
+    /// Returns true if a person wants the printer's wait to end: a pause, or one for heat (M108).
     fn wants_wait_ended(&mut self) -> bool {
         false
     }

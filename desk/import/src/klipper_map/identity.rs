@@ -1,4 +1,4 @@
-//! What a Klipper file must say of the machine, so that no other machine's value stands in.
+//! Checks that a Klipper file says what the machine is, so that no other machine's value is used instead.
 
 use super::Reading;
 

@@ -4,7 +4,7 @@ use super::sensor::{NO_SENSOR, is_dummy};
 use super::{NO_NUMBER, Reading};
 use crate::sensor::CONNECTOR_TAKEN;
 
-/// By how much Marlin's highest targets are below the highest temperatures without a definition, degrees.
+/// Marlin's defaults for the difference between highest temperature and highest target, degrees Celsius.
 const HOTEND_OVERSHOOT: f64 = 15.0;
 const BED_OVERSHOOT: f64 = 10.0;
 

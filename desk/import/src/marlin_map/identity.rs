@@ -1,4 +1,4 @@
-//! What Marlin's definitions do not say of what the machine is.
+//! Notes what Marlin's definitions do not say about the machine's identity.
 
 use super::{NO_NUMBER, Reading, sensor};
 use crate::definitions::Running;

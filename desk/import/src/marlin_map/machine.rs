@@ -1,4 +1,4 @@
-//! What kind of machine Marlin's definitions are of, and its motions' limits.
+//! Reads the kind of machine and the limits of its motion from Marlin's definitions.
 
 use toml::Value;
 

@@ -30,7 +30,7 @@ pub struct Person {
 }
 
 impl Person {
-    /// From now on Ctrl-C no longer ends the program.
+    /// Takes over Ctrl-C, which from now on no longer ends the program.
     ///
     /// # Errors
     /// The operating system refuses.
@@ -42,7 +42,7 @@ impl Person {
         Ok(Self { pressed, answer: Arc::new(AtomicU8::new(UNDECIDED)), is_asked: false })
     }
 
-    /// Whether the job is to end. On a terminal the first Ctrl-C asks, and the print goes on meanwhile.
+    /// Returns true if the job is to end. On a terminal the first Ctrl-C asks, and the print continues meanwhile.
     pub fn wants_end(&mut self, ask: impl FnOnce(&str)) -> bool {
         if !self.pressed.swap(false, Ordering::Relaxed) {
             match self.answer.load(Ordering::Relaxed) {

@@ -14,7 +14,7 @@ use crate::arguments::ServeArguments;
 /// The program, as `cargo xtask mainboard` builds it.
 const PROGRAM: &str = "target/debug/ferrostep-mainboard";
 
-/// Where the built-in boards are, from the checkout's root.
+/// Folder of the built-in boards, from the checkout's root.
 const BOARDS: &str = "config/boards";
 
 /// Serves until the process is interrupted.

@@ -12,7 +12,7 @@ use super::*;
 /// Lines that a conversation may have at most: a host that sends one for ever is stopped.
 const MOST_LINES: usize = 3_000;
 
-/// What befalls a line or its answer.
+/// Mishaps of a line or its answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mishap {
     /// One of the line's bytes arrives as another.
@@ -25,9 +25,9 @@ enum Mishap {
     OkTwice,
     /// The printer asks for any line, though it has executed this one.
     AsksForAnother,
-    /// From here on the printer counts from another number, as after another host's M110.
+    /// The printer counts from another number from here on, as after another host's M110.
     CountsAnew,
-    /// From here on it says nothing.
+    /// The printer is silent from here on.
     Deaf,
 }
 
@@ -89,7 +89,7 @@ impl Printer {
 struct Line {
     printer: Printer,
     random: Random,
-    /// Of how many lines one has a mishap.
+    /// Number of lines of which one has a mishap.
     one_in: u64,
     mishaps: Vec<Mishap>,
     is_deaf: bool,
