@@ -46,7 +46,7 @@ pub(crate) fn matching(folder: &Path, pattern: &str) -> Vec<String> {
 /// Returns true if a name fits a pattern.
 fn fits(name: &str, pattern: &str) -> bool {
     let (name, pattern): (Vec<char>, Vec<char>) = (name.chars().collect(), pattern.chars().collect());
-    // Place after the last `*`, and the end of the text that it matches.
+    // Place of the last `*`, and the end of the text that it matches.
     let (mut at, mut place, mut star) = (0, 0, None);
     while at < name.len() {
         match pattern.get(place) {
