@@ -43,7 +43,7 @@ pub enum CalibrationError {
     File(std::io::Error),
     /// It is larger than any record.
     TooLarge,
-    /// It is no record.
+    /// The file is not a record.
     Record(RecordError),
     /// The record has no spectrum.
     Spectrum(SpectrumError),

@@ -30,7 +30,7 @@ const SAMPLES: usize = 8;
 /// The motors that move the nozzle, as bits.
 const MOTORS: u8 = 0b111;
 
-/// Why a comparison failed.
+/// Reason for which a comparison failed.
 #[derive(Debug)]
 pub enum CompareError {
     /// The file cannot be opened.

@@ -117,7 +117,7 @@ pub struct Shown {
     pub filament_mm: f64,
     /// Remarks on lines and on the end.
     pub remarks: Vec<Remark>,
-    /// Why the job stopped early.
+    /// Error that stopped the job early.
     pub stopped: Option<JobError>,
 }
 

@@ -38,7 +38,7 @@ const TRACE_START: u8 = b'{';
 /// A simulation could not be made.
 #[derive(Debug)]
 pub enum SimulationError {
-    /// A file cannot be read, or is no job.
+    /// A file cannot be read, or is not a job.
     Input(InputError),
     /// The job stopped.
     Job(JobError),
@@ -229,7 +229,7 @@ impl Simulation {
         Ok(words.of((self.source != Source::Trace).then_some(&self.profile))?)
     }
 
-    /// Gives the machine of a job these filters of X and Y in place of its profile's.
+    /// Gives the machine of a job these filters of X and Y instead of its profile's.
     pub const fn set_filters(&mut self, shapers: [AxisShaper; 2]) {
         self.profile.motion.shapers = shapers;
     }
@@ -242,7 +242,7 @@ impl Simulation {
     /// Plays the plan by Klipper's rules, with its filters, on a machine and measures it.
     ///
     /// # Errors
-    /// Without G-code there is no plan; the machine's numbers are out of range.
+    /// There is no G-code to plan, or the machine's numbers are out of range.
     pub fn klipper(
         &self,
         machine: &Machine,

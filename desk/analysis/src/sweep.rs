@@ -21,7 +21,7 @@ use crate::without_commands::{Dropped, WithoutCommands};
 
 pub use values::{Values, ValuesError};
 
-/// The keys that `--acceleration` stands for: both kinds of moves, and the axes that would hold them back.
+/// The keys that `--acceleration` changes: both kinds of moves, and the axes that would hold them back.
 pub const ACCELERATION_KEYS: [&str; 4] = [
     "acceleration_mm_per_s2.print",
     "acceleration_mm_per_s2.travel",
@@ -29,19 +29,19 @@ pub const ACCELERATION_KEYS: [&str; 4] = [
     "max_acceleration_mm_per_s2.y",
 ];
 
-/// The key that `--error-budget` stands for.
+/// The key that `--error-budget` changes.
 pub const ERROR_BUDGET_KEY: &str = "error_budget_mm";
 
-/// Commands by which a job sets limits of its own, which would hold over the profile's.
+/// Commands by which a job sets its own limits, which would override the profile's.
 const LIMITS: [&str; 5] = ["M201", "M203", "M204", "M205", "SET_VELOCITY_LIMIT"];
 
-/// Commands by which a job sets filters and advance of its own.
+/// Commands by which a job sets its own filters and advance.
 const FILTERS: [&str; 5] = ["M593", "SET_INPUT_SHAPER", "M900", "M572", "SET_PRESSURE_ADVANCE"];
 
 /// Tables of the profile which those set.
 const FILTER_TABLES: [&str; 2] = ["input_shaper", "pressure_advance"];
 
-/// Keys of which accelerations follow for the profile's own filters, so that the job may set neither.
+/// Keys from which accelerations follow for the profile's own filters, so that the job may set neither.
 const BUDGET_KEYS: [&str; 2] = [ERROR_BUDGET_KEY, "frame"];
 
 /// Keys, and the values that they take together.
@@ -53,11 +53,11 @@ pub struct Sweep {
     pub label: String,
     /// The values.
     pub values: Values,
-    /// Simulates the error, too, on the frame that the profile names.
+    /// Also simulates the error on the frame that the profile names.
     pub with_error: bool,
 }
 
-/// Why a sweep cannot be made.
+/// Reason for which a sweep cannot be made.
 #[derive(Debug)]
 pub enum SweepError {
     /// The profile's text, or one of its values.
@@ -107,7 +107,7 @@ pub struct Row {
     /// allows for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_um: Option<f64>,
-    /// Why the job stops with this value.
+    /// Error that stops the job with this value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<String>,
 }
@@ -126,7 +126,7 @@ pub struct Swept {
     pub label: String,
     /// Time with the profile as it is, and the job as it is but for the lines left out, s.
     pub print_time_s: f64,
-    /// Lines of the job left out, for what they set would hold over the profile's values.
+    /// Lines of the job left out, as their settings would override the profile's values.
     pub lines_left_out: u64,
     /// Rows in the order of the values.
     pub rows: Vec<Row>,
@@ -212,7 +212,7 @@ pub(crate) fn dropped(keys: &[String]) -> Dropped {
     Dropped::new([limits, filters].concat())
 }
 
-/// A profile by its table. The line of a problem is left out: the table is not what stands in the file.
+/// Reads a profile from its table. The line of a problem is left out: the table is not the file's text.
 fn checked(table: &Table, name: &str) -> Result<Profile, SweepError> {
     ferrostep_profiles::parse(&table.to_string(), name)
         .map_err(|error| SweepError::Profile(format!("{name}: {}", error.problem())))

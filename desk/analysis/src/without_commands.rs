@@ -28,9 +28,9 @@ impl Dropped {
 enum Place {
     /// Its beginning: the characters so far, without spaces before them.
     Start(Vec<u8>),
-    /// After a command that stays.
+    /// The rest of a line that stays.
     Kept,
-    /// After a command that is left out.
+    /// The rest of a line whose text is left out.
     Dropped,
 }
 

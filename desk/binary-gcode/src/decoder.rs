@@ -414,7 +414,7 @@ impl Contents {
         loop {
             while let Some(&byte) = self.waiting.bytes().get(self.waiting_from) {
                 self.waiting_from += 1;
-                // Prusa's packer ends lines of G commands twice; its unpacker drops empty lines, too.
+                // Prusa's packer ends lines of G commands twice; its unpacker also drops empty lines.
                 let is_line_end = byte == b'\n';
                 if !(core::mem::replace(&mut self.after_line_end, is_line_end) && is_line_end) {
                     return Ok(Some(byte));

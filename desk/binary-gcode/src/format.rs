@@ -1,4 +1,4 @@
-//! Headers, as they stand in the file; little-endian.
+//! Headers, as they are in the file; little-endian.
 
 use crate::block_kind::{BlockKind, ThumbnailFormat};
 use crate::error::Reason;

@@ -74,7 +74,7 @@ fn normal_equations<const N: usize>(
     (normal, std::array::from_fn(|row| dot(&columns[row], left)))
 }
 
-/// Gauss's elimination with the largest pivot of a column; `None` if there is none.
+/// Gauss's elimination with the largest pivot of a column; `None` if a column has no pivot.
 fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     for column in 0..N {
         let pivot = (column..N).max_by(|a, b| matrix[*a][column].abs().total_cmp(&matrix[*b][column].abs()))?;

@@ -58,7 +58,7 @@ pub struct Mode {
 pub enum ModeError {
     /// No peak stands out between the lowest and the highest frequency.
     NoPeak,
-    /// The peak has not the shape of a mode.
+    /// The peak does not have the shape of a mode.
     Shape,
     /// Waves on a print that no frame makes.
     Waves,
@@ -87,8 +87,8 @@ impl fmt::Display for ModeError {
 impl std::error::Error for ModeError {}
 
 impl Mode {
-    /// The mode that leaves `waves` waves over `over_mm` behind a corner passed at `speed_mm_per_s`; the length is read to `reading_mm`.
-    /// A print does not show the damping well: it is taken to be usual.
+    /// The mode that leaves `waves` waves over `over_mm` after a corner passed at `speed_mm_per_s`; the length is
+    /// read to `reading_mm`. A print does not show the damping well: it is taken to be usual.
     ///
     /// # Errors
     /// [`ModeError::Waves`].
@@ -125,7 +125,7 @@ impl Mode {
             let count = around.len() as f64;
             spectrum.density[around].iter().sum::<f64>() / count
         };
-        // How much a line stands out of its surroundings, whatever power of the frequency these follow.
+        // Ratio of a line to its surroundings, whatever power of the frequency these follow.
         let beside = |line: usize, times: f64| smooth(((line as f64 * times) as usize).min(spectrum.density.len() - 1));
         let stands_out =
             |line: usize| smooth(line) / (beside(line, BESIDE) * beside(line, 1.0 / BESIDE)).sqrt().max(floor);

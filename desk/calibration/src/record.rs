@@ -111,7 +111,8 @@ impl Record {
     /// Reads a record.
     ///
     /// Klipper's lines have the time in seconds and accelerations in mm/s^2, RepRapFirmware's a number and accelerations in g, with
-    /// the rate in the last line. The second may stand in what a printer has said to its host, with answers around and between its lines.
+    /// the rate in the last line. The second may be part of what a printer has said to its host, with answers around
+    /// and between its lines.
     ///
     /// # Errors
     /// [`RecordError`], with the line.

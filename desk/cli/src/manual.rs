@@ -42,7 +42,7 @@ pub fn pages(folder: Option<&Path>) -> Result<ExitCode, String> {
     }
     let parts: Vec<Command> = command.get_subcommands().filter(|part| part.get_name() != "help").cloned().collect();
     for part in std::iter::once(command).chain(parts) {
-        // With the name of the whole command: `ferrostep-print`.
+        // The name of the whole command: `ferrostep-print`.
         let name = part.get_display_name().unwrap_or(NAME).to_owned();
         let path = folder.join(format!("{name}.1"));
         let text = page(part).map_err(|error| error.to_string())?;
@@ -57,7 +57,7 @@ pub fn pages(folder: Option<&Path>) -> Result<ExitCode, String> {
 /// A page in the language of `man`.
 fn page(command: Command) -> io::Result<Vec<u8>> {
     let mut page = Vec::new();
-    // Without a version the page has no part about one, which each subcommand would repeat.
+    // The page has no part about a version, which each subcommand would repeat.
     Man::new(command.disable_help_subcommand(true)).render(&mut page)?;
     Ok(page)
 }

@@ -37,7 +37,7 @@ impl Estimate {
                 let _ = estimated.set(schedule);
             }
         };
-        // Without a thread there is no time.
+        // The time stays unknown if no thread can be started.
         let _ = std::thread::Builder::new().name("estimate".to_owned()).spawn(estimate);
     }
 
@@ -85,7 +85,7 @@ impl Progress {
     /// Takes in where the job is, and moves the bar. `share`: the part of the file that was read, 0 to 1, if its size is known.
     pub fn show(&self, share: Option<f64>, job: &JobProgress, figures: impl FnOnce() -> Figures) {
         self.motion_time_s.set(job.motion_time_s);
-        // Of a prepared job the number of all layers is known, not of the present one.
+        // A prepared job gives the number of all layers, not the present one.
         self.layers.set((job.motion_time_s.is_none() && job.layers > 0).then_some(job.layers));
         self.show_if_due(share, figures);
     }
@@ -104,7 +104,7 @@ impl Progress {
         }
         self.shown.set(Some(now));
         let figures = figures();
-        // What is left of the time that is known: it can only fall.
+        // The remaining time can only fall.
         let times = match (self.motion_time_s.get(), self.schedule.get().map(Schedule::total_s)) {
             (Some(all_s), _) => Some((figures.motion_time_s, all_s)),
             (None, Some(all_s)) => Some((figures.print_time_s, all_s)),
@@ -131,8 +131,8 @@ impl Progress {
     }
 }
 
-/// A bar with a template of indicatif's. Of its parts only `{wide_msg}` may be long: it is cut to the terminal's width, and a
-/// line that wraps would be left behind at each change.
+/// A bar with a template of indicatif's. Only `{wide_msg}` of its parts may be long: it is cut to the terminal's
+/// width, and a line that wraps would leave a copy at each change.
 pub fn bar(length: u64, template: &str) -> ProgressBar {
     let bar = ProgressBar::new(length);
     match ProgressStyle::with_template(template) {

@@ -118,7 +118,7 @@ mod tests {
             line.carry(&mut bytes);
             let mut again = DamagedLine::default();
             again.add(fault, share);
-            // In portions, as a host sends.
+            // The text comes in portions, as a host sends it.
             let portions = text.as_bytes().chunks(7).flat_map(|portion| {
                 let mut portion = portion.to_vec();
                 again.carry(&mut portion);

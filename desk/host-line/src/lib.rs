@@ -231,16 +231,16 @@ impl Line {
         self.waiting.len()
     }
 
-    /// Waits until the host has sent something, at most this long; a new host, too, ends the wait.
+    /// Waits until the host has sent something, at most this long; a new host also ends the wait.
     pub fn wait(&self, timeout: Duration) {
         Self::wait_any(&[self], timeout);
     }
 
-    /// Waits until a host of one of these lines has sent something, at most this long; a new host, too, ends the wait.
+    /// Waits until a host of one of these lines has sent something, at most this long; a new host also ends the wait.
     pub fn wait_any(lines: &[&Self], timeout: Duration) {
         let mut sources: Vec<PollFd<'_>> = lines.iter().filter_map(|line| line.end.source()).collect();
         let poll_for = |sources: &mut [PollFd<'_>], timeout: Duration| {
-            // An interrupted wait is over, too.
+            // An interruption also ends the wait.
             let _ = poll(sources, Timespec::try_from(timeout).ok().as_ref());
         };
         poll_for(&mut sources, timeout);
@@ -328,7 +328,7 @@ impl Drop for Line {
 /// Opens a terminal: its board's end, raw and non-blocking, and the name of the host's end.
 fn open_terminal() -> io::Result<(File, PathBuf)> {
     let board_end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
-    // Not every system takes this as a flag of the call above.
+    // Some systems do not take this as a flag of the call above.
     rustix::io::fcntl_setfd(&board_end, rustix::io::FdFlags::CLOEXEC)?;
     grantpt(&board_end)?;
     unlockpt(&board_end)?;

@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use ferrostep_black_box::{END, PREFIX};
 
-/// Why lines are no black box.
+/// Reason for which lines are not a black box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinesError {
     /// A line that is not as it should be.
@@ -15,7 +15,7 @@ pub enum LinesError {
     Missing(u32),
     /// The last line has not come.
     Unfinished,
-    /// There is no line of a black box.
+    /// No line belongs to a black box.
     None,
 }
 
@@ -82,7 +82,7 @@ impl Assembly {
 /// The bytes of the last whole black box in a text.
 ///
 /// # Errors
-/// [`LinesError`]: there is none.
+/// [`LinesError`]: the text contains no whole black box.
 pub fn from_text(text: &str) -> Result<Vec<u8>, LinesError> {
     let mut assembly = Assembly::default();
     let mut last = Err(LinesError::None);
@@ -97,7 +97,7 @@ pub fn from_text(text: &str) -> Result<Vec<u8>, LinesError> {
             }
             Err(error) => {
                 assembly = Assembly::default();
-                // What follows the first error follows from it.
+                // Errors after the first follow from it.
                 if matches!(last, Err(LinesError::None | LinesError::Unfinished)) {
                     last = Err(error);
                 }

@@ -12,7 +12,7 @@ const MAX_LINE_BYTES: usize = 64 * 1024;
 #[derive(Debug)]
 pub struct FileLines<R> {
     input: R,
-    /// The last line was ended by `\r`: a `\n` right behind it belongs to that end.
+    /// The last line was ended by `\r`: a `\n` right after it belongs to that end.
     after_return: bool,
 }
 
@@ -104,7 +104,7 @@ pub fn command_of(line: &[u8]) -> Result<Option<String>, Damaged> {
                 line.text
             ))),
         },
-        // With a number it would be numbered twice.
+        // The line has a number and would be numbered twice.
         Some(Err(error)) if error.is_numbered() => Err(Damaged(error.to_string())),
         Some(Err(_)) => whole(),
     }

@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-/// The name that stands for standard input.
+/// The name that means standard input.
 const STANDARD_INPUT: &str = "-";
 
 /// Replaces every control character for which `is_replaced` holds by its escape sequence in Rust.
@@ -25,12 +25,12 @@ fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// A text of one or more lines without control characters: `\u{1b}` stands for an ESC. Line ends and tabs stay.
+/// A text of one or more lines without control characters: `\u{1b}` for an ESC. Line ends and tabs stay.
 pub fn escaped(text: &str) -> Cow<'_, str> {
     replaced(text, |c| c.is_control() && c != '\n' && c != '\t')
 }
 
-/// The same for a text that is one line: what would end it is replaced, too.
+/// The same for a text that is one line: line ends are also replaced.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     replaced(text, char::is_control)
 }

@@ -156,7 +156,7 @@ impl PrinterLine {
         }
     }
 
-    /// Another sending end, for what must not wait its turn.
+    /// Another sending end, for bytes that must not wait their turn.
     #[must_use]
     pub fn output(&self) -> LineOutput {
         self.output.clone()
@@ -204,7 +204,8 @@ pub fn connect(host: &str) -> io::Result<TcpStream> {
     Err(failed)
 }
 
-/// Why a port cannot be opened. A device that is no terminal refuses its settings with ENOTTY, which is written "Not a typewriter".
+/// Describes why a port cannot be opened. A device that is not a terminal refuses its settings with ENOTTY, which is
+/// written "Not a typewriter".
 fn unopened(error: &serialport::Error) -> String {
     let text = error.to_string();
     match text.as_str() {

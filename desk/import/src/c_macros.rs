@@ -1,9 +1,9 @@
-//! Replaces the names of C's macros by what they stand for, those with arguments and Marlin's own among them.
+//! Replaces the names of C's macros by their values, those with arguments and Marlin's own among them.
 
 use crate::c_tokens::{Token, tokens};
 use crate::definitions::Definitions;
 
-/// Most tokens of a value with all that its names stand for, and deepest names within names.
+/// Maximum number of tokens of a value with all its names replaced, and maximum depth of names within names.
 const MAX_TOKENS: usize = 4000;
 const MAX_DEPTH: usize = 60;
 

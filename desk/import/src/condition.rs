@@ -1,6 +1,7 @@
 //! Conditions around Marlin's definitions: `#if ENABLED(A) && (B > 1 || AXIS_IS_TMC(X))`.
 //!
-//! Marlin works many of its names out in headers of its own, which are not read. What cannot be known holds, so that nothing is lost.
+//! Marlin computes many of its names in its own headers, which are not read. A condition that cannot be known holds,
+//! so that nothing is lost.
 
 use crate::c_macros::is_enabled;
 use crate::definitions::Definitions;
@@ -116,7 +117,7 @@ fn compared(text: &str, definitions: &Definitions) -> Option<bool> {
     }
 }
 
-/// The parts of a text between signs that stand in no brackets.
+/// The parts of a text between signs outside all brackets.
 fn parts<'a>(text: &'a str, sign: &str) -> Vec<&'a str> {
     let (mut parts, mut depth, mut start, mut at) = (Vec::new(), 0_usize, 0, 0);
     while let Some(rest) = text.get(at..) {

@@ -10,7 +10,8 @@ use crate::imported::Imported;
 use crate::includes::Included;
 use crate::{glob, klipper, klipper_map, marlin, marlin_map, marlin_report, text};
 
-/// Makes a profile of a file, and of those that it includes; `assume` lets the built-in profile stand in for what the machine is.
+/// Makes a profile of a file, and of those that it includes; `assume` allows the built-in profile's values for the
+/// machine's identity.
 ///
 /// # Errors
 /// See [`ImportError`]; nothing is made then.
@@ -96,7 +97,7 @@ pub fn of_text_with(
     klipper_map::map(&config, assume)
 }
 
-/// The files of a name, relative to the folder of the configuration; it may stand for several.
+/// The files of a name, relative to the folder of the configuration; it may match several.
 fn files(folder: &Path, include: &str) -> Included {
     if !glob::is_pattern(include) {
         return Ok(vec![(include.to_owned(), text::of_file(&folder.join(include))?)]);

@@ -10,7 +10,7 @@ use crate::nearest::nearest;
 use crate::paths::{get, is_identity, number, rounded, set, values};
 use crate::rows::Rows;
 
-/// The built-in profile whose values stand in.
+/// The built-in profile whose values are used for missing ones.
 const BASE: &str = "cartesian";
 
 /// Most values that are changed because the checks of profiles refuse them.
@@ -213,7 +213,7 @@ impl Draft {
         }
     }
 
-    /// Puts the nearest value of its range in the place of a refused number; `false` if that has no end.
+    /// Replaces a refused number by the nearest value of its range; `false` if that has no end.
     fn move_into_range(&mut self, key: &str, reason: &str) -> bool {
         if is_identity(key) {
             return false;
@@ -256,7 +256,7 @@ impl Draft {
         false
     }
 
-    /// Puts the base's value in the place of a refused one, or removes an optional table; `false` if nothing changes.
+    /// Replaces a refused value by the base's, or removes an optional table; `false` if nothing changes.
     fn give_up(&mut self, key: &str, reason: &str) -> bool {
         let identity = self.identity_of(key, reason);
         let Some(path) = self.given_up_with(identity.as_deref().unwrap_or(key)).map(str::to_owned) else {
@@ -316,7 +316,7 @@ impl Draft {
         Imported { profile, rows, assumed, unread: self.unread, by_permission, substituted, homing, built_in }
     }
 
-    /// Makes the rows say what the profile has: each kept key with the value that stands there.
+    /// Updates the rows to the profile: each kept key with the profile's value.
     fn check_rows(&mut self) {
         for (index, said) in &self.sets {
             let Some(row) = self.rows.get_mut(*index) else { continue };

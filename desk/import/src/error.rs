@@ -1,10 +1,10 @@
-//! Why a configuration cannot be imported.
+//! Errors of an import.
 
 use std::fmt;
 
 use crate::imported::{Gap, place};
 
-/// Why a file cannot be imported.
+/// Reason for which a file cannot be imported.
 #[derive(Debug, PartialEq, Eq)]
 pub enum ImportError {
     /// A file cannot be read: its name, and why.

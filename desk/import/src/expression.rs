@@ -40,7 +40,7 @@ pub fn number(text: &str, definitions: &Definitions) -> Option<f64> {
     evaluated(&expanded(text, definitions)?)
 }
 
-/// Evaluates a list in braces; each part that is no number is `None`.
+/// Evaluates a list in braces; each part that is not a number is `None`.
 pub fn list(text: &str, definitions: &Definitions) -> Option<Vec<Option<f64>>> {
     let tokens = expanded(text, definitions).or_else(|| Some(crate::c_tokens::tokens(text)))?;
     let [Token::Sign("{"), inner @ .., Token::Sign("}")] = tokens.as_slice() else { return None };
@@ -57,7 +57,7 @@ pub fn list(text: &str, definitions: &Definitions) -> Option<Vec<Option<f64>>> {
             last.push(token.clone());
         }
     }
-    // A comma may stand after the last one.
+    // A comma may follow the last one.
     if parts.len() > 1 && parts.last().is_some_and(Vec::is_empty) {
         parts.pop();
     }

@@ -10,7 +10,7 @@ pub(crate) fn is_pattern(name: &str) -> bool {
     name.contains(['*', '?', '['])
 }
 
-/// The names that a pattern stands for, relative to a folder as the pattern is, in their order.
+/// The names that match a pattern, relative to a folder as the pattern is, in their order.
 pub(crate) fn matching(folder: &Path, pattern: &str) -> Vec<String> {
     let mut found = vec![String::new()];
     for (index, part) in pattern.split('/').enumerate() {

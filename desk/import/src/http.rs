@@ -85,7 +85,7 @@ pub(crate) struct Answer {
 /// Asks a server for a path.
 ///
 /// # Errors
-/// The server is not there, is silent, or its answer is none of HTTP or too long.
+/// The server does not accept the connection, is silent, or its answer is not HTTP or too long.
 pub(crate) fn get(url: &Url, path: &str) -> Result<Answer, String> {
     let Url { host, port } = url;
     let mut stream = connect(&format!("{host}:{port}")).map_err(|error| {
@@ -179,7 +179,7 @@ fn read_line(stream: &mut impl BufRead, line: &mut Vec<u8>) -> Result<usize, Str
     stream.take(MAX_HEAD_BYTES as u64).read_until(b'\n', line).map_err(failed)
 }
 
-/// Why the answer is not whole.
+/// Describes why the answer is not whole.
 fn failed(error: io::Error) -> String {
     match error.kind() {
         io::ErrorKind::TimedOut => {

@@ -15,9 +15,9 @@ pub struct Row {
     pub value: String,
     /// The profile's key that says it, with its value there; `None` if it is not kept.
     pub kept: Option<String>,
-    /// Why it is not kept, or is kept in another form.
+    /// Reason for which it is not kept, or is kept in another form.
     pub why: String,
-    /// A profile may not have this value: another one stands there.
+    /// True if a profile may not have this value and has another one instead.
     pub refused: bool,
 }
 
@@ -48,13 +48,13 @@ pub struct Imported {
     pub profile: String,
     /// All settings, in the order of the files.
     pub rows: Vec<Row>,
-    /// Keys of the profile that the configuration does not say, with the values that stand in for them.
+    /// Keys of the profile that the configuration does not set, with the values used instead.
     pub assumed: Vec<String>,
     /// Files that are included and could not be read.
     pub unread: Vec<String>,
-    /// What the machine is and the file does not say: assumed because the caller has allowed it.
+    /// Keys of the machine's identity that the file does not set, assumed because the caller has allowed it.
     pub by_permission: Vec<String>,
-    /// Keys whose value in the file a profile may not have, with what stands there.
+    /// Keys whose value in the file a profile may not have, with the value used instead.
     pub substituted: Vec<String>,
     /// Assumed keys of homing and of sensors.
     pub homing: Vec<String>,

@@ -16,11 +16,11 @@ pub struct Entry {
     pub key: String,
     /// Its value; lines after the first with a line end before each.
     pub value: String,
-    /// It stands in the part that SAVE_CONFIG has written, and holds only where no other line says its key.
+    /// The setting is in the part that SAVE_CONFIG has written, and holds only where no other line sets its key.
     pub is_saved: bool,
 }
 
-/// A section. One that occurs again goes on, and a later value holds.
+/// A section. One that occurs again continues, and a later value holds.
 #[derive(Clone, Debug)]
 pub struct Section {
     /// Its name in brackets, without spaces around.
@@ -36,7 +36,7 @@ pub struct Section {
 }
 
 impl Section {
-    /// The setting of a key that holds: the last one, of what SAVE_CONFIG has written only if there is no other.
+    /// The setting of a key that holds: the last one; one that SAVE_CONFIG has written only if there is no other.
     pub fn entry(&self, key: &str) -> Option<&Entry> {
         crate::effort::count();
         self.entries.get(*self.holding.get(key)?)
@@ -73,15 +73,15 @@ impl Config {
 /// Reads a file and those that it includes.
 ///
 /// # Errors
-/// A line that is none of a configuration.
+/// A line that does not belong in a configuration.
 pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) -> Result<Config, ImportError> {
     let mut config = Config::default();
     read(name, text, saved_from(text), include, &mut config)?;
     Ok(config)
 }
 
-/// The line from which on SAVE_CONFIG's part stands, in comments of a form of its own. Klipper reads it in the main file only, and not
-/// where another line stands in it.
+/// The line at which SAVE_CONFIG's part begins, in comments of a special form. Klipper reads it in the main file
+/// only, and only if it contains no other line.
 fn saved_from(text: &str) -> usize {
     const NONE: usize = usize::MAX;
     let Some(header) = text.lines().position(|line| line.starts_with("#*# <---") && line.contains(" SAVE_CONFIG "))
@@ -189,7 +189,7 @@ fn follow(
     Ok(())
 }
 
-/// A line without its comment: from `#` on wherever it stands, from `;` at its beginning or after a space.
+/// A line without its comment: from any `#` on, or from a `;` at its beginning or after a space.
 fn without_comment(line: &str) -> &str {
     let is_comment = |(at, byte): (usize, u8)| match byte {
         b'#' => true,

@@ -99,7 +99,7 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// A number, without keeping it. A setting that is none gets its row.
+    /// Parses a number without keeping it. A setting that is not a number gets its row.
     fn number(&mut self, section: &str, key: &str) -> Option<f64> {
         let entry = self.entry(section, key)?;
         let number = plain_number(&entry.value);

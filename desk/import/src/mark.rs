@@ -1,4 +1,4 @@
-//! The head of a profile that was imported, by which a later import sees whether somebody has edited it.
+//! The head of an imported profile, by which a later import sees whether a person has edited it.
 
 const HEAD: &str = "# Made by `ferrostep import`. Every key, with its range and meaning: the book's page on profiles.";
 const SUM: &str = "# Unchanged since then while this is the sum of the lines below: ";

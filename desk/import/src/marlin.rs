@@ -27,7 +27,7 @@ pub fn is_one(name: &str, text: &str) -> bool {
 /// Reads a configuration, the files that it includes, and the second file beside it.
 ///
 /// # Errors
-/// A condition that is not closed, or a file that is no configuration of a machine.
+/// A condition that is not closed, or a file that is not a machine's configuration.
 pub fn parse(name: &str, text: &str, include: &mut dyn FnMut(&str) -> Included) -> Result<Definitions, ImportError> {
     let mut definitions = Definitions::default();
     if name.rsplit('/').next() == Some(SECOND_FILE) {
@@ -155,7 +155,7 @@ fn follow(
     Ok(())
 }
 
-/// The text with a sign in place of each line end that has a backslash before it.
+/// The text with a sign instead of each line end that has a backslash before it.
 fn with_continued_lines(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for line in text.lines() {

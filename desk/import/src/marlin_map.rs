@@ -31,7 +31,7 @@ use crate::imported::{Imported, Row};
 use crate::text::shown;
 use reasons::reason;
 
-/// Why a value is not kept that the profile has a key for.
+/// Reason for which a value is not kept though the profile has a key for it.
 const NO_NUMBER: &str = "not a number that can be worked out here";
 
 /// Kinds of machines that no profile describes.
@@ -108,7 +108,7 @@ pub fn map(definitions: &Definitions, assume: bool) -> Result<Imported, ImportEr
 fn add_derived(values: &mut std::collections::HashMap<String, String>) {
     for axis in ["X", "Y", "Z"] {
         let length = format!("({axis}_MAX_POS - ({axis}_MIN_POS))");
-        // Before the bed had a size of its own, it was the travel.
+        // The bed's size was the travel before it had its own setting.
         let bed =
             if values.contains_key(&format!("{axis}_BED_SIZE")) { format!("{axis}_BED_SIZE") } else { length.clone() };
         let middle = if values.contains_key("BED_CENTER_AT_0_0") { "0".to_owned() } else { format!("({bed} / 2)") };

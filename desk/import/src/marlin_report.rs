@@ -75,7 +75,7 @@ struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Adds a definition in the place of all of its name.
+    /// Adds a definition instead of all of its name.
     fn define(&mut self, file: &str, line: usize, by: &str, name: &str, value: &str) {
         self.definitions.replace(name);
         self.definitions.values.insert(name.to_owned(), value.to_owned());
@@ -142,7 +142,7 @@ impl Report<'_> {
         }
     }
 
-    /// Lists by axis. The filament's axis may have a line of its own for each extruder.
+    /// Lists by axis. The filament's axis may have a separate line for each extruder.
     fn lists(&mut self, commands: &[Command<'_>]) {
         for (code, name) in [
             ("M92", "DEFAULT_AXIS_STEPS_PER_UNIT"),
@@ -275,7 +275,7 @@ impl Report<'_> {
         )
     }
 
-    /// Gains, in the place of those of older names and of lists.
+    /// Reads gains, which replace those of older names and of lists.
     fn gains(&mut self, command: &Command<'_>, start: &str) -> bool {
         for letter in ['P', 'I', 'D'] {
             let name = format!("{start}{letter}");

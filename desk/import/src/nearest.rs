@@ -51,7 +51,7 @@ pub(crate) fn nearest(table: &Table, key: &str, reason: &str) -> Vec<(String, Va
         return Vec::new();
     }
     let moved = match value {
-        // What a profile counts stays whole.
+        // A count of the profile stays whole.
         Value::Integer(_) if moved.fract() == 0.0 => Value::Integer(moved as i64),
         _ => Value::Float(moved),
     };
@@ -94,7 +94,7 @@ fn ends_of(text: &str) -> Option<[f64; 2]> {
     Some([low.trim().parse().ok()?, first_number(rest)?])
 }
 
-/// The number that a text begins with, after nothing else.
+/// The number at the very beginning of a text.
 fn first_number(text: &str) -> Option<f64> {
     let end = text.find(|char: char| !(char.is_ascii_digit() || ['.', '-'].contains(&char))).unwrap_or(text.len());
     text.get(..end)?.trim_end_matches('.').parse().ok()

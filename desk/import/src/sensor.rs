@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-/// Why a chamber beside a second nozzle is not kept.
+/// Reason for which a chamber beside a second nozzle is not kept.
 pub(crate) const CONNECTOR_TAKEN: &str =
     "the second nozzle is at the board's nozzle1: write a table chamber by hand, with a connector that is free";
 

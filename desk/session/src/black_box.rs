@@ -302,7 +302,7 @@ mod tests {
 
     use super::*;
 
-    /// Three slots, of which the second was being played.
+    /// Three slots; the second was being played.
     struct Steps(Past);
 
     const SLOTS: [PastSlot; 3] = [
@@ -335,7 +335,8 @@ mod tests {
 
     #[test]
     fn what_was_made_and_what_was_not() {
-        // Where the queue's end was before the last slot was filled: the event held back then is that slot's first.
+        // The mark has the queue's end before the last slot was filled: the event held back then is that slot's
+        // first.
         let mark = PositionMark { filled: 7, next: 6, now_ms: 8_000, motor_steps: [104, 47, 0, 7] };
         let bytes = fetched([None, Some(mark)], &RecordMemory::new());
         let contents = Contents::read(&bytes).unwrap();
@@ -352,7 +353,7 @@ mod tests {
 
     #[test]
     fn a_position_from_another_time_is_none() {
-        // At the end of the queue an event was held back of which nothing is known; the other lies before the first slot.
+        // The mark at the queue's end has a held event that is unknown; the other is before the first slot.
         for filled in [8, 4, 1_000] {
             let mark = PositionMark { filled, ..PositionMark::default() };
             let bytes = fetched([Some(mark), None], &RecordMemory::new());

@@ -46,7 +46,7 @@ const MAX_PIPED_BYTES: u64 = 4 << 30;
 /// The plate of a sliced 3MF that the command line names, 0 for none: it counts for each time that a file is opened.
 static PLATE: AtomicU32 = AtomicU32::new(0);
 
-/// Why a job could not be started from a file.
+/// Reason for which a job could not be started from a file.
 #[derive(Debug)]
 pub enum InputError {
     /// It cannot be opened or read.
@@ -177,7 +177,7 @@ impl Input {
         let is_gzip = start.starts_with(&GZIP_MAGIC);
         let file = Cursor::new(start).chain(file);
         let mut reader: Box<dyn Read> = if is_gzip {
-            // What the decoder has consumed counts, not what a buffer has read for it.
+            // Bytes consumed by the decoder count, not those that a buffer has read for it.
             let inner = BufReader::with_capacity(LOOK_BYTES, file);
             Box::new(MultiGzDecoder::new(Counting { inner, place: Rc::clone(&place), count: |place| &place.fetched }))
         } else {
@@ -260,11 +260,11 @@ fn is_zip(file: &mut File) -> io::Result<bool> {
     Ok(is_zip)
 }
 
-/// The size that a gzip file's last four bytes say; 0 for another file. The file stands at its beginning again.
+/// The size in a gzip file's last four bytes; 0 for another file. Rewinds the file.
 fn gzip_size(file: &mut File) -> io::Result<u64> {
     let mut magic = [0; 2];
     let mut last = [0; 4];
-    // A file that is too short for both is no gzip.
+    // A file that is too short for both is not gzip.
     let is_gzip = file.read_exact(&mut magic).is_ok() && magic == GZIP_MAGIC;
     let is_read = is_gzip && file.seek(SeekFrom::End(-4)).is_ok() && file.read_exact(&mut last).is_ok();
     file.rewind()?;

@@ -8,10 +8,10 @@ use ferrostep_printer::{CommandError, Ports, Printer};
 
 use crate::comments::Comments;
 
-/// Bytes read at once: so much may be executed between two looks at the progress.
+/// Bytes read at once, all of which may be executed between two looks at the progress.
 const PORTION_BYTES: usize = 4 * 1024;
 
-/// Why a job stopped before its end.
+/// Reason for which a job stopped before its end.
 #[derive(Debug)]
 pub enum JobError {
     /// A line could not be executed.
@@ -45,7 +45,7 @@ pub enum JobError {
     Entry {
         /// The frame.
         frame: u32,
-        /// Why, and how to mend it.
+        /// The error, and how to mend it.
         message: String,
     },
     /// All lines were executed, but their motion was stopped before its end.
@@ -55,7 +55,7 @@ pub enum JobError {
 impl fmt::Display for JobError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            // What cannot be read has no text to show.
+            // A line that cannot be read has no text to show.
             Self::Line { line, text, message } if text.is_empty() => write!(out, "line {line}: {message}"),
             Self::Line { line, text, message } => write!(out, "line {line}: {text:?}: {message}"),
             Self::Read { line, error } => write!(out, "after line {line}: the file cannot be read: {error}"),

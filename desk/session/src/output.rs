@@ -30,7 +30,7 @@ pub struct Protected<'a> {
     pub what: &'static str,
 }
 
-/// Why an output cannot be written.
+/// Reason for which an output cannot be written.
 #[derive(Debug)]
 pub struct OutputError {
     path: PathBuf,

@@ -179,7 +179,7 @@ impl fmt::Display for Summary {
         }
         remarks::write_all(out, self.remarks.as_deref().unwrap_or_default())?;
         write!(out, "  real time    {:.2} s", self.wall_s)?;
-        // Without motion there is nothing to compare with.
+        // A job without motion has no time to compare with.
         if self.motion_time_s > 0.0 {
             write!(out, ", {:.0} times faster than the printer", self.realtime_factor)?;
         }

@@ -88,7 +88,7 @@ impl<P: Ports, F: Fn() -> f64> Onlooker<P> for Sampler<F> {
     fn ended(&mut self, _: &Printer<'_, P>) {}
 }
 
-/// A file that ends with an error as soon as nobody wants it.
+/// A file that ends with an error as soon as it is unwanted.
 struct Wanted<'a> {
     input: Input,
     unwanted: &'a Arc<AtomicBool>,

@@ -132,7 +132,7 @@ pub struct Served {
     pub logical_10nm: [i64; 4],
     /// Counts of the motors.
     pub figures: Figures,
-    /// Why it ended by itself; `None` if a person ended it.
+    /// Error with which it ended by itself; `None` if a person ended it.
     pub failed: Option<String>,
     /// The card's image as it is now.
     pub card: Option<Vec<u8>>,

@@ -202,7 +202,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.heat.borrow_mut().set_failure(heater, failure);
     }
 
-    /// A fan stands still whatever its power, or turns again.
+    /// Stops a fan whatever its power, or lets it turn again.
     pub fn set_fan_stuck(&self, fan: FanOutput, is_stuck: bool) {
         self.heat.borrow_mut().set_fan_stuck(fan, is_stuck);
     }

@@ -43,7 +43,7 @@ impl SettingsFile {
         Ok(memory)
     }
 
-    /// Writes the file in place of the one before.
+    /// Replaces the file by a new one.
     fn write(&self) -> io::Result<()> {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut part = tempfile::NamedTempFile::new_in(folder)?;
@@ -64,7 +64,7 @@ impl SettingsMemory for SettingsFile {
     }
 
     fn stalls(&self) -> bool {
-        // As most boards do, so that what works here works there.
+        // Most boards stall: commands that work here should also work there.
         true
     }
 }

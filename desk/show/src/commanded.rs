@@ -247,7 +247,7 @@ mod tests {
             let steps = (distance_mm(from, to) / 0.02).ceil();
             for step in 1..=steps as u32 {
                 let share = f64::from(step) / steps;
-                // As motors stop on whole steps, to 0.01 mm.
+                // Motors stop on whole steps, here of 0.01 mm.
                 let place = std::array::from_fn(|axis| {
                     ((from[axis] + (to[axis] - from[axis]) * share) * 100.0).round() / 100.0
                 });

@@ -38,7 +38,7 @@ pub struct Remarked<'a> {
 /// Outcome of a print besides its motion.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome<'a> {
-    /// Why the print stopped early, and in which line.
+    /// Reason for which the print stopped early, and its line.
     pub stopped: Option<(String, Option<u32>)>,
     /// Remarks on its lines and on its end.
     pub remarks: Vec<Remarked<'a>>,
@@ -113,7 +113,7 @@ fn extremes(totals: &Totals) -> impl Iterator<Item = Finding> {
         extreme(greatest_flow, format!("Greatest flow: {:.1} mm³/s", greatest_flow.value)),
         extreme(fastest_print, format!("Fastest printing: {:.0} mm/s", fastest_print.value)),
         extreme(longest_travel, format!("Longest travel: {:.0} mm", longest_travel.value)),
-        // The only one has a finding of its own.
+        // A single retraction has its own finding.
         (totals.retractions > 1).then(retraction).flatten(),
         extreme(greatest_deviation, format!("Farthest from the path asked for: {:.3} mm", greatest_deviation.value)),
         extreme(

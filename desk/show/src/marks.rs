@@ -37,7 +37,7 @@ enum TimeOf {
     Model,
 }
 
-/// Features of which Simplify3D 3 and FlashPrint write the bare name.
+/// Features that Simplify3D 3 and FlashPrint write by their bare name.
 const BARE_FEATURES: [&str; 15] = [
     "outer perimeter",
     "inner perimeter",

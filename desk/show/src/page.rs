@@ -154,7 +154,7 @@ pub(crate) fn policy(styles: &[&str]) -> String {
     )
 }
 
-/// Text as it may stand in an element.
+/// Escapes a text for an element.
 pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }

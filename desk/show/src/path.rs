@@ -220,8 +220,8 @@ impl Path {
     fn close(&mut self, line: u32, state: LineState, filament_mm: Option<f64>, keep: &mut impl FnMut(Node)) {
         let pushed_mm = self.last.place.filament_mm - self.start.place.filament_mm;
         let path_mm = self.last.along_mm;
-        // Where moves are not told of (prepared jobs), the extruder's steps say what is pushed, and one of them may belong to a
-        // neighbour.
+        // The extruder's steps say what is pushed where moves are unknown (prepared jobs), and one of them may belong
+        // to a neighbour.
         let is_bead = pushed_mm.abs() * self.filament_mm2 > THINNEST_MM2 * path_mm;
         let filament_mm = filament_mm.unwrap_or(if is_bead { pushed_mm } else { 0.0 });
         let took_s = self.last.place.time_s - self.start.place.time_s;

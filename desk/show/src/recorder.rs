@@ -155,7 +155,7 @@ impl Recorder {
         self.tick = self.tick.max(tick);
     }
 
-    /// Homing: the motors stand elsewhere from now on.
+    /// Gives the motors other positions from now on, as homing does.
     pub fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
         self.tick = self.tick.max(tick);
         self.settle(true);
@@ -186,7 +186,7 @@ impl Recorder {
         self.idle_s = idle_s;
         let state = self.states.at(self.line);
         let kind = if heats { Kind::Heating } else { Kind::Wait };
-        // Pressure goes on falling.
+        // Pressure continues to fall.
         let mut place = self.path.last();
         let time_s = self.time_s(self.tick);
         self.press(time_s - place.time_s, 0.0);
@@ -258,7 +258,7 @@ impl Recorder {
         }
     }
 
-    /// Takes all samples up to now, when the motors stand.
+    /// Takes all samples up to now, when the motors are at rest.
     fn settle(&mut self, homes: bool) {
         self.sample(self.tick);
         // The rest of a grid's interval.

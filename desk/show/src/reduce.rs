@@ -41,7 +41,7 @@ impl Nodes {
     fn reduce(&mut self) {
         let before = self.kept.len();
         let enough = before / 3 * 2;
-        // Large steps at the end: parts of another kind are joined only where nothing else helps.
+        // Large steps come last: parts of another kind are joined only as a last resort.
         while self.kept.len() > enough && self.tolerance_mm < 1000.0 {
             self.pass(|a, b| a.kind == b.kind && a.layer == b.layer && a.feature == b.feature);
             self.tolerance_mm *= 2.0;
@@ -52,8 +52,9 @@ impl Nodes {
         self.left_out += (before - self.kept.len()) as u64;
     }
 
-    /// Joins pairs of parts that may be joined and whose common node is near the line between their ends. A node with a larger speed,
-    /// pressure or flow than both its neighbours stays, and so does one with a smaller speed, unless nothing else helps.
+    /// Joins pairs of parts that may be joined and whose common node is near the line between their ends. A node with
+    /// a larger speed, pressure or flow than both its neighbours stays, and so does one with a smaller speed, except
+    /// as a last resort.
     fn pass(&mut self, may_join: impl Fn(&Node, &Node) -> bool) {
         let is_last_resort = self.tolerance_mm >= 1000.0;
         let tolerance_mm = self.tolerance_mm;

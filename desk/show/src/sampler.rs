@@ -63,7 +63,7 @@ impl Sampler {
         self.motors.each_ref().map(Motor::position)
     }
 
-    /// The motors stand elsewhere from now on. All samples have been taken.
+    /// Gives the motors other positions from now on. All samples have been taken.
     pub fn redefine(&mut self, tick: u64, positions: [i64; 4]) {
         for (motor, position) in self.motors.iter_mut().zip(positions) {
             motor.set_position(position);
@@ -81,7 +81,7 @@ impl Sampler {
         let end = self.ends.front().copied();
         let grid_tick = self.last_tick + self.times.grid;
         let (tick, ends) = match end {
-            // Not two samples close together.
+            // Two samples are never close together.
             Some((tick, line)) if tick <= grid_tick + self.times.grid / 4 => (tick.max(self.last_tick), Some(line)),
             _ => (grid_tick, None),
         };

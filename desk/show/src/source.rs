@@ -20,7 +20,7 @@ pub struct Text {
     pub kept: Vec<u8>,
     /// True if later lines were not kept.
     pub is_cut: bool,
-    /// Names of features, in the order of their first lines; the first is empty, for what has no name.
+    /// Names of features, in the order of their first lines; the first is empty, for lines without a feature.
     pub features: Vec<String>,
     /// True if the file marks its layers.
     pub has_layers: bool,

@@ -126,7 +126,7 @@ impl Totals {
                 self.fastest_travel.note(node.speed_mm_per_s.into(), node);
                 self.longest_travel.note(self.travel_mm, node);
             }
-            // After a move that settles a retraction may have two parts.
+            // A retraction after a move that settles may have two parts.
             Kind::Retract if (before.kind, before.line) != (Kind::Retract, node.line) => {
                 self.retractions += 1;
                 let length_mm = f64::from(-node.bead);

@@ -51,7 +51,7 @@ impl Mode {
         self.speed_mm_per_s
     }
 
-    /// Acceleration towards where the command stands or moves, mm/s^2.
+    /// Acceleration towards the commanded motion, mm/s^2.
     pub fn acceleration_mm_per_s2(&self, command: Motion) -> f64 {
         let away_mm = command.position_mm - self.position_mm;
         self.omega * (self.omega * away_mm - 2.0 * self.damping * self.speed_mm_per_s)

@@ -231,7 +231,7 @@ fn backwards(candidates: &[Candidate]) -> Vec<Known> {
         let smoothed = candidate.max_smoothed_start.min(smoothed_reachable);
         let mut cruise = None;
         if smoothed < smoothed_reachable {
-            // It can accelerate. If it can brake too, or those after it do nothing else, the smoothed peak is here.
+            // The move can accelerate. If it can also brake, or those after it only brake, the smoothed peak is here.
             if smoothed + candidate.smoothed_gain > next_smoothed || only_brake > 0 {
                 peak = 0.5 * (smoothed + smoothed_reachable);
             }

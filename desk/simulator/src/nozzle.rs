@@ -152,7 +152,7 @@ impl Part {
             let passes = rising && end_mm3 > joint_mm3;
             return if passes { (joint_mm3, (joint_mm3 - volume_mm3) / feed) } else { (end_mm3, time_s) };
         }
-        // Where the flow would equal the feed.
+        // Volume at which the flow would equal the feed.
         let rest_mm3 = self.from_mm3 + (feed - self.flow_mm3_per_s) / self.per_s;
         let end_mm3 = rest_mm3 + (volume_mm3 - rest_mm3) * (-self.per_s * time_s).exp();
         let passes = if rising { end_mm3 > joint_mm3 } else { end_mm3 < joint_mm3 };

@@ -93,7 +93,7 @@ impl Shaper {
         }
         let root = (1.0 - damping * damping).sqrt();
         let period_s = 1.0 / (frequency_hz * root);
-        // By how much the vibration decays in half a damped period, and in `part` of one.
+        // Decay of the vibration in half a damped period, and in `part` of one.
         let half = (-damping * PI / root).exp();
         let decay = |part: f64| (-TAU * part * damping / root).exp();
         let halves = |weights: &[f64]| {

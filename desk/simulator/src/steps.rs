@@ -1,8 +1,8 @@
 //! Step events, as a trace has them, through frame and nozzle.
 //!
-//! The frame feels whole steps: between two events the motors stand. What is measured of the motors themselves (acceleration,
-//! the extruder's flow) takes each step as the crossing of the middle between two positions and goes straight from one crossing
-//! to the next, as a rotor does, for a difference of whole steps would be nothing but noise.
+//! The frame feels whole steps: the motors rest between two events. Measures of the motors themselves (acceleration,
+//! the extruder's flow) take each step as the crossing of the middle between two positions and go straight from one
+//! crossing to the next, as a rotor does: differences of whole steps would be pure noise.
 
 mod crossings;
 mod path_source;
@@ -24,7 +24,7 @@ use std::ops::RangeInclusive;
 /// Motion is simulated through pauses of at most this, s; of a longer one only the beginning.
 const LONGEST_PAUSE_S: u64 = 2;
 
-/// Steps/mm of a motor: of any that there is, and so that a few steps are no path of kilometres.
+/// Range of a motor's steps/mm: it includes every real motor, and keeps a few steps from making a path of kilometres.
 const STEPS_PER_MM: RangeInclusive<f64> = 0.1..=1e6;
 
 /// Motors of a trace that can be simulated.
@@ -35,7 +35,7 @@ const MOTORS: usize = 4;
 pub enum StepsError {
     /// It cannot be read.
     Trace(TraceError),
-    /// Its header does not name four motors, of which the last is e.
+    /// The header does not name four motors, the last of them e.
     Motors(Vec<String>),
     /// A motor's steps/mm are out of range.
     Scale(String),
@@ -339,7 +339,7 @@ impl StepSimulation {
     /// last without homing, s.
     ///
     /// # Errors
-    /// The path goes on after the last step.
+    /// The path continues after the last step.
     pub fn finish(mut self) -> Result<(Measures, f64), StepsError> {
         let end_s = self.time_s;
         let time_s = end_s + self.seconds(self.left_out_ticks) - self.homing_s;

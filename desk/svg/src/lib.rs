@@ -19,7 +19,7 @@ pub fn page(title: &str, [width, height]: [f64; 2], font_pixels: u8, content: im
     )
 }
 
-/// Text as it may stand in an element or an attribute.
+/// Escapes a text for an element or an attribute.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

@@ -30,7 +30,7 @@ impl Token {
         Ok(Self(text))
     }
 
-    /// Its text, for the page's address.
+    /// Returns its text, for the page's address.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.0

@@ -103,7 +103,7 @@ pub struct Upload {
     pub bytes: u64,
 }
 
-/// A printer behind the page. The calls come from several threads and return soon: none waits for the printer.
+/// A printer that the page shows. The calls come from several threads and return soon: none waits for the printer.
 pub trait Printer: Send + Sync + 'static {
     /// Its state now.
     fn state(&self) -> State;
@@ -132,7 +132,7 @@ pub trait Printer: Send + Sync + 'static {
     /// Starts the uploaded job.
     ///
     /// # Errors
-    /// There is none, or the printer is not free.
+    /// No file has been uploaded, or the printer is not free.
     fn start(&self) -> Result<(), Refusal>;
 
     /// Pauses the job after the moves that the printer has.

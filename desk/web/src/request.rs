@@ -14,7 +14,7 @@ const MAX_HEADERS: usize = 48;
 /// A request's head, and what of its body came with it.
 #[derive(Debug, Default)]
 pub struct Request {
-    /// Method, as it stands.
+    /// Method, as sent.
     pub method: String,
     /// The target up to a question mark.
     pub path: String,
@@ -42,7 +42,7 @@ impl Request {
     /// Reads a head. `Ok(None)`: the client has gone without a word.
     ///
     /// # Errors
-    /// The answer to what is no request, too long or too slow.
+    /// The answer to input that is not a request, is too long or too slow.
     pub fn read(stream: &mut impl Read) -> Result<Option<Self>, Answer> {
         let mut bytes = Vec::new();
         loop {
@@ -95,7 +95,7 @@ impl Request {
         Ok(Some(request))
     }
 
-    /// Takes a header line that matters. One that stands twice could be read in two ways.
+    /// Takes a header line that matters. A header that occurs twice could be read in two ways.
     fn take(&mut self, name: &str, value: &[u8]) -> Result<(), Answer> {
         let text = || {
             let text = std::str::from_utf8(value).map_err(|_| Answer::text(400, format!("{name} is not text")))?;

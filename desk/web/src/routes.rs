@@ -42,7 +42,7 @@ impl<P: Printer> Room<P> {
     /// Answers a request. `stream` has the rest of its body.
     ///
     /// # Errors
-    /// An answer, too: that of a refusal.
+    /// The answer of a refusal.
     pub fn answer(&self, request: &Request, stream: &TcpStream) -> Result<Answer, Answer> {
         if !request.host.as_deref().is_some_and(|host| self.names.is_host(host)) {
             return Err(Answer::text(

@@ -88,7 +88,8 @@ impl Server {
         self.address
     }
 
-    /// The page's address with the token, for a person. The token stands in the fragment, which no browser sends to a server.
+    /// The page's address with the token, for a person. The token is in the fragment, which no browser sends to a
+    /// server.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}/#{}", self.address, self.token.text())
@@ -128,7 +129,7 @@ fn accept<P: Printer>(listener: &TcpListener, room: &Arc<Room<P>>, ends: &Atomic
             continue;
         }
         let room = Arc::clone(room);
-        // Without a thread the connection is closed.
+        // The connection is closed if no thread can be started.
         let _ = thread::Builder::new().name("web client".to_owned()).spawn(move || {
             serve(&stream, &room);
             drop(place);

@@ -145,7 +145,7 @@ impl AdvanceLines {
         );
         temperatures.begin(&mut out);
         let speeds = [slow_mm_per_s, fast_mm_per_s, slow_mm_per_s];
-        // What is pushed out first has no K.
+        // The first filament pushed out has no K.
         let _ = writeln!(out, "M900 K0");
         let front = [pattern.left_mm, pattern.front_mm];
         let _ = writeln!(out, "G1 X{:.3} Y{:.3} F6000\nG1 Z{:.3} F600", front[0], front[1], pattern.height_mm);

@@ -206,7 +206,7 @@ impl FlowTube {
         let filament_mm = bead.filament_per_mm(profile) * SIDE_MM;
         let _ = writeln!(out, "G1 X{:.3} Y{:.3} F6000", low[0], low[1] - 0.5 * MARGIN_MM);
         let first_z = bead.height_mm;
-        // What is pushed out first fills the nozzle, beside the tube.
+        // The first filament pushed out fills the nozzle, beside the tube.
         let prime = [low[0] + SIDE_MM, low[1] - 0.5 * MARGIN_MM];
         let slow = 60.0 * FIRST_LAYER_MM_PER_S;
         let _ = writeln!(out, "G1 Z{first_z:.3} F600\nG1 X{:.3} Y{:.3} E{filament_mm:.5} F{slow}", prime[0], prime[1]);

@@ -30,7 +30,7 @@ pub struct Extruder {
     steps_per_mm: f64,
     /// Filament of the moves that have been planned and have not ended, 0.1 nm.
     planned_100pm: VecDeque<i64>,
-    /// Filament of parts that lead to the next end of a move and have none of their own.
+    /// Filament of parts that lead to the next end of a move and have no filament themselves.
     open_100pm: i64,
     /// Its planned position at the start of the present move, 0.1 nm, and its real one, steps.
     start_100pm: i64,

@@ -19,7 +19,7 @@ const COMPARED: ComparedKind = ComparedKind::Mzv;
 /// The words of the command line that tell of filters and of the frame's frequencies.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FilterWords {
-    /// `--input-shaper`: the kind for X and Y in place of the profile's.
+    /// `--input-shaper`: the kind for X and Y instead of the profile's.
     pub input_shaper: Option<ShaperKind>,
     /// `--shaper-frequency`: the frequencies that the filters are made for, Hz.
     pub shaper_frequency_hz: Option<[f64; 2]>,
@@ -204,7 +204,7 @@ impl FilterWords {
         Ok(SimulatedFilters { steps, compared, frame_hz })
     }
 
-    /// The filter of an axis under `--input-shaper`: frequency and damping are the profile's where nothing else is said.
+    /// The filter of an axis under `--input-shaper`: frequency and damping are the profile's unless given.
     fn shaper(&self, kind: ShaperKind, axis: usize, profiles: AxisShaper) -> AxisShaper {
         let profiles = Some(profiles).filter(is_filter);
         AxisShaper {

@@ -11,10 +11,10 @@ pub const MAX_VALUES: usize = 32;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Values(Vec<f64>);
 
-/// Why a text is no [`Values`].
+/// Reason for which a text does not describe [`Values`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum ValuesError {
-    /// This is no finite number.
+    /// The text is not a finite number.
     Number(String),
     /// The range does not rise from a number above 0.
     Range,

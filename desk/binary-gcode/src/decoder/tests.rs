@@ -210,7 +210,7 @@ fn the_window_is_empty_at_each_block() {
 
 #[test]
 fn it_fits_a_board() {
-    // Without Deflate, whose window and tables are the rest.
+    // The limit excludes Deflate, whose window and tables are the rest.
     let inflate = std::mem::size_of::<Inflate>();
     assert!(std::mem::size_of::<Decoder>() - inflate < 4608);
     assert!(inflate < 48 * 1024);

@@ -19,7 +19,7 @@ pub enum Edge {
 /// Reads `12.5`, `line:120` or `layer:3`.
 ///
 /// # Errors
-/// It is none of these.
+/// The text has none of these forms.
 pub fn edge(text: &str) -> Result<Edge, String> {
     let number = |text: &str| text.parse().ok().filter(|number: &u32| *number > 0);
     let edge = match text.split_once(':') {

@@ -15,7 +15,7 @@ use ferrostep_session::output::{Accepted, Output, Protected};
 
 use crate::outcome::result;
 
-/// The exit status where the built-in profile stands in for what the machine is.
+/// Exit status if the built-in profile's values are used for the machine's identity.
 const ASSUMED: u8 = 3;
 
 /// Examples that the list has of a reason for which settings are not kept.
@@ -106,14 +106,15 @@ pub struct Arguments<'a> {
     pub json: bool,
     /// The list with every setting and value.
     pub all: bool,
-    /// The built-in profile stands in for what the machine is.
+    /// Allows the built-in profile's values for the machine's identity.
     pub assume: bool,
 }
 
 /// Makes a profile, writes it, and lists what was kept.
 ///
 /// # Errors
-/// It is no configuration or of a machine that profiles do not know, a printer does not answer, or the profile cannot be written.
+/// The file is not a configuration or is that of a machine that profiles do not know, a printer does not answer, or
+/// the profile cannot be written.
 pub fn run(arguments: &Arguments<'_>) -> Result<ExitCode, String> {
     let Arguments { ref source, out, json, .. } = *arguments;
     let imported = source.import(arguments.assume)?;

@@ -37,7 +37,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
 
     let progress = Progress::new();
     let place = input.place();
-    // What is read once cannot be asked twice, and a large file should not be.
+    // A pipe can be read only once, and a large file takes too long to read twice.
     let asks = arguments.file.is_file() && !input.is_prepared() && input.size_bytes() <= MAX_ASKED_BYTES;
     let (shown, chances) = std::thread::scope(|scope| {
         let chances = asks.then(|| scope.spawn(|| recording::chances(profile, &arguments.file)));
@@ -48,7 +48,7 @@ pub fn run(arguments: &ShowArguments) -> Result<ExitCode, String> {
     });
     progress.end();
     let shown = shown.map_err(|error| error.to_string())?;
-    // With a stop there is no whole print to compare with.
+    // A job that stops has no whole print to compare with.
     let chances = if shown.stopped.is_some() { Vec::new() } else { chances };
     let said = input.description().map(|description| &description.figures);
     let slicer_time_s = said.and_then(|said| Some(said.time_s?.into()));

@@ -19,7 +19,7 @@ const MAX_BUSY: usize = 30;
 const MAX_TIME: Duration = Duration::from_secs(120);
 const MAX_LINES: usize = 5000;
 
-/// Why a printer has not answered.
+/// Reason for which a printer has not answered.
 #[derive(Debug)]
 pub enum AskError {
     /// The conversation has failed.
@@ -75,7 +75,7 @@ impl Watch for BusyWatch {
     }
 }
 
-/// Asks a printer commands one after the other; returns the lines that it says to each, with what stands after its `ok`.
+/// Asks a printer commands one after the other; returns the lines that it says to each, with the text after its `ok`.
 ///
 /// # Errors
 /// The printer does not answer, is busy or halted, or is gone.

@@ -8,7 +8,7 @@ use super::packing::Packing;
 use super::port::{Patience, Port};
 use crate::black_box_lines::{Assembly, LinesError};
 
-/// Why a black box was not fetched.
+/// Reason for which a black box was not fetched.
 #[derive(Debug)]
 pub enum FetchError {
     /// The conversation has failed.

@@ -1,9 +1,9 @@
-//! Why a job was not sent to its end.
+//! Errors that end the sending of a job.
 
 use std::fmt;
 use std::io;
 
-/// Why a job was not sent to its end.
+/// Reason for which a job was not sent to its end.
 #[derive(Debug)]
 pub enum SendError {
     /// The board is gone.

@@ -15,17 +15,17 @@ use super::protocol::{is_report, is_transfer_error, numbered, resend, unknown};
 use super::watch::Watch;
 use crate::file_lines::command_of;
 
-/// Lines kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice may be one
-/// behind.
+/// Lines kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice
+/// may lag by one.
 const KEPT_LINES: usize = 16;
 
-/// Most times that a line is sent. One that never arrives whole would be asked for again for ever.
+/// Maximum number of times that a line is sent. One that never arrives whole would be asked for without end.
 const MOST_TIMES: u32 = 100;
 
 /// Most lines kept of a printer's answer to one line.
 const MAX_SAID: usize = 20;
 
-/// Why a printer, or a person, has ended a job before its end.
+/// Reason for which a printer, or a person, has ended a job before its end.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// The printer reports an error; its line.
@@ -44,7 +44,7 @@ pub enum Stop {
     NotForCard(String),
     /// The next line of the file is damaged; how.
     Damaged(String),
-    /// The printer's count of lines is not ours: the line that it asks for, and the one that it was sent.
+    /// The printer's count of lines differs from the host's: the line that it asks for, and the one that it was sent.
     OtherCount(u32, u32),
     /// The printer asks for the same line again and again; its number in the conversation.
     NeverArrives(u32),
@@ -88,7 +88,7 @@ pub struct Outcome {
     pub sent: u32,
     /// Lines that were sent again.
     pub resends: u32,
-    /// Why it ended early, if it did.
+    /// Reason for which it ended early, if it did.
     pub stop: Option<Stop>,
 }
 
@@ -269,7 +269,7 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                         return Ok(Answer::NoText);
                     }
                     if is_answered {
-                        // That was all.
+                        // No answer is missing.
                         self.owed = 0;
                         return Ok(Answer::Ok);
                     }
@@ -363,7 +363,7 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         }
     }
 
-    /// While the job is held: listens until it goes on.
+    /// Listens until the job continues, while it is held.
     fn wait_while_held(&mut self) -> Result<Option<Stop>, SendError> {
         while self.is_held {
             if self.watch.wants_end() {

@@ -12,7 +12,8 @@ pub(super) fn echo(line: &str) -> Option<Vec<String>> {
     Some(vec![text.to_owned(), "ok".to_owned()])
 }
 
-/// A printer that answers by a function of the line and how often it was sent before; its clock goes on while its host waits.
+/// A printer that answers by a function of the line and how often it was sent before; its clock runs while its host
+/// waits.
 pub(super) struct Scripted<F> {
     answer: F,
     said: VecDeque<String>,
@@ -33,7 +34,7 @@ impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Scripted<F> {
 
 impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Port for Scripted<F> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        // Bytes that switch packing off are no text.
+        // Bytes that switch packing off are not text.
         let text = String::from_utf8_lossy(bytes);
         for line in text.lines().filter(|line| !line.is_empty()) {
             let times = self.heard.iter().filter(|heard| *heard == line).count();

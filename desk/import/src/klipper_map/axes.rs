@@ -91,7 +91,7 @@ impl<'a> Reading<'a> {
         let text = pin.map_or("", |pin| pin.value.as_str());
         let is_stall = text.contains("virtual_endstop") && !text.contains("z_virtual_endstop");
         let is_probe = text.contains("z_virtual_endstop");
-        // Where the probe triggers is its own z_offset.
+        // The probe's trigger height is its own z_offset.
         let end = self.number(section, "position_endstop").filter(|_| !is_probe);
         self.draft.put(&homing("triggers_low"), false);
         let is_high = match self.entry(section, "homing_positive_dir").map(|entry| entry.value.to_ascii_lowercase()) {
@@ -117,7 +117,7 @@ impl<'a> Reading<'a> {
         self.draft.put(&homing("fast_mm_per_s"), fast);
         let slow = self.keep_number(section, "second_homing_speed", &[&homing("slow_mm_per_s")], |speed| speed);
         let back = self.number(section, "homing_retract_dist");
-        // Without a way back Klipper homes once, at the full speed: a stall is then never sensed at half of it.
+        // Klipper homes once, at the full speed, without a way back: a stall is then never sensed at half of it.
         let once = is_stall && back == Some(0.0);
         if slow.is_none() {
             self.draft.put(&homing("slow_mm_per_s"), if once { fast } else { fast / 2.0 });

@@ -70,7 +70,7 @@ impl Reading<'_> {
         }
     }
 
-    /// The screws that the bed stands on. To be read after the probe: Klipper's places are the nozzle's.
+    /// The screws under the bed. To be read after the probe: Klipper's places are the nozzle's.
     pub(super) fn bed_screws(&mut self) {
         const SCREWS: &str = "screws_tilt_adjust";
         if self.section(SCREWS).is_none() || self.draft.word("homing.z.sensor") != Some("probe") {

@@ -8,10 +8,10 @@ use crate::sensor::{CONNECTOR_TAKEN, beta_table, points};
 /// Kelvins at 0 degrees Celsius.
 const KELVIN: f64 = 273.15;
 
-/// A chamber's thermistor, and its heater, until somebody names the board's connectors.
+/// Connector of a chamber's thermistor and heater, until a person names the board's connectors.
 const CHAMBER_CONNECTOR: &str = "nozzle1";
 const CHECK_CONNECTOR: &str = "name the board's connector that it hangs at";
-/// A chamber's thermometer without a limit of its own.
+/// Limit of a chamber's thermometer without one.
 const CHAMBER_MAX_CELSIUS: f64 = 90.0;
 
 impl Reading<'_> {
@@ -221,7 +221,7 @@ fn sensor(name: &str) -> Option<Value> {
         "EPCOS 100K B57560G104F" => Some("epcos-100k".into()),
         "ATC Semitec 104GT-2" => Some("semitec-104gt-2".into()),
         "PT1000" => Some("pt1000".into()),
-        // As Klipper's temperature_sensors.cfg has them, of makers' tables.
+        // Points of Klipper's temperature_sensors.cfg, from makers' tables.
         "ATC Semitec 104NT-4-R025H42G" => Some(points([(25.0, 100_000.0), (160.0, 1074.0), (300.0, 82.78)])),
         "Generic 3950" => Some(points([(25.0, 100_000.0), (150.0, 1770.0), (250.0, 230.0)])),
         "SliceEngineering 450" => Some(points([(25.0, 500_000.0), (200.0, 3734.0), (400.0, 240.0)])),

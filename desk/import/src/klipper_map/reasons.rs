@@ -1,8 +1,8 @@
-//! Why a profile has no place for a setting of Klipper's.
+//! Reasons for which a profile has no place for a setting of Klipper's.
 
 const NO_KEY: &str = "no such key in a profile";
 
-/// Why a profile has no place for a setting.
+/// Returns the reason for which a profile has no place for a setting.
 pub(super) fn reason(section: &str, key: &str) -> &'static str {
     let kind = section.split(' ').next().unwrap_or_default();
     match kind {
@@ -59,7 +59,7 @@ pub(super) fn reason(section: &str, key: &str) -> &'static str {
     }
 }
 
-/// Why a section without settings has no place.
+/// Returns the reason for which a section without settings has no place.
 pub(super) fn nothing_in_it(section: &str) -> &'static str {
     match reason(section, "") {
         NO_KEY => "no setting in it",

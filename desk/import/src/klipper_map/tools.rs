@@ -3,7 +3,7 @@
 use super::Reading;
 
 const SECTION: &str = "extruder1";
-/// The board's sockets for extruders, of which Z may have some.
+/// The board's sockets for extruders; Z may use some of them.
 const SOCKETS: [&str; 3] = ["e1", "e2", "e3"];
 const HEATER: &str = "nozzle1";
 

@@ -11,7 +11,7 @@ impl Reading<'_> {
         }
         let both = self.get("FILAMENT_SWITCH_AND_MOTION").is_some();
         if both || self.get("FILAMENT_MOTION_SENSOR").is_some() {
-            // With both, the state is the switch's.
+            // The state is the switch's if both exist.
             let names: &[&str] = if both {
                 &["FILAMENT_SWITCH_AND_MOTION"]
             } else {

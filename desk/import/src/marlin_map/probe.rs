@@ -15,7 +15,7 @@ impl Reading<'_> {
             "BIQU_MICROPROBE_V2",
             "TOUCH_MI_PROBE",
         ];
-        // Those that a servo, a coil or a sledge brings out, or that are no switch.
+        // Probes that a servo, a coil or a sledge brings out, or that are not switches.
         const OTHERS: [&str; 11] = [
             "Z_PROBE_SERVO_NR",
             "SOLENOID_PROBE",
@@ -75,7 +75,7 @@ impl Reading<'_> {
         if name == "BLTOUCH" {
             self.draft.put("bltouch.move_ms", MARLIN_BLTOUCH_DELAY_MS);
             self.keep_number("BLTOUCH_DELAY", "bltouch.move_ms", |ms| ms);
-            // Without a value it is on.
+            // The option is on without a value.
             if let Some(is_on) = self.flag("BLTOUCH_HS_MODE") {
                 self.keep("BLTOUCH_HS_MODE", "bltouch.stow_each_touch", !is_on, "");
             }

@@ -1,8 +1,8 @@
-//! Why a profile has no place for a definition of Marlin's.
+//! Reasons for which a profile has no place for a definition of Marlin's.
 
 use crate::marlin_report;
 
-/// Why a profile has no place for a definition.
+/// Returns the reason for which a profile has no place for a definition.
 pub(super) fn reason(name: &str) -> &'static str {
     if let Some(why) = marlin_report::reason(name) {
         return why;

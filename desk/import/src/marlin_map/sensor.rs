@@ -5,7 +5,7 @@ use toml::Value;
 use super::Reading;
 use crate::sensor::{beta_table, points};
 
-/// Why no sensor is kept.
+/// Reason for which no sensor is kept.
 pub(super) const NO_SENSOR: &str = "no sensor that a profile knows: profiles have thermistors by three points or by beta, and PT1000s at a pull-up resistor";
 
 /// Marlin's sensors that always say the same.
@@ -39,7 +39,7 @@ impl Reading<'_> {
         Some(value)
     }
 
-    /// The sensor that definitions of its own describe.
+    /// The sensor that its own definitions describe.
     fn own_sensor(&mut self, own: &str, heater: &str) -> Option<Value> {
         let name = |what: &str| format!("{own}_{what}");
         let beta = self.number(&name("BETA"))?;
@@ -72,7 +72,7 @@ fn sensor(number: i64) -> Option<Value> {
         99 => points([(20.0, 125_374.0), (90.0, 8648.8), (140.0, 2101.1)]),
         // Honeywell's data sheet of 135-104LAG-J01: 100 kilohms, 3974 K. Within 1.3 degrees of Marlin's table up to 220, and 3.4 at 299.
         7 => beta_table(100_000.0, 3974.0),
-        // With a pull-up resistor of 4.7 kilohms, as a profile has it; 1010 is that with 1 kilohm.
+        // PT1000 with a pull-up resistor of 4.7 kilohms, as a profile has it; 1010 is that with 1 kilohm.
         1047 => "pt1000".into(),
         _ => return None,
     })

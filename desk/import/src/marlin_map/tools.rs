@@ -3,7 +3,7 @@
 use super::Reading;
 use super::sensor::NO_SENSOR;
 
-/// The board's sockets for extruders, of which Z may have some.
+/// The board's sockets for extruders; Z may use some of them.
 const SOCKETS: [&str; 3] = ["e1", "e2", "e3"];
 
 impl Reading<'_> {

@@ -12,7 +12,7 @@ const PLACES: &str = "Z_STEPPER_ALIGN_STEPPER_XY";
 impl Reading<'_> {
     /// The motors of Z. To be read after the probe.
     pub(super) fn z_motors(&mut self) {
-        // Before Marlin 2.0.8 their number is a definition of its own.
+        // Marlin before 2.0.8 has a separate definition for their number.
         let said = ["NUM_Z_STEPPERS", "NUM_Z_STEPPER_DRIVERS"].into_iter().find(|name| self.get(name).is_some());
         let count = said.and_then(|name| self.number(name)).map_or(1, |count| count as usize);
         let is_there = |(index, (name, _)): &(usize, (&str, &str))| {

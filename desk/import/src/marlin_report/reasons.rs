@@ -1,6 +1,6 @@
-//! Why a profile has no place for a command of a report.
+//! Reasons for which a profile has no place for a command of a report.
 
-/// Why a profile has no place for a command of a report; `None` for a definition.
+/// Returns the reason for which a profile has no place for a command of a report; `None` for a definition.
 pub(crate) fn reason(name: &str) -> Option<&'static str> {
     let (code, _) = name.split_once(' ').filter(|(code, _)| code.starts_with(['M', 'G']))?;
     Some(match code {

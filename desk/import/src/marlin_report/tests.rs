@@ -1,4 +1,4 @@
-//! Reports of Marlin's versions, and what is no report.
+//! Reports of Marlin's versions, and texts that are not reports.
 
 use super::*;
 

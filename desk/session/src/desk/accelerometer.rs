@@ -87,7 +87,7 @@ impl State {
             }
             self.swing_to(due);
             let micro_g = self.sample();
-            // With room for the last line.
+            // One place stays free for the last line.
             let is_lost = self.waiting.len() >= WAITING_SAMPLES;
             if !is_lost {
                 self.waiting.push_back(RecordEvent::Sample { number: taken, micro_g });

@@ -40,9 +40,9 @@ impl Drivers {
 pub struct DeskDrivers(Option<RefCell<Drivers>>);
 
 impl DeskDrivers {
-    /// Drivers with these settings on the virtual board, just switched on; `watched`: they are watched while they are in
-    /// service, too. An estimate does not do so: its model chips never fail, and its cost must not follow the print's
-    /// time.
+    /// Drivers with these settings on the virtual board, just switched on; `watched`: they are also watched while
+    /// they are in service. An estimate does not watch them: its model chips never fail, and its cost must not grow
+    /// with the print's time.
     #[must_use]
     pub fn new(settings: &[Option<DriverSettings>; MOTORS], watched: bool) -> Self {
         if settings.iter().all(Option::is_none) {

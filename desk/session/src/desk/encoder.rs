@@ -10,7 +10,7 @@ pub struct Encoder {
     /// The extruder at the last look, and the filament, steps.
     extruder: i64,
     filament: i64,
-    /// The extruder grinds on filament that does not move, or there is none.
+    /// True while the extruder grinds on filament that does not move, or has no filament.
     is_stuck: bool,
 }
 
@@ -20,7 +20,7 @@ impl Encoder {
         self.is_stuck = is_stuck;
     }
 
-    /// The extruder stands here now, steps.
+    /// Follows the extruder to this position, steps.
     pub fn follow(&mut self, extruder: i64) {
         if !self.is_stuck {
             self.filament += extruder - self.extruder;
@@ -28,7 +28,7 @@ impl Encoder {
         self.extruder = extruder;
     }
 
-    /// The level of its signal, for a machine with so many steps a millimetre that lets so much count as standing still.
+    /// Returns the level of its signal. `detection_mm` is the extrusion without a change that counts as a standstill.
     pub fn level(&self, steps_per_mm: f64, detection_mm: f64) -> bool {
         let edges = self.filament as f64 / (steps_per_mm * detection_mm * EDGE_OF_DETECTION);
         edges.floor() as i64 & 1 != 0

@@ -48,7 +48,7 @@ impl DeskHeat {
         self.samples
     }
 
-    /// Lets a fan stand still whatever its power, or mends it.
+    /// Stops a fan whatever its power, or repairs it.
     pub fn set_fan_stuck(&mut self, fan: FanOutput, is_stuck: bool) {
         self.at_rest.disturb();
         self.heaters.set_fan_stuck(fan, is_stuck);
@@ -243,7 +243,7 @@ mod tests {
         let Some(StepProgress::Found(found)) = heating.step(Heater::Nozzle) else {
             panic!("{:?}", heating.step(Heater::Nozzle))
         };
-        // What the built-in profile's nozzle is on the virtual board: without a lag.
+        // The built-in profile's nozzle on the virtual board, without a lag.
         assert!((found.capacity_j_per_k / 12.0 - 1.0).abs() < 0.1, "{found:?}");
         assert!((found.fanned_loss_w_per_k / 0.13 - 1.0).abs() < 0.1, "{found:?}");
         assert_eq!(heating.status(Heater::Nozzle).target_celsius, 0.0);

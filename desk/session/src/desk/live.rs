@@ -50,7 +50,7 @@ impl LiveDesk {
         }
     }
 
-    /// Grants this much time from now on, in place of earlier grants.
+    /// Grants this much time from now on, instead of earlier grants.
     pub fn grant(&self, ns: u64) {
         self.granted_ns.set(self.now_ns.get().saturating_add(ns));
     }

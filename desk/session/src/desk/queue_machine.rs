@@ -30,7 +30,7 @@ pub(super) fn machine(
     motors.set_framed(profile.framed_axes());
     let queue = VirtualStepQueue::new(motors, DeskZMotors::new(profile), drivers, observer);
     let mut machine = Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue);
-    // What the profile cannot have was refused when it was read.
+    // A choice that the profile cannot have was refused when it was read.
     machine.set_motion_choice(&profile.motion).ok();
     if let Some(backlash) = &profile.backlash {
         machine.set_backlash(backlash);

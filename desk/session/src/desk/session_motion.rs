@@ -7,7 +7,7 @@ use super::figures::Figures;
 
 /// The state of planner and motors, independent of how time passes.
 pub trait MotionState {
-    /// The motion clock: ticks of all motion so far. It stands still between motions.
+    /// The motion clock: ticks of all motion so far. It stops between motions.
     fn tick(&self) -> u64;
     /// Stops motion at once.
     fn stop(&self);

@@ -265,7 +265,7 @@ impl StepQueue for VirtualStepQueue {
     fn drop_all(&mut self) -> DroppedSteps {
         let left = self.left();
         self.entries.clear();
-        // As on a board, the direction signals change at once.
+        // The direction signals change at once, as on a board.
         self.motors.ledger.play(StepEntry::directions(left.directions()), &mut ());
         self.step_z_motors(u8::MAX);
         DroppedSteps {
@@ -296,7 +296,7 @@ impl HomingSensors for VirtualStepQueue {
         self.motors.tell_pin(pulses.width_us);
     }
 
-    /// The queue is empty, for the machine has stood still: the entry is played at once.
+    /// Plays the entry at once: the queue is empty, as the machine has stopped.
     fn push_towards_sensor(&mut self, entry: StepEntry) -> Result<Approach, FeedError> {
         let Some(axis) = self.watched_axis else {
             self.push(entry)?;

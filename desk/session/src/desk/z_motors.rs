@@ -10,7 +10,7 @@ pub(super) struct DeskZMotors {
     alignment: ZAlignment,
     count: usize,
     steps_per_mm: f64,
-    /// The probe over the sheet of the profile: with the motors as they stand when the machine is switched on.
+    /// The probe over the profile's sheet, with the motors' positions at power-on.
     probe: VirtualProbe,
     /// Those that make Z's steps.
     stepping: u8,

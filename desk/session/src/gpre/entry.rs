@@ -55,7 +55,7 @@ impl Passed {
                     | Command::InputShaper { .. }
                     | Command::PressureAdvance(..)
                     | Command::AdaptiveExtrusion { .. }
-                    // What B has kept is in no frame; what S has set is set again by the frame.
+                    // Values that B has stored are in no frame; the frame sets those of S again.
                     | Command::FeedPercent(_)
                     | Command::FilamentLengths { .. }
                     | Command::HomeOffset(_)
@@ -198,7 +198,8 @@ pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -
 
 /// Brings the machine to where a frame begins, and takes over the settings in force there.
 ///
-/// The nozzle is assumed at the frame's height: after a power cut it stands in or on the print, and Z cannot be homed. Bed and
+/// The nozzle is assumed at the frame's height: after a power cut it is on or in the print, and Z cannot be homed.
+/// Bed and
 /// nozzle are heated before anything moves, so that nothing is torn off. Then the nozzle is raised, X and Y are homed, and it
 /// travels over the print to the frame's start, and down.
 ///

@@ -10,7 +10,7 @@ use super::part_reader::PartReader;
 use crate::duration::hms;
 use crate::job::JobError;
 
-/// Why the inspection of a file ended early.
+/// Reason for which the inspection of a file ended early.
 pub enum InspectError {
     /// It cannot be read.
     Job(JobError),

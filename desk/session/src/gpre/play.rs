@@ -128,7 +128,7 @@ async fn execute<P: Ports>(
         match item {
             Item::Move(next) => {
                 progress.lines = next.line;
-                // If M290 has shifted Z, the move is refused for that.
+                // A Z that M290 has shifted is not reported here: the move itself is refused for it.
                 if !begun && printer.machine_10nm() != start.position_10nm && !printer.is_shifted() {
                     let message =
                         "the frame does not begin where the one before ended: prepare the job again".to_owned();

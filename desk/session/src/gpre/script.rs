@@ -113,7 +113,7 @@ impl Script {
     /// A line is about to be executed.
     pub fn begins(&mut self, line: u32, text: &str) {
         let command = parse(text);
-        // Of a command without effect its beginning is enough for a remark.
+        // The beginning of a command without effect is enough for a remark.
         let most = ferrostep_gpre::compact::MAX_TEXT_BYTES;
         let kept = match command {
             Ok(Command::Accepted | Command::Unknown(_)) => text.get(..text.floor_char_boundary(most)).unwrap_or(text),
@@ -229,7 +229,7 @@ impl Script {
             (EntrySpeed::Falling, pass)
         } else {
             let mut pass = self.pass;
-            // It is within its bounds, for it is the reverse pass's.
+            // The entry is within its bounds, as it is the reverse pass's.
             let _ = pass.next(&planned.block, *bound, false, EntrySpeed::Given(*entry));
             (EntrySpeed::Given(*entry), pass)
         };

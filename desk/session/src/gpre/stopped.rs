@@ -1,11 +1,11 @@
-//! Why a part of a prepared job was not executed to its end.
+//! Errors in the execution of a part of a prepared job.
 
 use ferrostep_gpre::Fault;
 use ferrostep_printer::{CommandError, Failure};
 
 use crate::job::JobError;
 
-/// Why a frame or a packet was not executed to its end.
+/// Reason for which a frame or a packet was not executed to its end.
 pub struct Stopped {
     /// Source line.
     line: Option<u32>,

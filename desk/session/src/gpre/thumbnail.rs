@@ -121,7 +121,7 @@ mod tests {
         let (thumbnail, bytes) = picture.unwrap();
         assert_eq!(bytes, [0, 1, 2, 3, 4]);
         assert_eq!((thumbnail.format, thumbnail.width, thumbnail.height), (ThumbnailFormat::Qoi, 32, 24));
-        // Nothing after the first command was searched.
+        // The search ended at the first command.
         assert!(text.as_bytes().starts_with(&read) && read.ends_with(b"\nG28\n"));
         for without in ["G28\n", "", "\n\nG28", "; thumbnail begin 16x16 4\n; ???\n; thumbnail end\n"] {
             assert_eq!(find(without.as_bytes()).unwrap(), (None, without.into()), "{without:?}");

@@ -28,7 +28,7 @@ impl Place {
     pub fn share(&self) -> Option<f64> {
         let size = self.size.get();
         let unpacked_size = self.unpacked_size.get();
-        // Of a file of several parts the last four bytes say the size of the last one.
+        // The last four bytes of a file of several parts are the size of the last part.
         if size > 0 && unpacked_size >= size && self.unpacked.get() <= unpacked_size {
             return Some((self.taken.get() as f64 / unpacked_size as f64).min(1.0));
         }

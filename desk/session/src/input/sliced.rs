@@ -26,7 +26,7 @@ const UNSUSPECTED_BYTES: u64 = 16 << 20;
 /// The most plates that a message names one by one.
 const NAMED_PLATES: usize = 10;
 
-/// Why no G-code comes from an archive.
+/// Reason for which no G-code comes from an archive.
 #[derive(Debug)]
 pub enum SlicedError {
     /// It cannot be read.

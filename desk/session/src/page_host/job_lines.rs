@@ -10,7 +10,7 @@ use crate::input::Input;
 /// An open file, which remembers why it could not be read on.
 pub struct JobLines {
     lines: FileLines<BufReader<Input>>,
-    /// Why a line could not be read.
+    /// Error with which a line could not be read.
     pub failed: Option<String>,
 }
 
@@ -18,7 +18,7 @@ impl JobLines {
     /// Opens a file of G-code.
     ///
     /// # Errors
-    /// It is none, in words for a person.
+    /// The file is not G-code, in words for a person.
     pub fn open(path: &Path) -> Result<Self, String> {
         let input = Input::open(path).map_err(|error| error.to_string())?;
         if input.is_prepared() {

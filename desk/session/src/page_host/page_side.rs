@@ -213,7 +213,7 @@ impl Printer for PageSide {
                 }
             }
         });
-        // Without it there is only no time.
+        // The job prints without an estimate of its time.
         drop(estimate);
         Ok(())
     }

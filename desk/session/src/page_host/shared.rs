@@ -54,7 +54,7 @@ pub(super) struct PageJob {
     pub schedule: Option<Schedule>,
     /// Number of its lines, counted where there is no schedule.
     pub lines: Option<u32>,
-    /// Tells the estimate that nobody waits for it.
+    /// Tells the estimate to stop, as its result is not used.
     pub unwanted: Arc<AtomicBool>,
     /// Line of the file up to which commands were answered.
     pub line: u32,
@@ -151,7 +151,7 @@ impl PageHost {
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, Inner> {
-        // What a thread that panicked has left is still a state.
+        // A thread that panicked leaves a state that can still be used.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

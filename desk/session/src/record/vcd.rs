@@ -122,7 +122,7 @@ impl VcdWriter {
         let after_ns = match fallen_ns {
             Some(fallen_ns) => return fallen_ns.min(now_ns),
             None if self.timing.both_edges => (interval_ns / 2).min(interval_ns.saturating_sub(setup_ns)),
-            // Before the first pulse.
+            // No pulse has come yet.
             None => interval_ns.saturating_sub(setup_ns),
         };
         self.stepped_ns + after_ns
@@ -175,7 +175,7 @@ impl VcdWriter {
     }
 
     pub(super) fn finish(mut self) -> Result<(), OutputError> {
-        // A window without a change shows the levels, too.
+        // A window without a change also shows the levels.
         let ended = self.error.take().map_or_else(|| self.fall().and_then(|_| self.open()), Err);
         match ended {
             Ok(()) => Output::keep_buffered(self.out),

@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn the_present_line_is_the_first_that_has_not_ended() {
         let mut lines = Lines::default();
-        // An arc in two pieces, then a line with two moves of its own.
+        // An arc in two pieces, then a line with two moves.
         lines.planned(3, false);
         assert_eq!(lines.present(), Some(3));
         lines.planned(3, true);

@@ -41,7 +41,7 @@ pub enum FaultKind {
     FilamentStuck(bool),
     /// The supply's signal says that it fails (`true`), or that it is right again. Power stays, as with a module.
     SupplySignal(bool),
-    /// A fan stands still whatever its power (`true`), or turns again.
+    /// A fan stops whatever its power (`true`), or turns again.
     Fan(FanOutput, bool),
     /// The sensor with which an axis homes fails, or works again.
     EndStop(usize, Option<EndStopFailure>),

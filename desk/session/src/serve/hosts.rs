@@ -61,7 +61,7 @@ pub struct HostBytes {
 }
 
 impl Hosts {
-    /// The hosts of a printer, not all of which need exist.
+    /// Creates the hosts of a printer; either may be missing.
     pub fn new(outside: Option<Line>, page: Option<PageLine>) -> Self {
         let mut hosts = Self { outside, page, is_outside_open: false, has_changed: false };
         hosts.connected();
@@ -153,7 +153,7 @@ impl Hosts {
             page.line.write(bytes)?;
         }
         match &mut self.outside {
-            // As on a wire, bytes without a listener are lost.
+            // Bytes without a listener are lost, as on a wire.
             Some(outside) if !is_pages && self.is_outside_open => outside.write(bytes),
             _ => Ok(()),
         }

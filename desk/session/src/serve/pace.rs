@@ -93,7 +93,7 @@ impl Pace {
 
     /// The host has sent something.
     pub fn hear(&mut self) {
-        // If a line is not complete, it is the host's turn again.
+        // The host has its turn again if a line is not complete.
         self.host_turn_since = None;
     }
 

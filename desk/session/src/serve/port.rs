@@ -135,7 +135,7 @@ impl HostPort {
         if self.is_connected.get() && !out.is_empty() {
             hosts.write(out.as_bytes())?;
         }
-        // As on a wire, bytes without a listener are lost.
+        // Bytes without a listener are lost, as on a wire.
         out.clear();
         let anything = !bytes.is_empty();
         self.damage.borrow_mut().carry(&mut bytes);
@@ -272,7 +272,7 @@ mod tests {
         exchange_until(&port, || !port.is_connected());
         let mut next = host();
         next.write_all(b"M114\n").unwrap();
-        // Between the two lines stands the byte that parts them.
+        // One byte separates the two lines.
         exchange_until(&port, || port.ring.borrow().bytes.len() == "G1 X12".len() + 1 + "M114\n".len());
         let mut bytes = [0; 32];
         let length = port.take(&mut bytes);

@@ -29,12 +29,12 @@ impl Piece {
     }
 }
 
-/// Pieces are no law.
+/// Reason for which pieces are not a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LawError {
-    /// There are none.
+    /// The list of pieces is empty.
     Empty,
-    /// A number of the piece with this index is infinite or none, or its duration is not positive.
+    /// A number of the piece with this index is not finite, or its duration is not positive.
     Number(usize),
     /// The piece with this index does not begin where the one before ends.
     Joint(usize),
@@ -52,8 +52,9 @@ impl fmt::Display for LawError {
 
 impl std::error::Error for LawError {}
 
-/// Position against time of one coordinate, in pieces that follow each other. It stands before the first and after the last.
-/// A position may jump between two pieces, as that of an extruder with pressure advance does.
+/// Position against time of one coordinate, in pieces that follow each other. The coordinate is at rest before the
+/// first and after the last. A position may jump between two pieces, as that of an extruder with pressure advance
+/// does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law {
     pieces: Vec<Piece>,

@@ -15,8 +15,9 @@ pub struct StepTime {
     pub negative: bool,
 }
 
-/// The steps of a motor with this scale that follows a shaped law from where the law begins: it stands at the position rounded
-/// half away from zero, and steps where the position passes the middle between two steps. Times are in order.
+/// The steps of a motor with this scale that follows a shaped law from its beginning: the motor starts at the
+/// position rounded half away from zero, and steps where the position passes the middle between two steps. Times are
+/// in order.
 pub fn step_times(shaped: &ShapedLaw<'_>, steps_per_mm: f64) -> Vec<StepTime> {
     let breakpoints = shaped.breakpoints_s();
     let mut steps = Vec::new();
@@ -46,7 +47,7 @@ pub(crate) fn follow(
     let duration_s = end_s - start_s;
     let turn_s = -start.speed_mm_per_s / start.acceleration_mm_per_s2;
     let turn_s = if turn_s > 0.0 && turn_s < duration_s { turn_s } else { duration_s };
-    // What a jump of the position passes is due at once.
+    // Positions that a jump passes are due at once.
     for part in [[0.0, 0.0], [0.0, turn_s], [turn_s, duration_s]] {
         due(steps, place, start, part, start_s, steps_per_mm);
     }

@@ -91,7 +91,7 @@ fn residual_of_steps(steps: &[StepTime], hz: f64, damping: f64, until_s: f64) ->
 
 /// The step train of a shaped stop leaves what the theory says of the shaper, within 1 % of what an unshaped one leaves.
 ///
-/// The plan goes from standing to 300 mm/s and stands again, within a third of a millisecond each: nearly an impulse.
+/// The plan goes from rest to 300 mm/s and back to rest, within a third of a millisecond each: nearly an impulse.
 #[test]
 fn steps_leave_what_the_theory_says() {
     for hz in [20.0, 50.0, 120.0] {
@@ -147,7 +147,7 @@ proptest! {
             place += sign;
             before_s = step.time_s;
         }
-        // The law may end in motion and then stand: no speed, no steps.
+        // The law may end in motion and then rest: no speed, no steps.
         prop_assert!((place - shaped.at(end_s + 1.0).position_mm * 80.0).abs() <= 0.5 + 1e-6);
     }
 

@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 /// Farther away from a corner or an end, mm, a difference belongs to none.
 const REACH_MM: f64 = 5.0;
 
-/// Differences are summed over so much of the path, mm.
+/// Length of path over which differences are summed, mm.
 const BIN_MM: f64 = 0.1;
 
-/// The nozzle does not come back so far, mm.
+/// Distance after which a place counts as passed for good, mm.
 const PASSED_MM: f64 = 2.0 * REACH_MM;
 
 /// A turn by more than this is a corner: the cosine of 30 degrees.
@@ -61,7 +61,7 @@ pub(super) struct Bead {
 }
 
 impl Bead {
-    /// The path goes on after this length.
+    /// Continues the path after this length.
     pub(super) fn push_segment(&mut self, segment: &PathSegment, place_mm: f64) {
         let before = self.before.replace(*segment);
         let printed = before.filter(PathSegment::is_printing);
@@ -92,7 +92,7 @@ impl Bead {
         let settled_mm = (self.place_mm - PASSED_MM).min(known_mm - REACH_MM);
         self.settle(settled_mm);
         if self.bins.is_empty() {
-            // What the nozzle has jumped over has no difference.
+            // A place that the nozzle has jumped over has no difference.
             self.first_bin = self.first_bin.max((settled_mm / BIN_MM) as usize);
         }
         let bin = (self.place_mm / BIN_MM) as usize;

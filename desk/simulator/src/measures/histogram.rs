@@ -69,7 +69,7 @@ mod tests {
         assert!((histogram.percentile(0.5) - 5.0).abs() <= 0.1 + 1e-9);
         assert_eq!(histogram.max(), 10.0);
         assert!((histogram.rms() - (1001.0 * 2001.0 / 6.0 / 1e4f64).sqrt()).abs() < 1e-9);
-        // Beyond the last bin the largest value stands for all.
+        // The largest value is used for all beyond the last bin.
         histogram.add(5000.0);
         assert_eq!(histogram.percentile(1.0), 5000.0);
     }

@@ -174,7 +174,7 @@ G1 X60 F6000
     let machine =
         Machine { frame: FrameSettings { damping: 0.0, frequency_hz: [41.0; 2], second: None }, ..Machine::default() };
     let whole = report(&plans, &Filters::default(), &machine).ringing;
-    // Four steps of acceleration, each of which rings by a / w^2, added as vectors.
+    // Four steps of acceleration; each rings by a / w^2, added as vectors.
     let omega = std::f64::consts::TAU * 41.0;
     let (mut sine, mut cosine) = (0.0, 0.0);
     for (time_s, sign) in [(0.0f64, 1.0f64), (0.05, -1.0), (0.6, -1.0), (0.65, 1.0)] {

@@ -55,10 +55,10 @@ impl fmt::Display for EvenSpacingError {
 impl std::error::Error for EvenSpacingError {}
 
 impl EvenSpacing {
-    /// This number of impulses over this many damped periods.
+    /// Creates this number of impulses over this many damped periods.
     ///
     /// # Errors
-    /// There is no such shaper, or one of its impulses would be negative.
+    /// Count or time is out of range, or one of the impulses would be negative.
     pub fn new(count: usize, periods: f64) -> Result<Self, EvenSpacingError> {
         if !(3..=MAX_IMPULSES).contains(&count) {
             return Err(EvenSpacingError::Count(count));

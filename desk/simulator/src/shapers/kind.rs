@@ -32,7 +32,7 @@ pub enum ShaperKind {
 }
 
 impl ShaperKind {
-    /// All kinds without numbers of their own.
+    /// All kinds without parameters.
     pub const ALL: [Self; 11] = [
         Self::None,
         Self::Zv,

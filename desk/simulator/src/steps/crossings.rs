@@ -3,7 +3,7 @@
 use crate::measures::SAMPLE_S;
 use std::collections::VecDeque;
 
-/// A motor that has not stepped for so long stands, s.
+/// Time without a step after which a motor is at rest, s.
 const REST_S: f64 = 0.05;
 
 /// Maximum time from a crossing to the position where the motor rests, and back, s.
@@ -14,7 +14,7 @@ const SETTLE_S: f64 = 0.005;
 #[derive(Debug, Default)]
 pub(super) struct Crossings {
     position: i64,
-    /// The last step's time, unless the motor stands since.
+    /// The last step's time; `None` once the motor is at rest.
     last_step_s: Option<f64>,
     /// Up to here the line is drawn: time and position.
     drawn_s: f64,
@@ -57,7 +57,7 @@ impl Crossings {
         self.last_step_s = Some(time_s);
     }
 
-    /// There is no step until this time.
+    /// Passes a time without a step.
     pub(super) fn idle(&mut self, time_s: f64) {
         let rest = self.position as f64;
         if let Some(last_s) = self.last_step_s {

@@ -94,7 +94,7 @@ impl PathSource {
         Self { from: From::Job { moves: moves.into_iter(), may_end_early: false }, filament_mm2, end_s: 0.0 }
     }
 
-    /// G10 and G11 take no time of their own: they ride on travels.
+    /// Gives G10 and G11 no separate time: they ride on travels.
     pub fn filament_on_the_way(mut self) -> Self {
         if let From::Job { moves, .. } = &mut self.from {
             for (one, duration_s) in moves.as_mut_slice() {
@@ -178,7 +178,7 @@ impl PathSource {
     pub(super) fn restart(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64, measures: &mut Measures) {
         self.draw(measures);
         if let From::Steps { points } = &mut self.from {
-            // From the old number of the place to the new one nothing moves.
+            // The change from the place's old number to the new one is not motion.
             points.clear();
         }
         self.restart_points(time_s, place_mm, filament_mm);

@@ -88,7 +88,7 @@ struct Motors<'a> {
 }
 
 impl<'a> Motors<'a> {
-    /// The motors stand at the steps that are nearest to where the plan begins.
+    /// Starts the motors at the steps that are nearest to the plan's beginning.
     fn new(header: &TraceHeader, axes: [ShapedCursor<'a>; 3], filament: ExtruderSamples<'a>, time_s: f64) -> Self {
         let mut steps_per_mm = [0.0; MOTORS];
         steps_per_mm.iter_mut().zip(&header.steps_per_mm).for_each(|(scale, header)| *scale = *header);

@@ -85,7 +85,7 @@ fn a_plan_steps_where_the_reference_does() {
             assert_eq!(steps.len(), expected.len(), "{kinematics:?} {motor}");
             for ((tick, negative), expected) in steps.into_iter().zip(&expected) {
                 let off_ticks = (expected.time_s + begins_s) * TICK_HZ as f64 - tick as f64;
-                // Where a motor hardly moves, time is known less well than its place.
+                // The time of a motor that hardly moves is known less well than its place.
                 assert!(
                     off_ticks.abs() < 1000.0 && negative == expected.negative,
                     "{kinematics:?} {motor}: {off_ticks}"
@@ -184,7 +184,7 @@ fn steps_measure_as_their_plan_does() {
     }
 }
 
-/// Neither its stops nor its time count, and new numbers for a place are no motion.
+/// Homing's stops and time do not count, and new numbers for a place are not motion.
 #[test]
 fn homing_is_no_part_of_the_job() {
     let machine = Machine::default();
@@ -201,7 +201,7 @@ fn homing_is_no_part_of_the_job() {
     let expected_um = 10.5 / (std::f64::consts::TAU * 40.0) * 1000.0;
     assert!((report.ringing.max_um - expected_um).abs() < 0.15 * expected_um, "{report:?}");
     assert!((report.time_s - 80.0 / 84.0).abs() < 1e-9, "{report:?}");
-    // With filament it is a job whose coordinates are called by other numbers on the way.
+    // A trace with filament is a job whose coordinates get other numbers on the way.
     records.insert(5, step(450_000, 8));
     let report = play(header(Kinematics::Cartesian, 80.0), &machine, of_steps(), &records).unwrap();
     assert_eq!(report.ringing.stops, 2);
@@ -252,7 +252,7 @@ fn a_long_pause_costs_neither_time_nor_memory() {
 
 #[test]
 fn after_a_pause_of_ages_time_is_still_exact() {
-    // At 1 Hz an f64 knows the sum of such ticks to a thousand seconds only.
+    // An f64 knows the sum of such ticks at 1 Hz to a thousand seconds only.
     let mut slow = header(Kinematics::Cartesian, 80.0);
     slow.tick_hz = 1;
     let step = |tick| Record::Step(StepEvent { tick, axes: 1, directions: 0 });

@@ -71,7 +71,7 @@ fn detuning_moves_the_frame_and_leaves_the_filters() {
     let words = FilterWords { detune_percent: Some(25.0), is_compared: true, ..FilterWords::default() };
     let moved = words.of(Some(&own)).unwrap();
     assert_eq!((moved.frame_hz, moved.compared.unwrap().frequency_hz), ([100.0, 50.0], [80.0, 40.0]));
-    // Of a trace only the compared plan's are known.
+    // Only the compared plan's are known for a trace.
     assert_eq!(words.of(None).unwrap().frame_hz, [62.5, 50.0]);
 }
 

@@ -73,7 +73,7 @@ impl Person {
 
 /// Ends an upload that has not begun as it should; hears all answers, which the next host must not.
 pub fn end_upload(line: &mut PrinterLine) {
-    // If the printer was not writing, M29 has no effect.
+    // M29 has no effect if the printer was not writing.
     hear_to_the_end(line, "M29\n");
 }
 

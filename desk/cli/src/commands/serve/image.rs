@@ -1,6 +1,7 @@
 //! A printer for hosts to connect to: a board's image, unmodified, on the virtual mainboard.
 //!
-//! The virtual mainboard is a program of its own (`tests/mainboard/`), built only on request; this module finds and starts it.
+//! The virtual mainboard is a separate program (`tests/mainboard/`), built only on request; this module finds and
+//! starts it.
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};

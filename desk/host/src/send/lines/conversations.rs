@@ -9,7 +9,7 @@ use ferrostep_random_cases::{Random, share_of};
 
 use super::*;
 
-/// Lines that a conversation may have at most: a host that sends one for ever is stopped.
+/// Maximum number of lines in a conversation: a host that sends one without end is stopped.
 const MOST_LINES: usize = 3_000;
 
 /// Mishaps of a line or its answer.
@@ -247,11 +247,11 @@ fn every_line_is_executed_once_in_order_or_the_job_ends_with_an_error() {
             executed: Vec::new(),
             asks_without_number: random.bits().is_multiple_of(2),
             answers_repeats: random.bits().is_multiple_of(2),
-            // Without its text at the end, a host cannot tell late answers.
+            // A host cannot tell late answers without its text at the end.
             knows_m118: mishaps.contains(&Mishap::AnswerLate) || !random.bits().is_multiple_of(8),
         };
         let (one_in, now) = (2 + random.bits() % 20, Instant::now());
-        // What a bad cable does now and then must not end a print.
+        // Occasional faults of a bad cable must not end a print.
         let is_usual = |mishap: &Mishap| matches!(mishap, Mishap::Damage | Mishap::LineLost | Mishap::AnswerLost);
         let must_end_well = one_in >= 10 && mishaps.iter().all(is_usual);
         let mut line = Line { printer, random, one_in, mishaps, is_deaf: false, lines: 0, said: VecDeque::new(), now };

@@ -279,7 +279,7 @@ impl Watch for Between {
     }
 }
 
-/// M601 has its `ok` when the pause ends, and M108, which ends it, has one of its own: the host is not one ahead after that.
+/// M601 has its `ok` when the pause ends, and M108, which ends it, has its own: the host is not one ahead after that.
 #[test]
 fn a_person_pauses_between_two_lines_and_goes_on() {
     let answer = |line: &str, _: usize| match line.split(['*', ' ']).nth(1) {
@@ -296,7 +296,8 @@ fn a_person_pauses_between_two_lines_and_goes_on() {
     assert_eq!(sent(port.heard), ["N1 M105", "N2 M601", "M108", "N3 G28", "N4 G1 X5", "N5 M400"]);
 }
 
-/// A host that the printer has asked to hold its job (`//action:pause`) goes on by itself: no line waits in the printer.
+/// A host that the printer has asked to hold its job (`//action:pause`) continues by itself: no line waits in the
+/// printer.
 #[test]
 fn a_job_that_its_host_holds_goes_on_without_m108() {
     let mut port = printer(|line, _| match line.split(' ').next() {
