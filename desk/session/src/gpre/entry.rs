@@ -199,9 +199,8 @@ pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -
 /// Brings the machine to where a frame begins, and takes over the settings in force there.
 ///
 /// The nozzle is assumed at the frame's height: after a power cut it is on or in the print, and Z cannot be homed.
-/// Bed and
-/// nozzle are heated before anything moves, so that nothing is torn off. Then the nozzle is raised, X and Y are homed, and it
-/// travels over the print to the frame's start, and down.
+/// Bed and nozzle are heated before anything moves, so that nothing is torn off. Then the nozzle is raised, X and Y
+/// are homed, and it travels over the print to the frame's start, and down.
 ///
 /// # Errors
 /// The command that could not be executed, as for a line of G-code.
