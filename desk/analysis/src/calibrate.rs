@@ -41,7 +41,7 @@ pub struct FrameMeasurement {
 pub enum CalibrationError {
     /// The file cannot be read.
     File(std::io::Error),
-    /// It is larger than any record.
+    /// The file is larger than any record.
     TooLarge,
     /// The file is not a record.
     Record(RecordError),

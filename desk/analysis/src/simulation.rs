@@ -159,7 +159,7 @@ impl Simulation {
     /// Reads a job or the beginning of a trace.
     ///
     /// # Errors
-    /// It cannot be read, is neither, or the path belongs to another job.
+    /// The file cannot be read, is neither a job nor a trace, or the path belongs to another job.
     pub fn open(
         file: &Path,
         profile: Profile,
@@ -224,7 +224,7 @@ impl Simulation {
     /// Returns the filters and the frame's frequencies that the options give for this job or trace.
     ///
     /// # Errors
-    /// They contradict each other, or mean nothing for it.
+    /// The options contradict each other, or mean nothing for it.
     pub fn filters(&self, words: &FilterWords) -> Result<SimulatedFilters, SimulationError> {
         Ok(words.of((self.source != Source::Trace).then_some(&self.profile))?)
     }

@@ -20,7 +20,7 @@ pub struct Error {
 /// Reason for which a file is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reason {
-    /// It does not begin as binary G-code does.
+    /// The file does not begin as binary G-code does.
     NotBinaryGcode,
     /// Its version is not 1.
     Version(u32),

@@ -26,8 +26,8 @@
 //! assert!(gcode(b"G28\n").is_err());
 //! ```
 //!
-//! It needs 4.5 KiB, most of it heatshrink's window; with the feature `deflate` about 48 KiB. Without that feature G-code
-//! compressed with Deflate is refused.
+//! The decoder needs 4.5 KiB, most of it heatshrink's window; with the feature `deflate` about 48 KiB. Without that
+//! feature G-code compressed with Deflate is refused.
 #![cfg_attr(not(test), no_std)]
 
 mod block_kind;

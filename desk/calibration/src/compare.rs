@@ -77,9 +77,9 @@ impl Comparison {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "reason", content = "index")]
 pub enum Choice {
-    /// It leaves at most a twentieth, and of those that do it rounds least: its index.
+    /// This shaper rounds least of those that leave at most a twentieth: its index.
     RoundsLeast(usize),
-    /// No shaper leaves that little; this one leaves least: its index.
+    /// No shaper leaves at most a twentieth; this one leaves least: its index.
     LeavesLeast(usize),
 }
 

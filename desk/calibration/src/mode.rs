@@ -43,11 +43,11 @@ const TWO_SIDED_95: f64 = 1.96;
 pub struct Mode {
     /// Undamped frequency, Hz.
     pub frequency_hz: f64,
-    /// It lies within this of the truth, Hz.
+    /// Uncertainty of the frequency, Hz.
     pub frequency_uncertainty_hz: f64,
     /// Damping ratio.
     pub damping: f64,
-    /// It lies within this of the truth.
+    /// Uncertainty of the damping ratio.
     pub damping_uncertainty: f64,
     /// Other peaks with at least [`SECOND_PEAK_SHARE`] of the density: frequency, Hz, and that part.
     pub others: Vec<[f64; 2]>,

@@ -74,7 +74,7 @@ pub fn run<D: Desk>(
     let look = |job: &JobProgress| progress.show(place.share(), job, || session.figures());
     let mut watch = Watch::new(profile, session.replies().remarks());
     let outcome = if input.is_prepared() {
-        // It is planned already, and most of it fits into the look-ahead: only its execution takes time.
+        // A prepared job is planned already, and most of it fits into the look-ahead: only its execution takes time.
         let job = gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look);
         session.run_with(job, |session| progress.pass_time(|| session.figures()))
     } else {

@@ -20,7 +20,7 @@ const NAME: &str = "ferrostep";
 /// Prints a shell's completion script.
 ///
 /// # Errors
-/// None: the signature is that of all subcommands.
+/// No error: the signature is that of all subcommands.
 pub fn completions(shell: Shell) -> Result<ExitCode, String> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Arguments::command(), NAME, &mut script);

@@ -8,7 +8,7 @@ use ferrostep_host::printable::escaped;
 /// Writes a result to standard output. A closed pipe (`| head`) is not an error.
 ///
 /// # Errors
-/// It could not be written.
+/// The result could not be written.
 pub fn write_result(text: &str) -> Result<(), String> {
     let mut out = io::stdout().lock();
     result_written(out.write_all(escaped(text).as_bytes()).and_then(|()| out.flush()))
@@ -17,7 +17,7 @@ pub fn write_result(text: &str) -> Result<(), String> {
 /// Writes a result in JSON to standard output.
 ///
 /// # Errors
-/// It could not be written, or not be put into JSON.
+/// The result could not be written, or not be put into JSON.
 pub fn write_json(result: &impl serde::Serialize) -> Result<(), String> {
     let text = serde_json::to_string_pretty(result).map_err(|error| error.to_string())?;
     write_result(&json_escaped(&text))

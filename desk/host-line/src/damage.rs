@@ -31,7 +31,7 @@ impl LineFault {
 /// A share of the bytes, or lines, as in `1%`.
 ///
 /// # Errors
-/// It is not from 0% to 100%.
+/// The share is not from 0% to 100%.
 pub fn share(text: &str) -> Result<f64, String> {
     let percent = text.strip_suffix('%').and_then(|percent| percent.parse::<f64>().ok());
     let share = percent.map(|percent| percent / 100.0).filter(|share| (0.0..=1.0).contains(share));

@@ -54,7 +54,7 @@ impl Assembly {
         let number = if place == END { contents } else { place };
         let number: u32 = number.parse().map_err(|_| damaged)?;
         if place != END && number == 0 {
-            // It is sent anew.
+            // The board sends the black box again.
             *self = Self::default();
         }
         if number != self.next {

@@ -27,7 +27,7 @@ pub fn read(path: &Path, assume: bool) -> Result<Imported, ImportError> {
 /// and the printer's numbers hold.
 ///
 /// # Errors
-/// It is not Marlin or does not report its settings; or as [`read`].
+/// The printer is not Marlin or does not report its settings; or as [`read`].
 pub fn of_running_marlin(
     name: &str,
     about: &[String],

@@ -31,7 +31,7 @@ impl Definition {
 /// Abilities that a running printer reports beside its settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Running {
-    /// It has a probe of the bed.
+    /// The printer has a probe of the bed.
     pub has_probe: bool,
 }
 

@@ -40,7 +40,7 @@ pub struct Draft {
 }
 
 impl Draft {
-    /// One that says nothing yet.
+    /// Starts a profile without keys.
     pub fn new() -> Self {
         let base: Table = ferrostep_profiles::builtin_text(BASE).and_then(|text| text.parse().ok()).unwrap_or_default();
         let mut draft = Self {

@@ -9,7 +9,7 @@ use crate::imported::{Gap, place};
 pub enum ImportError {
     /// A file cannot be read: its name, and why.
     Read(String, String),
-    /// It is the configuration of neither firmware.
+    /// The file is the configuration of neither firmware.
     Unknown,
     /// A line that cannot be read: file, line, and what is expected.
     Line(String, usize, String),

@@ -21,7 +21,7 @@ const NOT_SAID: &str = "not_said";
 /// Takes in the answers to M115 and M503. They hold over a file's definitions that are there.
 ///
 /// # Errors
-/// It is not Marlin, or does not report its settings: the reason.
+/// The printer is not Marlin, or does not report its settings: the reason.
 pub(crate) fn add(about: &[String], settings: &[String], definitions: &mut Definitions) -> Result<(), String> {
     let name = value_of(about, "FIRMWARE_NAME:").unwrap_or_default();
     refuse_others(&name)?;

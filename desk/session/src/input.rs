@@ -49,7 +49,7 @@ static PLATE: AtomicU32 = AtomicU32::new(0);
 /// Reason for which a job could not be started from a file.
 #[derive(Debug)]
 pub enum InputError {
-    /// It cannot be opened or read.
+    /// The file cannot be opened or read.
     Read(io::Error),
     /// The file is empty.
     Empty,
@@ -105,7 +105,7 @@ pub fn choose_plate(plate: Option<u32>) {
 /// All bytes of a file, or of standard input if the path is `-`, as they are: for [`Input::of_bytes`].
 ///
 /// # Errors
-/// It cannot be read.
+/// The file cannot be read.
 pub fn bytes(path: &Path) -> Result<Arc<[u8]>, InputError> {
     let mut bytes = Vec::new();
     if is_standard_input(path) {
@@ -128,7 +128,7 @@ impl Input {
     /// Opens a file, or standard input if the path is `-`, and decides from its first bytes what it is.
     ///
     /// # Errors
-    /// It cannot be read, or is not a job. All checksums of binary G-code are compared.
+    /// The file cannot be read, or is not a job. All checksums of binary G-code are compared.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         if is_standard_input(path) {
             return Self::new(Box::new(io::stdin()), None);

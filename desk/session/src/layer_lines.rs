@@ -7,7 +7,7 @@ use ferrostep_show::{CommentReader, Mark, Marks};
 /// Reads a file to its end; the line of each layer's beginning, from 1.
 ///
 /// # Errors
-/// It cannot be read.
+/// The file cannot be read.
 pub fn layer_lines(mut input: impl Read) -> io::Result<Vec<u32>> {
     let (mut reader, mut marks, mut found) = (CommentReader::default(), Marks::default(), Vec::new());
     let mut note = |line, comment: &str| found.extend((marks.read(comment) == Some(Mark::Layer)).then_some(line));

@@ -70,7 +70,7 @@ impl RemarkList {
         }
     }
 
-    /// All of them.
+    /// Returns all remarks.
     pub fn to_vec(&self) -> Vec<Remark> {
         self.0.borrow().clone()
     }

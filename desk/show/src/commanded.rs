@@ -21,7 +21,8 @@ pub struct PlannedMove {
 /// first finds no near point.
 const REACH_MM: f64 = 0.5;
 const FAR_REACH_MM: f64 = 10.0;
-/// It does not go back on the path, but for the rounding of steps, mm: a wipe goes back over the line before.
+/// Distance that the nozzle may go back on the path, mm, for the rounding of steps: a wipe goes back over the line
+/// before. Distance from the path up to which a place counts as near, mm.
 const BACK_MM: f64 = 0.03;
 const NEAR_MM: f64 = 0.3;
 /// Weight of a place's distance along the path from the expected place, added to its distance from the nozzle: on a

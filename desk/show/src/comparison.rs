@@ -20,7 +20,7 @@ pub struct Row {
 /// Writes the page. `names` are those of the prints, `pages` their pages by [`crate::write_page`].
 ///
 /// # Errors
-/// It cannot be written.
+/// The page cannot be written.
 pub fn write_comparison(
     out: &mut impl Write,
     title: &str,

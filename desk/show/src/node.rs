@@ -25,7 +25,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them, in the order of their numbers.
+    /// All kinds, in the order of their numbers.
     pub const ALL: [Self; 7] =
         [Self::Travel, Self::Print, Self::Retract, Self::Prime, Self::Homing, Self::Heating, Self::Wait];
 

@@ -74,7 +74,7 @@ struct Description<'a> {
 /// Writes the page.
 ///
 /// # Errors
-/// It cannot be written.
+/// The page cannot be written.
 pub fn write_page(out: &mut impl Write, job: &Job, recording: &Recording, text: &Text) -> io::Result<()> {
     let (columns, data) = columns(recording).pack()?;
     let description = Description {

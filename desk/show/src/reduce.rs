@@ -78,7 +78,7 @@ impl Nodes {
         self.kept.truncate(written);
     }
 
-    /// All of them, and the number of those that were left out.
+    /// Returns all nodes, and the number of those that were left out.
     pub fn finish(self) -> (Vec<Node>, u64) {
         (self.kept, self.left_out)
     }

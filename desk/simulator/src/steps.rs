@@ -33,7 +33,7 @@ const MOTORS: usize = 4;
 /// A trace cannot be simulated.
 #[derive(Debug)]
 pub enum StepsError {
-    /// It cannot be read.
+    /// The trace cannot be read.
     Trace(TraceError),
     /// The header does not name four motors, the last of them e.
     Motors(Vec<String>),
@@ -213,7 +213,7 @@ impl StepSimulation {
     /// Plays a record.
     ///
     /// # Errors
-    /// Its time is before that of the one before, or it does not fit the path.
+    /// The record's time is before that of the one before, or the record does not fit the path.
     pub fn play(&mut self, record: &Record) -> Result<(), StepsError> {
         match record {
             Record::Step(event) => {

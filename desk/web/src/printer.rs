@@ -21,7 +21,7 @@ pub enum Activity {
     Printing,
     /// The moves before a pause.
     Pausing,
-    /// It waits for a person.
+    /// The job waits for a person.
     Paused,
     /// The job ends: motion and heat are switched off.
     Cancelling,
@@ -126,7 +126,7 @@ pub trait Printer: Send + Sync + 'static {
     /// Takes a file as the next job; it replaces the one before.
     ///
     /// # Errors
-    /// It is not G-code, or another one is being printed.
+    /// The file is not G-code, or another one is being printed.
     fn upload(&self, upload: Upload) -> Result<(), Refusal>;
 
     /// Starts the uploaded job.
@@ -141,10 +141,10 @@ pub trait Printer: Send + Sync + 'static {
     /// No job is printed.
     fn pause(&self) -> Result<(), Refusal>;
 
-    /// Goes on with the job.
+    /// Continues the job.
     ///
     /// # Errors
-    /// It is not paused.
+    /// The job is not paused.
     fn resume(&self) -> Result<(), Refusal>;
 
     /// Ends the job: waits, motion and heat.

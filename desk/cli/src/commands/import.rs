@@ -35,7 +35,7 @@ impl Source {
     /// The source that arguments name.
     ///
     /// # Errors
-    /// They name none.
+    /// The arguments name no source.
     pub fn of(
         file: Option<PathBuf>,
         moonraker: Option<Url>,

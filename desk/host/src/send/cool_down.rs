@@ -14,11 +14,11 @@ const END: [(&str, &str); 4] =
 /// Printer's response to the commands that end a print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CooledDown {
-    /// It has confirmed everything.
+    /// The printer has confirmed everything.
     Confirmed,
-    /// It has halted, which switches motors and heaters off.
+    /// The printer has halted, which switches motors and heaters off.
     Halted,
-    /// It has not confirmed it.
+    /// The printer has not confirmed every command.
     Unconfirmed,
 }
 

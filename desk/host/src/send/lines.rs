@@ -38,7 +38,7 @@ pub enum Stop {
     Asked,
     /// The printer does not write the file; the command, and the printer's answer.
     NotWriting(String, Vec<String>),
-    /// It has not written all of the file.
+    /// The printer has not written all of the file.
     NotWritten(Vec<String>),
     /// A line of the file that would end its own upload, or stop the printer.
     NotForCard(String),
@@ -205,7 +205,7 @@ impl Command {
 enum Answer {
     Ok,
     Again(u32),
-    /// It has not repeated the text of the last line, or that was lost.
+    /// The printer has not repeated the text of the last line, or the text was lost.
     NoText,
     Stop(Stop),
 }

@@ -14,7 +14,7 @@ const UNKNOWN: &str = "\"M118\"";
 pub(super) enum Met {
     /// The printer has answered everything.
     Printer {
-        /// It has repeated the text of M118.
+        /// True if the printer has repeated the text of M118.
         repeats_text: bool,
     },
     /// [`Watch::wants_end`] has asked for it.

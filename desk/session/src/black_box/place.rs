@@ -18,7 +18,7 @@ impl Image {
     /// Opens the image that has left a black box.
     ///
     /// # Errors
-    /// It cannot be read, or is another than that.
+    /// The image cannot be read, or did not write this black box.
     pub fn open(path: &Path, identity: &Identity<'_>) -> Result<Self, String> {
         let name = path.display();
         let bytes = std::fs::read(path).map_err(|error| format!("{name}: {error}"))?;

@@ -12,7 +12,7 @@ pub(super) struct DeskZMotors {
     steps_per_mm: f64,
     /// The probe over the profile's sheet, with the motors' positions at power-on.
     probe: VirtualProbe,
-    /// Those that make Z's steps.
+    /// Mask of the motors that make Z's steps.
     stepping: u8,
     /// Z's steps when that was chosen.
     counted: i64,
@@ -37,7 +37,7 @@ impl DeskZMotors {
         })
     }
 
-    /// Those in the mask make the steps to come.
+    /// Lets the motors in the mask make the steps to come.
     pub fn step(&mut self, stepping: u8, motors: &mut VirtualMotors) {
         let [.., z, _] = motors.ledger.motor_steps();
         for (motor, more) in self.more.iter_mut().enumerate() {

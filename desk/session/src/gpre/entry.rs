@@ -19,7 +19,7 @@ const TRAVEL_MM_PER_MIN: u32 = 3_000;
 /// Settings from before the entry that stay in force and that no frame contains.
 #[derive(Debug, Default)]
 pub struct Passed {
-    /// Those of the motors' drivers: sent before anything moves.
+    /// Settings of the motors' drivers: sent before anything moves.
     drivers: Vec<(u32, String)>,
     /// The others: sent when the machine has reached the frame's start.
     others: Vec<(u32, String)>,
@@ -95,7 +95,8 @@ impl Passed {
                     | Command::Junction { .. }
                     | Command::FlowPercent(..),
                 ) => {}
-                // These have no lasting effect: motion, waits, reports, queries, M500 to M502 in a job. No job contains a tower. M851 matters when Z is homed, as it is not here.
+                // Commands without lasting effect: motion, waits, reports, queries, M500 to M502 in a job. No job
+                // contains a tower. M851 matters when Z is homed, as it is not here.
                 Ok(
                     Command::Linear { .. }
                     | Command::Arc { .. }

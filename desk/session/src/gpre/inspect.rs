@@ -12,7 +12,7 @@ use crate::job::JobError;
 
 /// Reason for which the inspection of a file ended early.
 pub enum InspectError {
-    /// It cannot be read.
+    /// The file cannot be read.
     Job(JobError),
     /// The text cannot be written.
     Write(io::Error),

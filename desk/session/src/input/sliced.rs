@@ -29,19 +29,19 @@ const NAMED_PLATES: usize = 10;
 /// Reason for which no G-code comes from an archive.
 #[derive(Debug)]
 pub enum SlicedError {
-    /// It cannot be read.
+    /// The archive cannot be read.
     Read(io::Error),
-    /// It is damaged, and how.
+    /// The archive is damaged, and how.
     Damaged(String),
-    /// It holds no G-code of a plate.
+    /// The archive holds no G-code of a plate.
     NoPlate(Foreign),
-    /// It holds several plates, by their numbers.
+    /// The archive holds several plates, by their numbers.
     SeveralPlates(Vec<u32>),
-    /// It does not hold the plate that was asked for.
+    /// The archive does not hold the plate that was asked for.
     OtherPlates {
         /// The plate asked for.
         plate: u32,
-        /// Those in it.
+        /// The plates in the archive.
         plates: Vec<u32>,
     },
     /// The plate is encrypted.

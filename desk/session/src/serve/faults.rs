@@ -31,7 +31,7 @@ pub enum FaultKind {
     Line(LineFault, f64),
     /// The memory card is pulled out of its slot.
     CardPulled,
-    /// It is put back.
+    /// The memory card is put back.
     CardPutBack,
     /// The filament runs out.
     FilamentOut,

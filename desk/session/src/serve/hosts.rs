@@ -1,7 +1,7 @@
 //! The served printer's hosts: one outside the program, at a pseudo-terminal or TCP port, and the web page's.
 //!
-//! One of them owns the line: the page while it prints or waits for an answer, the host outside from its first line until it goes. Of
-//! the other one's bytes only M112 is heard.
+//! One of them owns the line: the page while it prints or waits for an answer, the host outside from its first line
+//! until it goes. Only M112 is heard of the other one's bytes.
 
 use std::io;
 use std::sync::Arc;
@@ -102,7 +102,7 @@ impl Hosts {
         let mut heard = HostBytes::default();
         if let Some(page) = &mut self.page {
             let bytes = page.line.read(max_bytes)?;
-            // It writes only while it owns the printer, and may have let go since.
+            // The page writes only while it owns the printer, and may have let go since.
             if !page.ownership.is_outsides() {
                 heard.bytes = bytes;
             } else {

@@ -64,7 +64,7 @@ impl Law {
     /// A law of these pieces.
     ///
     /// # Errors
-    /// They do not follow each other, or a number is not usable.
+    /// The pieces do not follow each other, or a number is not usable.
     pub fn new(pieces: Vec<Piece>) -> Result<Self, LawError> {
         let mut end_s = None;
         for (index, piece) in pieces.iter().enumerate() {

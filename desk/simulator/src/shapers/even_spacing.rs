@@ -33,7 +33,7 @@ pub enum EvenSpacingError {
     Length {
         /// The time asked for.
         periods: f64,
-        /// It must be less than this.
+        /// The time must be less than this.
         limit: f64,
     },
     /// A weight would be negative.

@@ -39,7 +39,7 @@ impl Crossings {
         self.drawn = position;
     }
 
-    /// It steps by 1 or -1.
+    /// Steps the motor by 1 or -1.
     pub(super) fn step(&mut self, time_s: f64, step: i64) {
         let crossing = self.position as f64 + 0.5 * step as f64;
         match self.last_step_s {
@@ -67,7 +67,7 @@ impl Crossings {
             self.last_step_s = None;
             self.draw_to(last_s + SETTLE_S, rest);
         }
-        // It may leave again just before its next step.
+        // The motor may leave again just before its next step.
         if time_s - SETTLE_S > self.drawn_s {
             self.draw_to(time_s - SETTLE_S, rest);
         }

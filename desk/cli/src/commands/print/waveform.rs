@@ -11,7 +11,7 @@ use crate::arguments::Edge;
 /// The part of a file's motion between two edges.
 ///
 /// # Errors
-/// It ends before it begins, or the file does not have this layer.
+/// The part ends before it begins, or the file does not have this layer.
 pub fn window(file: &Path, from: Option<Edge>, to: Option<Edge>) -> Result<Window, String> {
     let layers = match (from, to) {
         (Some(Edge::Layer(_)), _) | (_, Some(Edge::Layer(_))) => layers(file)?,

@@ -23,7 +23,7 @@ const NO: u8 = 2;
 
 /// Watches for Ctrl-C.
 pub struct Person {
-    /// It was pressed since the last look.
+    /// Ctrl-C was pressed since the last look.
     pressed: Arc<AtomicBool>,
     answer: Arc<AtomicU8>,
     is_asked: bool,
