@@ -14,7 +14,7 @@ use ferrostep_calibration::{
 };
 use serde::Serialize;
 
-/// Acceleration for which the rounding of a curve is told, mm/s^2.
+/// Acceleration for which the rounding of a curve is reported, mm/s^2.
 const EXAMPLE_ACCELERATION_MM_PER_S2: f64 = 5000.0;
 
 /// The largest record that is read, bytes: ten minutes of an accelerometer.
@@ -36,7 +36,7 @@ pub struct FrameMeasurement {
     pub spectrum: Option<Spectrum>,
 }
 
-/// A measurement says nothing.
+/// Reason for which a measurement cannot be used.
 #[derive(Debug)]
 pub enum CalibrationError {
     /// The file cannot be read.

@@ -85,8 +85,8 @@ pub struct Comparison {
     pub page: Vec<u8>,
 }
 
-/// Prints both on the virtual board and compares them. `keys`: of the profile, whose commands are left out of both jobs, for they would
-/// hold over the profile's values. `frequency_hz`: of the frame in X and Y.
+/// Prints both on the virtual board and compares them. `keys`: those of the profile whose commands are left out of
+/// both jobs, as they would override the profile's values. `frequency_hz`: of the frame in X and Y.
 ///
 /// # Errors
 /// A job cannot be read or simulated; it says which. One that stops at a line is compared up to there.

@@ -29,9 +29,9 @@ use ferrostep_simulator::nozzle::{NozzleError, NozzleSettings};
 use crate::simulation::filament_mm2;
 use crate::without_commands::{Dropped, WithoutCommands};
 
-/// Most nodes of a page: about seven megabytes.
+/// Maximum number of nodes of a page: about seven megabytes.
 pub const MAX_NODES: usize = 700_000;
-/// Most bytes of the job's text in a page: about two megabytes of it, packed.
+/// Maximum number of bytes of the job's text in a page: about two megabytes of it, packed.
 pub const MAX_TEXT_BYTES: usize = 8 << 20;
 
 /// Commands that home or probe.

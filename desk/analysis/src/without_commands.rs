@@ -13,7 +13,7 @@ pub(crate) struct Dropped {
 
 impl Dropped {
     pub fn new(commands: Vec<&'static str>) -> Self {
-        // A character more, which tells M20 from M201.
+        // One more character distinguishes M20 from M201.
         let longest = commands.iter().map(|command| command.len() + 1).max().unwrap_or(0);
         Self { commands, longest }
     }
@@ -40,7 +40,7 @@ pub(crate) struct WithoutCommands<'a, R> {
     dropped: &'a Dropped,
     place: Place,
     lines_dropped: u64,
-    /// Read and not given out yet.
+    /// Bytes that have been read and not returned yet.
     ready: Vec<u8>,
 }
 

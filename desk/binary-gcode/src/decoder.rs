@@ -82,7 +82,7 @@ pub struct Decoder {
 enum Stage {
     FileHeader,
     BlockHeader,
-    /// A block's data, before its contents are given out.
+    /// A block's data, before its contents are returned.
     Checked {
         head: Head,
         left: u32,
@@ -236,7 +236,7 @@ impl Decoder {
             {
                 Err(self.error(Reason::NotBinaryGcode))
             }
-            // The last bytes may be given out only now.
+            // The last bytes may be returned only now.
             Stage::Contents { head, left } => {
                 let (head, left) = (*head, *left);
                 match self.contents.fill(&mut &[][..], output) {
@@ -270,7 +270,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// A block's contents have been given out; its checksum was compared before.
+    /// A block's contents have been returned; its checksum was compared before.
     fn end_contents(&mut self, head: Head) -> Result<(), Error> {
         self.contents.end().map_err(|reason| self.error_in(head, reason))?;
         if self.has_checksums {
@@ -344,7 +344,7 @@ struct Contents {
     waiting_from: usize,
     /// A packed line has just ended.
     after_line_end: bool,
-    /// Bytes by the block's header, and those that came so far.
+    /// Bytes by the block's header, and those decompressed so far.
     expected: u32,
     decompressed: u32,
     /// Why nothing more comes.
@@ -388,8 +388,8 @@ impl Contents {
         Ok(())
     }
 
-    /// Decodes until the input is used up or the output is full; the bytes made. What was made before an error is given out first, so
-    /// that the size of the portions makes no difference.
+    /// Decodes until the input is used up or the output is full; returns the number of bytes made. Bytes made before
+    /// an error are returned first, so that the size of the portions makes no difference.
     fn fill(&mut self, input: &mut &[u8], output: &mut [u8]) -> Result<usize, Reason> {
         let mut made = 0;
         for place in output {

@@ -47,7 +47,7 @@ impl Inflate {
     /// The next byte, or `None` after it has taken all of `input`.
     ///
     /// # Errors
-    /// The bytes are not Deflate's, or go on after its end.
+    /// The bytes are not Deflate's, or continue after its end.
     pub fn next(&mut self, input: &mut &[u8]) -> Result<Option<u8>, ()> {
         loop {
             if let Some(place) = self.ready.next() {

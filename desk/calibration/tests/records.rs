@@ -330,7 +330,7 @@ proptest! {
         missing.remove(at);
         doubled.insert(at, lines[at].clone());
         swapped.swap(at, (at + 1) % lines.len());
-        // A record without its last line is shorter, and complete; the printer's `overflows` tells of that.
+        // A record without its last line is shorter, and complete; the printer's `overflows` reports that.
         for (log, is_shorter) in [(missing, at + 1 == lines.len()), (doubled, false), (swapped, false)] {
             let read = Record::parse(&text(&log));
             prop_assert!(is_shorter || matches!(read, Err(RecordError::Missing { .. })), "{read:?}");

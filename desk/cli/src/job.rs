@@ -37,7 +37,7 @@ pub fn replies(progress: &Progress) -> JobReplies<'_> {
     JobReplies::new(move |text: &str| {
         shown.set(shown.get() + 1);
         match shown.get() {
-            // An error tells why the machine stopped, and is shown after any number of notices.
+            // An error says why the machine stopped, and is shown after any number of notices.
             _ if text.starts_with("Error:") => progress.say(text),
             ..=MAX_NOTICES => progress.say(text),
             count if count == MAX_NOTICES + 1 => progress.say("(further notices of the machine are left out)"),

@@ -1,4 +1,4 @@
-//! The host's end of a printer's line: opens it, sends jobs over it, asks, and tells what comes back.
+//! The host's end of a printer's line: opens it, sends jobs over it, asks, and reports the answers.
 
 pub mod black_box_lines;
 pub mod file_lines;

@@ -46,7 +46,7 @@ pub struct Definitions {
     pub functions: HashMap<String, (Vec<String>, String)>,
     /// Includes that were not found: file, line, name, why.
     pub missing: Vec<(String, usize, String, String)>,
-    /// The file's definitions in whose place a running printer has said another.
+    /// The file's definitions that a running printer's have replaced.
     pub replaced: Vec<Definition>,
     /// A running printer's, without a file.
     pub running: Option<Running>,
@@ -67,7 +67,7 @@ impl Definitions {
         self.all.push(Definition { file: file.to_owned(), line, name, value, by: None });
     }
 
-    /// Puts all definitions of a name aside, for a running printer says otherwise.
+    /// Removes all definitions of a name, as a running printer's replace them.
     pub fn replace(&mut self, name: &str) {
         self.values.remove(name);
         let is_other = |definition: &mut Definition| definition.name == name;

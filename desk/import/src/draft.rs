@@ -13,7 +13,7 @@ use crate::rows::Rows;
 /// The built-in profile whose values are used for missing ones.
 const BASE: &str = "cartesian";
 
-/// Most values that are changed because the checks of profiles refuse them.
+/// Maximum number of values that are changed because the checks of profiles refuse them.
 const MAX_REFUSED: usize = 120;
 
 /// Maximum number of moves of a value into its range; if two rules still pull it to and fro, no value fits.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Most names that a pattern is compared with.
+/// Maximum number of names that a pattern is compared with.
 const MAX_NAMES: usize = 20_000;
 
 /// Returns true if a name contains a wildcard.

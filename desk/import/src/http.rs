@@ -295,7 +295,7 @@ mod tests {
         assert!(read_answer(b"HTTP/".chain(io::repeat(b'x')), || false).unwrap_err().contains("no end"));
     }
 
-    /// A server that says nothing for now.
+    /// A server that is silent for now.
     struct Silent;
 
     impl Read for Silent {

@@ -1,4 +1,5 @@
-//! Reads the form of Klipper's files: sections, keys with `:` or `=`, values that go on in indented lines, comments, includes.
+//! Reads the form of Klipper's files: sections, keys with `:` or `=`, values that continue in indented lines,
+//! comments, includes.
 
 use std::collections::HashMap;
 

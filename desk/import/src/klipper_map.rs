@@ -134,7 +134,7 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// Notes that the machine's identity cannot be told by a setting, or that it is missing.
+    /// Notes that no setting gives a part of the machine's identity, or that it is missing.
     fn gap(&mut self, path: &str, section: &str, key: &str, what: &str) {
         let row = self.entry(section, key).map(|entry| self.row(section, entry, what));
         match row {
@@ -198,7 +198,7 @@ impl<'a> Reading<'a> {
             let said = self.keep_number("printer", "square_corner_velocity", &path, deviation);
             let speed = said.unwrap_or(SQUARE_CORNER_VELOCITY);
             self.draft.put(path[0], deviation(speed));
-            // Klipper works the deviation out anew for each acceleration.
+            // Klipper computes the deviation again for each acceleration.
             const SPEED: &str = "square_corner_velocity_mm_per_s";
             self.draft.put(SPEED, speed);
             self.keep_number("printer", "square_corner_velocity", &[SPEED], |speed| speed);
@@ -224,8 +224,8 @@ impl<'a> Reading<'a> {
         }
     }
 
-    /// A switch that tells whether there is filament; Klipper's is triggered while there is. Or a sensor that sees filament move, with or
-    /// without a switch beside it.
+    /// A switch that reports whether there is filament; Klipper's is triggered while there is. Or a sensor that sees
+    /// filament move, with or without a switch beside it.
     fn filament_sensor(&mut self) {
         let [motion, switch] =
             ["filament_motion_sensor", "filament_switch_sensor"].map(|kind| self.pausing_sensor(kind));

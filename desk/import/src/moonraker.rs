@@ -13,7 +13,7 @@ use crate::http::{self, Answer, Url};
 use crate::imported::Imported;
 use crate::{klipper, klipper_map};
 
-/// The request for all that Klipper tells of its configuration.
+/// The request for all that Klipper reports of its configuration.
 const PATH: &str = "/printer/objects/query?configfile";
 
 /// Asks a printer for its configuration, and makes a profile of it as of a file.
@@ -164,7 +164,7 @@ fn text_of(answer: &Answer) -> Result<String, String> {
                 Value::Null => String::new(),
                 other => other.to_string(),
             };
-            // Lines after the first go on where they are indented.
+            // Lines after the first continue where they are indented.
             text += &format!("{key}: {}\n", value.replace('\n', "\n    "));
         }
     }

@@ -148,7 +148,7 @@ fn origin(contents: &Contents<'_>) -> Option<[i64; 4]> {
 }
 
 impl BlackBoxReport {
-    /// Adds the places in the source that last words tell as addresses.
+    /// Adds the places in the source for the addresses in last words.
     pub fn locate(&mut self, image: &Image) {
         for record in self.records.iter_mut().filter(|record| record.kind == LAST_WORDS) {
             record.place = image.place(&record.text);

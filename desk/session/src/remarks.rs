@@ -9,7 +9,7 @@ use serde::Serialize;
 
 /// Most different remarks kept; a broken file could cause any number.
 const MAX_REMARKS: usize = 100;
-/// Most lines that a remark names.
+/// Maximum number of lines that a remark names.
 const MAX_LINES: usize = 5;
 
 /// The subject of a remark.

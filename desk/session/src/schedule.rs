@@ -14,7 +14,8 @@ use crate::session::{JobReplies, Session};
 /// Least time between two lines that are noted, s.
 const STEP_S: f64 = 0.5;
 
-/// Most lines that are noted: of a longer job only every second of them is kept, and the time between them doubles.
+/// Maximum number of lines that are noted: only every second of them is kept of a longer job, and the time between
+/// them doubles.
 const MAX_POINTS: usize = 1 << 16;
 
 /// The printer's time at some lines of a file.

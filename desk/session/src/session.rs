@@ -33,7 +33,8 @@ const MAX_UNKNOWN_COMMANDS: usize = 100;
 /// A printer whose commands move `M`.
 type PrinterOf<'a, M, R> = Printer<'a, (M, DeskHeating<'a>, VirtualDelay<'a>, R)>;
 
-/// A printer that makes every step. Who watches them is no part of the type: the printer's code is large, and compiled anew for each.
+/// A printer that makes every step. The observer of the steps is not part of the type: the printer's code is large,
+/// and compiled again for each type.
 pub type DeskPrinter<'a, R> = PrinterOf<'a, SharedMotion<DeskMachine<'a>>, R>;
 
 /// A session that makes every step, seen by `O`.
@@ -292,8 +293,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.run_with(future, |_| {})
     }
 
-    /// Lets time pass until the last command's wait is over, for motion or for a moment. Motion does not go on while a command
-    /// waits for a moment, so that the plan does not depend on such waits.
+    /// Lets time pass until the last command's wait is over, for motion or for a moment. Motion does not continue
+    /// while a command waits for a moment, so that the plan does not depend on such waits.
     ///
     /// # Errors
     /// A heater or thermometer has failed; heaters are off.

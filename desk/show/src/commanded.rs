@@ -33,7 +33,7 @@ const MAX_TAKEN: usize = 256;
 
 /// A block of several moves is no longer than this, mm: a longer move is slowed alone, and at once.
 const SHARED_BLOCK_MM: f64 = 0.655_35;
-/// Most lines that are kept until they are executed.
+/// Maximum number of lines that are kept until they are executed.
 const MAX_LINES: usize = 1 << 16;
 
 /// The ends of the moves that have been taken, as far as the nozzle has not passed them.
@@ -85,7 +85,7 @@ impl Commanded {
         found.off_mm
     }
 
-    /// The nearest place so far back and ahead of where the nozzle should be.
+    /// The nearest place within these distances behind and ahead of the nozzle's expected place.
     fn nearest(&self, place_mm: [f64; 3], step_mm: f64, [back_mm, ahead_mm]: [f64; 2]) -> Option<Near> {
         let expected_mm = self.along_mm + step_mm;
         let (low_mm, high_mm) = (self.along_mm - back_mm, expected_mm + step_mm + ahead_mm);

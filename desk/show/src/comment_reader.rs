@@ -2,7 +2,7 @@
 
 use memchr::memchr2;
 
-/// Most bytes kept of a comment: the longest that is read is a slicer's time in words.
+/// Maximum number of bytes kept of a comment: the longest that is read is a slicer's time in words.
 const KEPT_BYTES: usize = 160;
 
 /// The stream's present place.
@@ -27,7 +27,7 @@ pub struct CommentReader {
 }
 
 impl CommentReader {
-    /// Reads some bytes; tells each comment and the number of its line, from 1.
+    /// Reads some bytes; reports each comment and the number of its line, from 1.
     pub fn read(&mut self, portion: &[u8], mut tell: impl FnMut(u32, &str)) {
         let mut rest = portion;
         while let Some(&byte) = rest.first() {

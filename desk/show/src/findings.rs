@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::totals::{Extreme, Totals};
 
-/// Least wait that is told, s.
+/// Minimum wait that is reported, s.
 const LEAST_WAIT_S: f64 = 0.5;
 
 /// A remark about the print, with the place that it is about.

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-/// Most changes that wait for their motion: a file of nothing but changes must not fill the memory.
+/// Maximum number of changes that wait for their motion: a file of nothing but changes must not fill the memory.
 const MAX_WAITING: usize = 1 << 20;
 
 /// The state of the file at a line.

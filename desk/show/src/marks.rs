@@ -59,11 +59,11 @@ const BARE_FEATURES: [&str; 15] = [
 /// Reads a file's comments in their order.
 #[derive(Clone, Debug, Default)]
 pub struct Marks {
-    /// The form of the file's first layer mark. Those of another form say the same once more.
+    /// The form of the file's first layer mark. Marks of another form repeat it.
     form: Option<LayerForm>,
     /// KISSlicer's height, which each object of a layer repeats.
     height: Option<String>,
-    /// Whose time was given out.
+    /// The source of the time that was returned.
     time_of: Option<TimeOf>,
 }
 

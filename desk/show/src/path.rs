@@ -122,7 +122,7 @@ impl Path {
         self.planned_part_mm = 0.0;
     }
 
-    /// Starts anew somewhere else.
+    /// Starts again at another place.
     pub fn begin(&mut self, place: Place) {
         let start = Passed { place, ..Passed::default() };
         (self.start, self.anchor, self.last) = (start, start, start);

@@ -30,7 +30,7 @@ pub struct Machine {
     pub filament_mm2: f64,
     /// The nozzle.
     pub nozzle: NozzleSettings,
-    /// Most nodes to keep, at least 16.
+    /// Maximum number of nodes to keep, at least 16.
     pub max_nodes: usize,
 }
 
@@ -175,8 +175,8 @@ impl Recorder {
         self.nodes.keep(node);
     }
 
-    /// The motion clock has reached a tick, and time has passed while it stood there: in all so long since the beginning. `heats`: for a
-    /// heater.
+    /// The motion clock has reached a tick, and time has passed while it stopped there: `idle_s` in all since the
+    /// beginning. `heats`: for a heater.
     pub fn waited(&mut self, tick: u64, idle_s: f64, heats: bool) {
         if idle_s <= self.idle_s + SHORTEST_WAIT_S {
             return;

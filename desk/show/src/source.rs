@@ -8,7 +8,8 @@ use crate::comment_reader::CommentReader;
 use crate::marks::{Mark, Marks};
 use crate::totals::MAX_FEATURES;
 
-/// Most comments that wait for a command after them: a file of nothing but comments must not fill the memory.
+/// Maximum number of comments that wait for a command after them: a file of nothing but comments must not fill the
+/// memory.
 const MAX_WAITING: usize = 1 << 20;
 /// Longest line that is kept for the page whole.
 const LINE_BYTES: usize = 200;

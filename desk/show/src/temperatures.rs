@@ -1,6 +1,6 @@
 //! Temperatures in time, in bounded memory.
 
-/// Most instants that are kept.
+/// Maximum number of instants that are kept.
 const MAX_INSTANTS: usize = 1 << 15;
 /// Shortest time between two, s, and smallest difference that is worth one within it, degrees.
 const INTERVAL_S: f64 = 1.0;

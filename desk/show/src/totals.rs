@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::node::{Kind, Node};
 
-/// Most features that are counted apart.
+/// Maximum number of features that are counted apart.
 pub(crate) const MAX_FEATURES: usize = 64;
 
 /// The largest of something, and where.

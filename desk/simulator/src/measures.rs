@@ -27,7 +27,7 @@ pub const WINDOW_S: f64 = 0.03;
 /// Maximum number of samples that wait for the path: 10 min. Only the end of a longer move is measured.
 const MAX_WAITING: usize = 2_400_000;
 
-/// Motion that pauses for so long has stopped, s.
+/// Pause of the motion after which it has stopped, s.
 pub const STOP_S: f64 = 0.02;
 
 /// Contour error, um: distance of the nozzle from the programmed path while printing, over equal times.

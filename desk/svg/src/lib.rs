@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-/// Colour of text, unless told.
+/// Colour of text, unless given.
 pub const TEXT_COLOUR: &str = "#1f2328";
 
 /// A chart as an SVG file; `content` is drawn on a page of this many pixels.

@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-/// Most lines kept.
+/// Maximum number of lines kept.
 const MAX_LINES: usize = 500;
 
-/// Most characters of a line kept.
+/// Maximum number of characters kept of a line.
 const MAX_CHARACTERS: usize = 300;
 
 /// Who has said a line.

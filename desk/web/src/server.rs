@@ -46,7 +46,7 @@ impl Default for Limits {
     }
 }
 
-/// A running server. It ends when this is dropped; answers under way go on for as long as their limits let them.
+/// A running server. It ends when this is dropped; answers under way continue for as long as their limits let them.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,

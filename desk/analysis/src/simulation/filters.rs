@@ -16,7 +16,7 @@ const MAX_DETUNE_PERCENT: f64 = 50.0;
 /// The compared plan's filter if none is named.
 const COMPARED: ComparedKind = ComparedKind::Mzv;
 
-/// The words of the command line that tell of filters and of the frame's frequencies.
+/// The options of the command line for filters and for the frame's frequencies.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FilterWords {
     /// `--input-shaper`: the kind for X and Y instead of the profile's.
@@ -258,7 +258,7 @@ impl FilterWords {
     }
 }
 
-/// The frame's frequencies if nothing is said, Hz.
+/// The frame's frequencies if none are given, Hz.
 const DEFAULT_HZ: [f64; 2] = FrameSettings::USUAL.frequency_hz;
 
 /// Returns true if it filters anything.

@@ -24,7 +24,7 @@ const MAGIC: &[u8] = b"FBX1";
 /// Largest file that is read, bytes: a terminal's log of some days.
 const MAX_FILE_BYTES: u64 = 256 << 20;
 
-/// Fetches a printer's black box, or reads a saved one, and tells what is in it.
+/// Fetches a printer's black box, or reads a saved one, and reports its contents.
 ///
 /// # Errors
 /// The port cannot be opened, the file not be read, or an output not be begun.

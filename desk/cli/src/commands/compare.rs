@@ -13,7 +13,7 @@ use crate::browser::open_page;
 use crate::outcome::{exit_code, result};
 use crate::protected::inputs;
 
-/// Prints both jobs and tells what is different.
+/// Prints both jobs and reports the differences.
 pub fn run(arguments: &CompareArguments) -> Result<ExitCode, String> {
     let second = arguments.second.as_ref().unwrap_or(&arguments.file);
     if [&arguments.file, second].into_iter().any(|file| input::is_standard_input(file)) {

@@ -10,7 +10,7 @@ use crate::arguments::JobArguments;
 use crate::job::{self, open, replies};
 use crate::progress::Progress;
 
-/// Plans the job without making its steps, and tells time and material.
+/// Plans the job without making its steps, and reports time and material.
 pub fn run(arguments: &JobArguments) -> Result<ExitCode, String> {
     let (profile, input) = open(arguments)?;
     if input.is_prepared() {

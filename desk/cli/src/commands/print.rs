@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::protected::inputs;
 use crate::terminal::tell;
 
-/// Executes the job on the virtual board, step by step, and tells what came of it.
+/// Executes the job on the virtual board, step by step, and reports the result.
 pub fn run(
     arguments: &JobArguments,
     look_ahead: Option<usize>,

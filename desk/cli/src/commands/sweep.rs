@@ -12,7 +12,7 @@ use crate::arguments::{JobArguments, SweepArguments};
 use crate::outcome::result;
 use crate::protected::inputs;
 
-/// Estimates the job with each value and tells the times.
+/// Estimates the job with each value and reports the times.
 pub fn run(arguments: &SweepArguments) -> Result<ExitCode, String> {
     if input::is_standard_input(&arguments.file) {
         return Err("the job is read once for each value: give a file, not -".to_owned());

@@ -22,7 +22,7 @@ const KEPT_LINES: usize = 16;
 /// Maximum number of times that a line is sent. One that never arrives whole would be asked for without end.
 const MOST_TIMES: u32 = 100;
 
-/// Most lines kept of a printer's answer to one line.
+/// Maximum number of lines kept of a printer's answer to one line.
 const MAX_SAID: usize = 20;
 
 /// Reason for which a printer, or a person, has ended a job before its end.
@@ -106,7 +106,7 @@ pub struct Frame<'a> {
     pub is_upload: bool,
 }
 
-/// The lines by which a printer tells that it begins to write a file, and that it has written it.
+/// The lines by which a printer reports that it begins to write a file, and that it has written it.
 const WRITING: &str = "Writing to file";
 const WRITTEN: &str = "Done saving file";
 
@@ -114,7 +114,7 @@ const WRITTEN: &str = "Done saving file";
 /// executed a line asks for that instead, whatever it has answered.
 const LAST_LINE: &str = "M118 ferrostep: this was the last line";
 const LAST: &[&str] = &[LAST_LINE];
-/// Most times that the printer is asked for that text.
+/// Maximum number of times that the printer is asked for that text.
 const MOST_LAST_LINES: u32 = 10;
 const LAST_LINE_SAID: &str = "ferrostep: this was the last line";
 

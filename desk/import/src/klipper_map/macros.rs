@@ -4,7 +4,7 @@ use ferrostep_gcode::{Command, parse};
 
 use super::Reading;
 
-/// Most bytes of all macros that are taken; a profile has room for somewhat more.
+/// Maximum number of bytes of all macros that are taken; a profile has room for somewhat more.
 const MAX_BYTES: usize = 3500;
 
 const KIND: &str = "gcode_macro ";

@@ -3,7 +3,8 @@
 use super::Reading;
 
 impl Reading<'_> {
-    /// The sensor that sees filament move, or the switch that tells whether there is some; its state is the one without.
+    /// The sensor that sees filament move, or the switch that reports its presence; the switch's state is the one
+    /// without filament.
     pub(super) fn filament_sensor(&mut self) {
         let is_on = self.flag("FIL_RUNOUT_ENABLED_DEFAULT").unwrap_or(true);
         if self.get("FILAMENT_RUNOUT_SENSOR").is_none() || !is_on {

@@ -3,7 +3,7 @@
 use super::{NO_NUMBER, Reading, sensor};
 use crate::definitions::Running;
 
-/// Says that a running Marlin does not tell what a definition says.
+/// Says that a running Marlin does not report the value of a definition.
 fn not_told(name: &str) -> String {
     format!("a running Marlin does not tell it; {name} in its Configuration.h says it")
 }
@@ -54,7 +54,7 @@ impl Reading<'_> {
         }
     }
 
-    /// Notes what a file says, or leaves to Marlin's own value, and a running Marlin does not tell.
+    /// Notes values that a file gives, or leaves to Marlin's default, and that a running Marlin does not report.
     fn untold(&mut self, running: Running) {
         self.draft.gap("kinematics", None, &not_told("COREXY or COREXZ"));
         self.draft.gap("driver.inverted", None, &not_told("INVERT_X_DIR and so on"));

@@ -88,7 +88,7 @@ impl Reading<'_> {
         }
     }
 
-    /// Lists may go on after E, with an element for each further extruder.
+    /// Lists may continue after E, with an element for each further extruder.
     fn e_of_several(&mut self) {
         if self.flag("DISTINCT_E_FACTORS") == Some(true) {
             let why = "the first extruder's values are kept: write the second one's as tools.t1.steps_per_mm";

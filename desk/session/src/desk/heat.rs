@@ -43,7 +43,7 @@ impl DeskHeat {
         &self.heaters
     }
 
-    /// Samples of the models so far. Only they can make an estimate's cost follow the print's time.
+    /// Samples of the models so far. Only they can make an estimate's cost grow with the print's time.
     pub fn samples(&self) -> u64 {
         self.samples
     }
@@ -60,7 +60,7 @@ impl DeskHeat {
         self.heaters.set_failure(heater, failure);
     }
 
-    /// Lets the heaters' time pass, with the fans asked for this. Failed heaters go on cooling.
+    /// Lets the heaters' time pass, with the fans asked for this. Failed heaters continue to cool.
     ///
     /// # Errors
     /// A heater or thermometer has failed; all heaters are off.

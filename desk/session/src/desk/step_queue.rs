@@ -114,7 +114,7 @@ impl VirtualStepQueue {
         self.watch.observer
     }
 
-    /// Lets motion go on up to a tick.
+    /// Lets motion continue up to a tick.
     pub fn set_pause_tick(&mut self, tick: u64) {
         self.pause_tick = tick;
     }

@@ -50,7 +50,7 @@ pub struct Prepared {
     pub remarks: Vec<Remark>,
 }
 
-/// Reason for which a job was not, or not wholly, prepared.
+/// Reason for which a job was not prepared, or only in part.
 #[derive(Debug)]
 pub enum PrepareError {
     /// The machine's acceleration profile cannot be prepared.

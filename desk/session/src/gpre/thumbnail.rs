@@ -6,7 +6,7 @@ use ferrostep_gpre::{Thumbnail, ThumbnailFormat};
 
 use crate::input::Input;
 
-/// Most bytes of a file that are searched for a picture.
+/// Maximum number of bytes of a file that are searched for a picture.
 const MAX_BYTES: u64 = 2 << 20;
 
 /// A picture's format and size, and its bytes.

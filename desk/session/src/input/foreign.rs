@@ -1,4 +1,4 @@
-//! Files that are not jobs, recognised by their first bytes, so that the error can tell the cure.
+//! Files that are not jobs, recognised by their first bytes, so that the error can say how to mend it.
 
 use std::fmt;
 

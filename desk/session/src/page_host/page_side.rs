@@ -12,7 +12,7 @@ use super::shared::{Inner, PageHost, PageJob, Phase, Wishes};
 use crate::desk::LOOK_AHEAD_BLOCKS;
 use crate::schedule::Schedule;
 
-/// Most lines of persons that wait for the printer.
+/// Maximum number of persons' lines that wait for the printer.
 const MAX_WAITING: usize = 16;
 
 /// Longest line, as of the printer: with its number and checksum it has 96 characters there.

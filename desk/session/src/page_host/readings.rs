@@ -1,4 +1,4 @@
-//! Temperatures and position, as the printer's lines tell them.
+//! Temperatures and position, read from the printer's lines.
 
 use ferrostep_web::Heat;
 

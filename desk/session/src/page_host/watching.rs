@@ -10,7 +10,7 @@ use super::shared::{PageHost, Phase};
 /// Interval of the questions for the position during a job.
 const POSITION_INTERVAL: Duration = Duration::from_secs(2);
 
-/// The printer's pause: it goes aside, and waits.
+/// The printer's pause: it moves the nozzle aside, and waits.
 const PAUSE: &str = "M601";
 
 /// The watch of a job.

@@ -6,7 +6,7 @@ const FREE: u8 = 0;
 const PAGE: u8 = 1;
 const OUTSIDE: u8 = 2;
 
-/// The owner of a line, told to both sides.
+/// The owner of a line, shared by both sides.
 #[derive(Debug, Default)]
 pub struct Ownership(AtomicU8);
 

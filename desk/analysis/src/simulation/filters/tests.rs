@@ -34,7 +34,7 @@ fn a_kind_is_for_both_axes_and_both_plans() {
     assert_eq!(filters.steps, [shaper(ShaperKind::Zv, 55.0, 0.06), shaper(ShaperKind::Zv, 40.0, 0.1)]);
     let compared = filters.compared.unwrap();
     assert_eq!((compared.kind, compared.frequency_hz, compared.damping), (ComparedKind::Zv, [55.0, 40.0], [0.06, 0.1]));
-    // The frame's frequencies are what is said of it, or the usual ones.
+    // The frame's frequencies are those given, or the usual ones.
     assert_eq!(filters.frame_hz, [50.0, 40.0]);
     let named = FilterWords { frame_hz: [Some(62.0), Some(44.0)], ..words }.of(Some(&profile(own))).unwrap();
     assert_eq!([named.steps[0].frequency_hz, named.steps[1].frequency_hz], [55.0, 44.0]);

@@ -39,7 +39,7 @@ fn announce(server: &Server) {
 /// The page in front of a printer at a port. It returns when the program is to end.
 ///
 /// # Errors
-/// The page's address is not to be had. A port that cannot be opened is tried again, and the page says so.
+/// The page's address cannot be opened. A port that cannot be opened is tried again, and the page says so.
 pub fn before_a_port(
     arguments: &ServeArguments,
     address: SocketAddr,
@@ -73,7 +73,7 @@ impl VirtualPage {
     /// Opens the page, and its line to the board. The board's hosts besides it are at `outside`.
     ///
     /// # Errors
-    /// The page's address, a line or a thread is not to be had.
+    /// The page's address or a line cannot be opened, or a thread cannot be started.
     pub fn open(
         arguments: &ServeArguments,
         address: SocketAddr,

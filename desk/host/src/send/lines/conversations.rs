@@ -1,4 +1,5 @@
-//! Hostile conversations: bytes that are damaged, lines and answers that are lost, doubled or late, printers that count anew.
+//! Hostile conversations: bytes that are damaged, lines and answers that are lost, doubled or late, printers that
+//! restart their count.
 
 #![allow(clippy::unwrap_used)]
 
@@ -21,7 +22,7 @@ enum Mishap {
     AnswerLost,
     /// The answer comes later than a host waits for it.
     AnswerLate,
-    /// The line is answered by `ok` once more.
+    /// The line is answered by `ok` twice.
     OkTwice,
     /// The printer asks for any line, though it has executed this one.
     AsksForAnother,
@@ -115,7 +116,8 @@ impl Line {
         let at = self.below(self.mishaps.len() as u64) as usize;
         let mishap = self.mishaps[at];
         if matches!(mishap, Mishap::CountsAnew | Mishap::Deaf) {
-            // Once, and alone: a host cannot tell a count that went back from lines that it has lost before.
+            // This happens once, and alone: a host cannot tell a count that went back from lines that it has lost
+            // before.
             self.mishaps.clear();
         }
         Some(mishap)

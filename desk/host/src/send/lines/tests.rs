@@ -312,7 +312,7 @@ fn a_job_that_its_host_holds_goes_on_without_m108() {
     assert_eq!(sent(port.heard), ["N1 G28", "N2 G1 X5", "N3 M400"]);
 }
 
-/// Wants the job to go on once the line that held it has its answer.
+/// Wants the job to continue once the line that held it has its answer.
 #[derive(Default)]
 struct AfterAnswer {
     is_held: bool,
@@ -357,7 +357,7 @@ impl<P: Port> Port for Reporting<P> {
     }
 }
 
-/// Reports come without a line, so they are no sign that the printer works on one.
+/// Reports come without a line, so they do not show that the printer works on one.
 #[test]
 fn a_lost_answer_is_noticed_in_spite_of_reports() {
     let answer = |line: &str, times: usize| if line.starts_with("N1") && times == 0 { vec![] } else { vec!["ok"] };
