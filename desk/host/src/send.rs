@@ -51,8 +51,8 @@ const OTHER_JOB: &str = "echo:gpre: another job is being received";
 /// A board that is already in the middle of the same job, because its host was restarted, continues it.
 ///
 /// # Errors
-/// The board does not answer, does not take the job, or is gone; or `watch` wants the end. A refusal or a stop by the board is not an error but a
-/// [`Report`].
+/// The board does not answer, does not take the job, or is gone; or `watch` wants the end. A refusal or a stop by the
+/// board is not an error but a [`Report`].
 pub fn send(
     port: &mut impl Port,
     sender: &mut Sender,

@@ -23,8 +23,8 @@ pub fn read(path: &Path, assume: bool) -> Result<Imported, ImportError> {
     Ok(imported)
 }
 
-/// Makes a profile of what a running Marlin says to M115 and to M503. With a file of its configuration, that says what the printer does not,
-/// and the printer's numbers hold.
+/// Makes a profile of a running Marlin's answers to M115 and M503. A file of its configuration gives the settings
+/// that the printer does not report; the printer's numbers hold.
 ///
 /// # Errors
 /// The printer is not Marlin or does not report its settings; or as [`read`].

@@ -61,7 +61,8 @@ fn sensor(number: i64) -> Option<Value> {
         5 => "semitec-104gt-2".into(),
         // Within 1.3 degrees of their tables.
         11 | 60 => beta_table(100_000.0, 3950.0),
-        // Three lines of each table, which its others agree with to 1 degree: beta of the data sheet reads up to 29 degrees too much at 230.
+        // Three lines of each table, with which its others agree to 1 degree: beta of the data sheet reads up to 29
+        // degrees too much at 230.
         2 => points([(40.0, 97_700.0), (190.0, 975.5), (240.0, 366.1)]),
         13 => points([(40.0, 52_263.0), (140.0, 2107.0), (250.0, 204.8)]),
         14 => points([(55.0, 26_756.0), (85.0, 8449.7), (125.0, 2195.1)]),

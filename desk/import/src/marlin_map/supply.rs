@@ -15,8 +15,8 @@ impl Reading<'_> {
         self.keep("PSU_DEFAULT_OFF", "power_supply.on_at_start", false, "");
     }
 
-    /// The signal of a module that says that the supply fails. Marlin's boards have a pin for one whether there is a module or not, so only who has
-    /// written something about it has one.
+    /// The signal of a module that reports a failing supply. Marlin's boards have a pin for one with or without a
+    /// module, so that only a configuration with a setting for it has one.
     pub(super) fn supply_signal(&mut self) {
         let has_pin = self.get("POWER_LOSS_PIN").is_some_and(|definition| definition.value != "-1");
         if self.get("POWER_LOSS_RECOVERY").is_none() || !has_pin && self.get("POWER_LOSS_STATE").is_none() {

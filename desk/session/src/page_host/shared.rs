@@ -96,7 +96,7 @@ pub(super) struct Inner {
     pub asked_position: Option<Instant>,
 }
 
-/// The host behind a page.
+/// The host that serves a page.
 pub struct PageHost {
     pub(super) setup: Setup,
     pub(super) ownership: Arc<Ownership>,
