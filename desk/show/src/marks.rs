@@ -115,8 +115,8 @@ fn layer(body: &str) -> Option<(LayerForm, Option<String>)> {
 }
 
 /// Returns the feature's name: `;TYPE:Perimeter` (PrusaSlicer, Cura, Orca, ideaMaker), `; FEATURE: Outer wall` (Bambu
-/// Studio), `; feature outer perimeter` (Simplify3D 4), `; outer perimeter` (Simplify3D 3), `; 'Perimeter Path', 0.6
-/// [feed mm/s]` (KISSlicer), `;shell` (FlashPrint).
+/// Studio), `; feature outer perimeter` (Simplify3D 4), `; outer perimeter` (Simplify3D 3),
+/// `; 'Perimeter Path', 0.6 [feed mm/s]` (KISSlicer), `;shell` (FlashPrint).
 fn feature(body: &str) -> Option<&str> {
     let marked = ["TYPE:", "FEATURE:", "feature "].iter().find_map(|start| body.strip_prefix(start));
     let quoted = || Some(body.strip_prefix('\'')?.split_once('\'')?.0.trim_end_matches("Path"));

@@ -47,7 +47,7 @@ pub struct SimulatedFilter {
 }
 
 impl SimulatedFilter {
-    /// Lists these filters; `None` if there are none.
+    /// Describes these filters; `None` if neither filters anything.
     pub fn of(shapers: &[AxisShaper; 2]) -> Option<Self> {
         shapers.iter().any(|shaper| shaper.kind != ShaperKind::None).then(|| Self {
             shaper: shapers.map(|shaper| shaper.kind.to_string()),
