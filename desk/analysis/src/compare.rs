@@ -68,7 +68,7 @@ pub struct Side {
     /// Distance of the nozzle from that path on a frame that rings; missing without frequencies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contour_error_um: Option<ContourError>,
-    /// Why the job stopped early.
+    /// Error that stopped the job early.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<String>,
 }

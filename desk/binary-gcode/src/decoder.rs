@@ -347,7 +347,7 @@ struct Contents {
     /// Bytes by the block's header, and those decompressed so far.
     expected: u32,
     decompressed: u32,
-    /// Why nothing more comes.
+    /// Reason for which no more contents come.
     failed: Option<Reason>,
 }
 

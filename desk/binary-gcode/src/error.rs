@@ -1,4 +1,4 @@
-//! Why a file cannot be read, and where.
+//! Errors in a file, and their place.
 
 use core::fmt;
 

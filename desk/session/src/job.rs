@@ -27,7 +27,7 @@ pub enum JobError {
     Read {
         /// The last line before.
         line: u32,
-        /// Why.
+        /// The error of the operating system.
         error: io::Error,
     },
     /// A frame of a prepared job could not be executed.

@@ -116,7 +116,7 @@ pub struct StepSimulation {
     restart: bool,
     last_plane_step_s: Option<f64>,
     ringing_mm: f64,
-    /// Since the last end of a move: when it was, and the stops, which count unless it was homing.
+    /// Time of the last end of a move, and the stops since then, which count unless it was homing.
     since: SinceMoveEnd,
     /// Time that homing took, s.
     homing_s: f64,

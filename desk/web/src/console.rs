@@ -10,7 +10,7 @@ const MAX_LINES: usize = 500;
 /// Maximum number of characters kept of a line.
 const MAX_CHARACTERS: usize = 300;
 
-/// Who has said a line.
+/// Speaker of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Speaker {
@@ -27,7 +27,7 @@ pub enum Speaker {
 pub struct ConsoleLine {
     /// Its number, from 1, one more than that of the line before.
     pub number: u64,
-    /// Who has said it.
+    /// Speaker of the line.
     pub speaker: Speaker,
     /// The text.
     pub text: String,

@@ -80,7 +80,7 @@ pub struct State {
     pub message: Option<String>,
 }
 
-/// Why a printer does not do what the page asks, and how to mend it.
+/// Reason for which a printer does not do what the page asks, and how to mend it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal(pub String);
 

@@ -18,7 +18,7 @@ const SIDES: [f64; 3] = [0.0, -1.0, 1.0];
 /// The distance from the path that the nozzle stays within in 99 % of the printing time, um: the worst of the frames.
 ///
 /// # Errors
-/// Why the job cannot be simulated.
+/// Message that says why the job cannot be simulated.
 pub fn simulated_um(file: &Path, profile: Profile, dropped: &Dropped, frame: [FrameMode; 2]) -> Result<f64, String> {
     let mut worst_um = 0.0f64;
     for side in SIDES {

@@ -116,7 +116,7 @@ impl Passed {
                     | Command::RecordAcceleration { .. }
                     | Command::EnableMotors(_)
                     | Command::DisableMotors(_)
-                    // Who enters a job has the supply on.
+                    // The supply is on when a job is entered.
                     | Command::Supply(_)
                     | Command::ProbePin(_)
                     | Command::Finish

@@ -84,7 +84,7 @@ pub(super) struct Inner {
     pub is_halted: bool,
     /// A person's lines that wait for their turn.
     pub waiting: VecDeque<String>,
-    /// Since when a line has had no answer; whether it is a person's.
+    /// Time since which a line has had no answer, and true if it is a person's line.
     pub owed: Option<(Instant, bool)>,
     pub wishes: Wishes,
     pub job: Option<PageJob>,
@@ -127,7 +127,7 @@ impl PageHost {
         })
     }
 
-    /// Who owns the printer's line.
+    /// Owner of the printer's line.
     #[must_use]
     pub fn ownership(&self) -> Arc<Ownership> {
         Arc::clone(&self.ownership)

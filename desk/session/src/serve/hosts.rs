@@ -30,7 +30,7 @@ pub struct Hosts {
 pub struct PageLine {
     /// Its bytes.
     pub line: Line,
-    /// Who owns the printer.
+    /// Owner of the printer.
     pub ownership: Arc<Ownership>,
     outside_scanner: EmergencyScanner,
     page_scanner: EmergencyScanner,
