@@ -27,7 +27,7 @@ pub enum JobError {
     Read {
         /// The last line before.
         line: u32,
-        /// The error of the operating system.
+        /// The reader's error.
         error: io::Error,
     },
     /// A frame of a prepared job could not be executed.
