@@ -1,0 +1,232 @@
+//! Klipper's rules.
+//!
+//! Sources: Klipper's documents *Kinematics* (look-ahead, square corner velocity, minimum cruise ratio), *Config reference*
+//! and *G-Codes*; read against `klippy/toolhead.py`, `klippy/kinematics/extruder.py` and `klippy/kinematics/corexy.py`.
+//!
+//! In short: one acceleration for all moves of X, Y and Z. Corners are taken as by a junction deviation of
+//! `v^2 (sqrt(2) - 1) / a`, `v` being the square corner velocity, and no faster than an arc that touches both moves within
+//! their halves. The filament's speed may jump by the instantaneous corner velocity. A second look-ahead with the
+//! acceleration times one minus the minimum cruise ratio lowers the cruise of short moves. A move of filament alone begins
+//! and ends at rest.
+//!
+//! Klipper also ends its look-ahead where its buffer runs low, which depends on the computer; here the buffer never does.
+
+mod queue;
+
+use crate::change::{Change, Effect, VelocityLimit};
+use crate::motion::{Move, MoveError, PlannedMove};
+use crate::setting::{SettingError, not_negative, positive, refused};
+use queue::{Candidate, Queue};
+
+/// The times of moves that Klipper gathers before it looks ahead (`LOOKAHEAD_FLUSH_TIME`, `BUFFER_TIME_HIGH`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlushTimes {
+    /// From one look-ahead to the next, s.
+    pub usual_s: f64,
+    /// Before the first one after a stop, s.
+    pub after_stop_s: f64,
+}
+
+impl FlushTimes {
+    /// Those of Klipper 0.14.
+    pub const KLIPPER_0_14: Self = Self { usual_s: 0.150, after_stop_s: 1.0 };
+    /// Those of Klipper up to 0.13, and of Kalico.
+    pub const KLIPPER_0_13: Self = Self { usual_s: 0.250, after_stop_s: 2.0 };
+    /// Never: moves are planned when [`Klipper::flush`] says so, with all of them known.
+    pub const NEVER: Self = Self { usual_s: f64::INFINITY, after_stop_s: f64::INFINITY };
+}
+
+/// Klipper's limits, by the names of its configuration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KlipperSettings {
+    /// `max_velocity`, mm/s.
+    pub max_velocity_mm_per_s: f64,
+    /// `max_accel`, mm/s^2.
+    pub max_accel_mm_per_s2: f64,
+    /// `max_z_velocity`, mm/s.
+    pub max_z_velocity_mm_per_s: f64,
+    /// `max_z_accel`, mm/s^2.
+    pub max_z_accel_mm_per_s2: f64,
+    /// `square_corner_velocity`, mm/s.
+    pub square_corner_velocity_mm_per_s: f64,
+    /// `minimum_cruise_ratio`, 0 to less than 1.
+    pub minimum_cruise_ratio: f64,
+    /// `max_extrude_only_velocity`, mm/s.
+    pub max_extrude_only_velocity_mm_per_s: f64,
+    /// `max_extrude_only_accel`, mm/s^2.
+    pub max_extrude_only_accel_mm_per_s2: f64,
+    /// `instantaneous_corner_velocity`, mm/s.
+    pub instantaneous_corner_velocity_mm_per_s: f64,
+    /// When moves are planned.
+    pub flush_times: FlushTimes,
+}
+
+impl KlipperSettings {
+    /// The limits of a machine that sets only its velocity, its acceleration and its nozzle; the rest is Klipper's default.
+    pub fn with_defaults(
+        max_velocity_mm_per_s: f64,
+        max_accel_mm_per_s2: f64,
+        nozzle_mm: f64,
+        filament_mm: f64,
+    ) -> Self {
+        // A bead four nozzles in section, by the filament's.
+        let ratio = 4.0 * nozzle_mm * nozzle_mm / (std::f64::consts::PI * (0.5 * filament_mm).powi(2));
+        Self {
+            max_velocity_mm_per_s,
+            max_accel_mm_per_s2,
+            max_z_velocity_mm_per_s: max_velocity_mm_per_s,
+            max_z_accel_mm_per_s2: max_accel_mm_per_s2,
+            square_corner_velocity_mm_per_s: 5.0,
+            minimum_cruise_ratio: 0.5,
+            max_extrude_only_velocity_mm_per_s: max_velocity_mm_per_s * ratio,
+            max_extrude_only_accel_mm_per_s2: max_accel_mm_per_s2 * ratio,
+            instantaneous_corner_velocity_mm_per_s: 1.0,
+            flush_times: FlushTimes::KLIPPER_0_14,
+        }
+    }
+
+    /// Refuses what no plan can be made with.
+    ///
+    /// # Errors
+    /// Names the first setting that is out of range.
+    pub fn check(&self) -> Result<(), SettingError> {
+        positive("max_velocity", self.max_velocity_mm_per_s)?;
+        positive("max_accel", self.max_accel_mm_per_s2)?;
+        positive("max_z_velocity", self.max_z_velocity_mm_per_s)?;
+        positive("max_z_accel", self.max_z_accel_mm_per_s2)?;
+        not_negative("square_corner_velocity", self.square_corner_velocity_mm_per_s)?;
+        if !(0.0..1.0).contains(&self.minimum_cruise_ratio) {
+            return Err(refused("minimum_cruise_ratio", self.minimum_cruise_ratio, "0 to less than 1"));
+        }
+        positive("max_extrude_only_velocity", self.max_extrude_only_velocity_mm_per_s)?;
+        positive("max_extrude_only_accel", self.max_extrude_only_accel_mm_per_s2)?;
+        not_negative("instantaneous_corner_velocity", self.instantaneous_corner_velocity_mm_per_s)?;
+        positive("flush_times.usual_s", self.flush_times.usual_s)?;
+        positive("flush_times.after_stop_s", self.flush_times.after_stop_s)
+    }
+
+    /// Takes a command: M204 S, or the smaller of P and T where both stand, and SET_VELOCITY_LIMIT.
+    ///
+    /// Source: *G-Codes*, M204 and SET_VELOCITY_LIMIT. Klipper has no M201, M203, M205 and M566.
+    pub fn change(&mut self, change: &Change<'_>) -> Effect {
+        let limit = match change {
+            Change::M204(words) => {
+                let number = |letter| words.get(letter).map(|_| words.positive(letter));
+                let accel = match (number('S'), number('P'), number('T')) {
+                    (Some(s), _, _) => s,
+                    (None, Some(p), Some(t)) => p.zip(t).map(|(p, t)| p.min(t)),
+                    _ => None,
+                };
+                let Some(accel) = accel else { return Effect::Refused };
+                VelocityLimit { accel: Some(accel), ..VelocityLimit::default() }
+            }
+            Change::VelocityLimit(limit) => *limit,
+            _ => return Effect::Unknown,
+        };
+        if limit == VelocityLimit::default() {
+            return Effect::Unchanged;
+        }
+        let changed = Self {
+            max_velocity_mm_per_s: limit.velocity.unwrap_or(self.max_velocity_mm_per_s),
+            max_accel_mm_per_s2: limit.accel.unwrap_or(self.max_accel_mm_per_s2),
+            square_corner_velocity_mm_per_s: limit
+                .square_corner_velocity
+                .unwrap_or(self.square_corner_velocity_mm_per_s),
+            minimum_cruise_ratio: limit.minimum_cruise_ratio.unwrap_or(self.minimum_cruise_ratio),
+            ..*self
+        };
+        if changed.check().is_err() {
+            return Effect::Refused;
+        }
+        *self = changed;
+        Effect::Changed
+    }
+}
+
+/// Klipper's planner.
+#[derive(Clone, Debug)]
+pub struct Klipper {
+    settings: KlipperSettings,
+    queue: Queue,
+    /// Time of moves still to gather before the next look-ahead, s.
+    until_flush_s: f64,
+    forced_flushes: u64,
+}
+
+/// Moves that the queue holds at most. Klipper has no such end; a print reaches it with moves of less than a hundredth of a
+/// millimetre on a machine that needs metres to reach its speed.
+pub const MAX_QUEUED_MOVES: usize = 1 << 17;
+
+impl Klipper {
+    /// A planner at rest.
+    ///
+    /// # Errors
+    /// Names the setting that no plan can be made with.
+    pub fn new(settings: KlipperSettings) -> Result<Self, SettingError> {
+        settings.check()?;
+        Ok(Self {
+            settings,
+            queue: Queue::default(),
+            until_flush_s: settings.flush_times.after_stop_s,
+            forced_flushes: 0,
+        })
+    }
+
+    /// The limits in force.
+    pub const fn settings(&self) -> &KlipperSettings {
+        &self.settings
+    }
+
+    /// Sets the limits of the moves after.
+    ///
+    /// # Errors
+    /// Names the setting that no plan can be made with; the limits stay.
+    pub fn set(&mut self, settings: KlipperSettings) -> Result<(), SettingError> {
+        settings.check()?;
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Takes a command that changes limits.
+    pub fn change(&mut self, change: &Change<'_>) -> Effect {
+        self.settings.change(change)
+    }
+
+    /// Takes a move, and appends the moves that are planned by now. A move without length is left out.
+    ///
+    /// # Errors
+    /// Refuses a displacement that is no number and a speed that is not above 0; the queue stays.
+    pub fn push(&mut self, one: &Move, released: &mut Vec<PlannedMove>) -> Result<(), MoveError> {
+        one.check()?;
+        let Some(candidate) = Candidate::new(one, &self.settings) else { return Ok(()) };
+        if self.queue.len() >= MAX_QUEUED_MOVES && self.settings.flush_times.usual_s.is_finite() {
+            self.forced_flushes += 1;
+            self.flush(released);
+        }
+        let least_s = candidate.least_s();
+        if self.queue.push(candidate, self.settings.instantaneous_corner_velocity_mm_per_s) {
+            self.until_flush_s -= least_s;
+            if self.until_flush_s <= 0.0 {
+                self.until_flush_s = self.settings.flush_times.usual_s;
+                self.queue.release(true, released);
+            }
+        }
+        Ok(())
+    }
+
+    /// Plans all moves that wait to their end at rest: for a dwell, a wait, homing, the end of the print.
+    pub fn flush(&mut self, released: &mut Vec<PlannedMove>) {
+        self.queue.release(false, released);
+        self.until_flush_s = self.settings.flush_times.after_stop_s;
+    }
+
+    /// Moves that wait.
+    pub fn queued(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// Number of times that the queue reached [`MAX_QUEUED_MOVES`] and came to rest where Klipper would not.
+    pub const fn forced_flushes(&self) -> u64 {
+        self.forced_flushes
+    }
+}

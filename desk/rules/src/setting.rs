@@ -1,0 +1,49 @@
+//! What a rule refuses of its settings.
+
+use std::fmt;
+
+/// A setting that no plan can be made with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SettingError {
+    name: String,
+    value: f64,
+    expected: &'static str,
+}
+
+impl SettingError {
+    /// The name of the setting, as its firmware has it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl fmt::Display for SettingError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{} is {}, expected {}", self.name, self.value, self.expected)
+    }
+}
+
+impl std::error::Error for SettingError {}
+
+/// Refuses a value that is not above 0. Infinity stands for no limit.
+pub(crate) fn positive(name: &str, value: f64) -> Result<(), SettingError> {
+    if value > 0.0 { Ok(()) } else { Err(refused(name, value, "more than 0")) }
+}
+
+/// Refuses a negative value.
+pub(crate) fn not_negative(name: &str, value: f64) -> Result<(), SettingError> {
+    if value >= 0.0 { Ok(()) } else { Err(refused(name, value, "0 or more")) }
+}
+
+/// Refuses values of axes that are not above 0.
+pub(crate) fn positive_axes(name: &str, values: [f64; 4]) -> Result<(), SettingError> {
+    for (axis, value) in crate::motion::Axis::ALL.into_iter().zip(values) {
+        positive(&format!("{name} {}", axis.letter()), value)?;
+    }
+    Ok(())
+}
+
+/// The refusal of a value.
+pub(crate) fn refused(name: &str, value: f64, expected: &'static str) -> SettingError {
+    SettingError { name: name.to_owned(), value, expected }
+}

@@ -1,0 +1,148 @@
+//! The look-ahead over a short queue, as Marlin and RepRapFirmware have it. Speeds are squared, (mm/s)^2.
+//!
+//! Each move's start is no faster than its corner allows, than the moves after it can brake from, and than those before can
+//! reach. Motion ends after the last move that is known. The first move's start is fixed, since the move before it runs.
+
+use crate::motion::{Limit, Phases, PlannedMove};
+use std::collections::VecDeque;
+
+/// A move while its speeds are looked for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Block {
+    pub tag: u64,
+    pub length_mm: f64,
+    pub acceleration: f64,
+    /// The speed that it may have.
+    pub nominal: f64,
+    /// At most at its start, by the corner.
+    pub max_entry: f64,
+    /// At least at its start, whatever the moves before can reach.
+    pub min_entry: f64,
+    /// At its end while it is the last of the queue.
+    pub last_exit: f64,
+    pub entry_limit: Limit,
+    pub speed_limit: Limit,
+    pub acceleration_limit: Limit,
+}
+
+impl Block {
+    /// Gained at most over the length.
+    fn gain(&self) -> f64 {
+        2.0 * self.acceleration * self.length_mm
+    }
+}
+
+/// A queue of moves, the first about to run.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Window {
+    blocks: VecDeque<Block>,
+    /// The first move's start, and its limit; `None` while motion rests.
+    entry: Option<(f64, Limit)>,
+}
+
+impl Window {
+    /// Moves that wait.
+    pub fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Appends a move. Its start is no faster than itself and the move before may be.
+    pub fn push(&mut self, mut block: Block) {
+        let before = self.blocks.back().map_or(f64::INFINITY, |before| before.nominal);
+        let most = block.nominal.min(before);
+        block.max_entry = block.max_entry.min(most);
+        block.min_entry = block.min_entry.min(most);
+        self.blocks.push_back(block);
+    }
+
+    /// Forgets that motion runs: the next move starts from rest.
+    pub fn rest(&mut self) {
+        self.entry = None;
+    }
+
+    /// Where the first move starts.
+    fn first_entry(&self, first: &Block) -> (f64, Limit) {
+        self.entry.unwrap_or((first.min_entry.min(first.nominal), Limit::Rest))
+    }
+
+    /// The speed at the end of the first move, and its limit, by all moves that wait.
+    fn exit_of_first(&self) -> Option<(f64, Limit)> {
+        let first = self.blocks.front()?;
+        let last = self.blocks.back()?;
+        let mut next = (last.last_exit.min(last.nominal), Limit::Rest);
+        for block in self.blocks.range(1..).rev() {
+            let braking = next.0 + block.gain();
+            next = if braking < block.max_entry {
+                (braking, block.acceleration_limit)
+            } else {
+                (block.max_entry, block.entry_limit)
+            };
+        }
+        Some(self.reached(first, self.first_entry(first).0, next))
+    }
+
+    /// The speed after a move, where the next one would start at `next`.
+    fn reached(&self, block: &Block, entry: f64, next: (f64, Limit)) -> (f64, Limit) {
+        let reachable = entry + block.gain();
+        if reachable < next.0 {
+            (
+                reachable.max(next.0.min(self.blocks.get(1).map_or(0.0, |after| after.min_entry))),
+                block.acceleration_limit,
+            )
+        } else {
+            next
+        }
+    }
+
+    /// Takes out the first move with its plan, which later moves do not change any more.
+    pub fn release(&mut self) -> Option<PlannedMove> {
+        let exit = self.exit_of_first()?;
+        let first = self.blocks.pop_front()?;
+        let (entry, start_limit) = self.first_entry(&first);
+        self.entry = (!self.blocks.is_empty()).then_some(exit);
+        Some(planned(&first, entry, start_limit, exit.0))
+    }
+
+    /// The plans of all moves, as they are known now.
+    pub fn plans(&self, speeds: &mut Vec<f64>, mut each: impl FnMut(&Block, Phases)) {
+        let (Some(first), Some(last)) = (self.blocks.front(), self.blocks.back()) else { return };
+        // Starts by corner and braking, the last move's first.
+        speeds.clear();
+        let mut next = last.last_exit.min(last.nominal);
+        for block in self.blocks.range(1..).rev() {
+            speeds.push(next);
+            next = (next + block.gain()).min(block.max_entry);
+        }
+        speeds.push(next);
+        let mut entry = self.first_entry(first).0;
+        for (block, exit) in self.blocks.iter().zip(speeds.iter().rev()) {
+            let exit = exit.min(entry + block.gain());
+            each(block, Phases::fastest(block.length_mm, block.acceleration, entry, block.nominal, exit).0);
+            entry = exit;
+        }
+    }
+}
+
+fn planned(block: &Block, entry: f64, start_limit: Limit, exit: f64) -> PlannedMove {
+    let (phases, is_nominal) = Phases::fastest(block.length_mm, block.acceleration, entry, block.nominal, exit);
+    let is_one_ramp = phases.accelerate_s == 0.0 || phases.decelerate_s == 0.0;
+    let cruise_limit = match (is_nominal, is_one_ramp) {
+        (true, _) => block.speed_limit,
+        (false, true) => block.acceleration_limit,
+        (false, false) => Limit::ShortMove,
+    };
+    PlannedMove {
+        tag: block.tag,
+        length_mm: block.length_mm,
+        start_mm_per_s: phases.start,
+        cruise_mm_per_s: phases.cruise,
+        end_mm_per_s: phases.end,
+        acceleration_mm_per_s2: block.acceleration,
+        accelerate_s: phases.accelerate_s,
+        cruise_s: phases.cruise_s,
+        decelerate_s: phases.decelerate_s,
+        start_limit,
+        cruise_limit,
+        acceleration_limit: block.acceleration_limit,
+    }
+}
