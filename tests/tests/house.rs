@@ -40,7 +40,7 @@ fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
     }
 }
 
-/// Whether the documentation has an example that rustdoc would compile: a fence without a word, or of Rust.
+/// Returns true if the documentation has an example that rustdoc would compile: a fence without a word, or of Rust.
 fn has_example(text: &str) -> bool {
     let mut is_within = false;
     text.lines().filter_map(|line| line.trim_start().strip_prefix("//")?.strip_prefix(['/', '!'])).any(|line| {

@@ -58,7 +58,7 @@ fn switching_does_not_jump() {
     assert!(near(again.place_mm()[2] - sheet, 1.0), "{:?}", again.place_mm());
 }
 
-/// Where the nozzle ends above the sheet, and what Z says.
+/// Commands other than moves keep the nozzle's height above the sheet: lines, the height and Z as it is reported, mm.
 #[test]
 fn other_commands_keep_the_height_above_the_sheet() {
     let machine = profile(TILTED);
@@ -99,7 +99,7 @@ fn other_commands_keep_the_height_above_the_sheet() {
     }
 }
 
-/// After G28 Z follows nothing, as in Marlin.
+/// G28 switches bed following off, as in Marlin.
 #[test]
 fn homing_switches_off_and_keeps_the_mesh() {
     let machine = profile(TILTED);
@@ -201,7 +201,7 @@ fn a_stop_in_mid_move_keeps_the_height() {
     assert!(near(z - sheet_mm(&machine, [x, y]), 1.0), "{z} over {}", sheet_mm(&machine, [x, y]));
 }
 
-/// Where the surface is high, and Z follows it to the top, the travel ends lower by that.
+/// A travel that follows a high surface up to the machine's top ends lower by the surface's height.
 #[test]
 fn z_stays_below_its_upper_end() {
     let machine = profile(TILTED);

@@ -1,4 +1,4 @@
-//! What is refused, and what a failure leaves.
+//! Refusals of commands for the mesh, and the state after a failure.
 
 use super::rig::{profile, run};
 
@@ -54,7 +54,7 @@ fn a_machine_that_is_not_homed() {
     }
 }
 
-/// As in Marlin the job goes on, and the host reads why.
+/// The job continues, as in Marlin, and the host reads the reason.
 #[test]
 fn a_mesh_that_is_missing_is_told() {
     for lines in [&["G28", "M420 S1"][..], &["G28", "G29", "BED_MESH_CLEAR", "M420 S1"], &["G28", "G29 A"]] {
@@ -97,7 +97,7 @@ fn a_probe_that_fails() {
     }
 }
 
-/// What Z cannot follow is refused, and nothing has changed.
+/// A move that Z cannot follow is refused and changes nothing.
 #[test]
 fn a_mesh_that_z_cannot_follow() {
     let mesh = "[mesh]\npoints = { x = 3, y = 3 }\nfade_mm = 0\n";

@@ -56,7 +56,7 @@ fn the_gap_is_as_asked_over_a_whole_first_layer() {
     assert!(most - least > 0.1, "{least} to {most}");
 }
 
-/// To and fro over all that the nozzle reaches, at the corners too.
+/// The test goes to and fro over all that the nozzle reaches, the corners included.
 #[test]
 fn the_gap_is_as_asked_from_edge_to_edge() {
     let machine = bent(11);
@@ -72,8 +72,8 @@ fn the_gap_is_as_asked_from_edge_to_edge() {
     assert!(least > 0.18 && most < 0.22, "gap {least:.4} to {most:.4} mm");
 }
 
-/// Where a mesh is coarse, the gap is as far off as the sheet is from the straight lines between the points: that the test above would
-/// see an error is shown by this one.
+/// A coarse mesh leaves the gap as far off as the sheet is from the straight lines between its points: this shows that
+/// the test above would see an error.
 #[test]
 fn a_coarse_mesh_is_seen() {
     let machine = bent(3);
@@ -83,8 +83,8 @@ fn a_coarse_mesh_is_seen() {
     assert!(least < 0.2 && most - least > 0.1 && most < 0.2 + 0.26, "gap {least:.4} to {most:.4} mm");
 }
 
-/// With four by four points on the bent sheet, over a whole first layer of a real file: curves through them leave a tenth of the gap that
-/// straight lines leave.
+/// Curves through four by four points on the bent sheet leave a tenth of the gap that straight lines leave, over a
+/// whole first layer of a real file.
 #[test]
 fn curves_through_few_points_fit_the_sheet() {
     let layer = first_layer("four-cubes-labelled.gcode.gz");

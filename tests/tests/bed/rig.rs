@@ -65,7 +65,7 @@ impl Replies for Said {
     }
 }
 
-/// Where the nozzle truly is at a step, mm, whether the extruder pushes, and the tick.
+/// A step: the nozzle's true place, mm, whether the extruder pushes, and the tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
     pub place_mm: [f64; 3],
@@ -108,7 +108,7 @@ impl Observer for Nozzle {
     fn move_ended(&mut self, _: u64, _: u32) {}
 }
 
-/// What lines have done.
+/// Outcome of the lines that were run.
 pub struct Done {
     /// The failure of each line, as the printer reports it.
     pub failures: Vec<(String, Failure)>,
@@ -129,7 +129,7 @@ impl Done {
         line
     }
 
-    /// Where the nozzle truly is in the end, mm.
+    /// The nozzle's true place at the end, mm.
     pub fn place_mm(&self) -> [f64; 3] {
         self.steps.last().unwrap().place_mm
     }
@@ -160,7 +160,7 @@ pub fn run<'l>(profile: &Profile, lines: impl IntoIterator<Item = &'l str>) -> D
     Done { failures, said, logical_mm, steps: session.into_observer().seen }
 }
 
-/// How high the sheet is below the nozzle, mm.
+/// Height of the sheet below the nozzle, mm.
 pub fn sheet_mm(profile: &Profile, [x, y]: [f64; 2]) -> f64 {
     let sheet = profile.mesh.unwrap().sheet;
     let [tilt_x, tilt_y] = sheet.tilt_10nm.map(|units| units as f64 / 1e5);

@@ -8,7 +8,7 @@ fn radius_mm([x, y]: [f64; 2]) -> f64 {
     (x - 100.0).hypot(y - 100.0)
 }
 
-/// Where the probe was when Z turned at the bed, mm.
+/// Places of the probe at which Z turned at the bed, mm.
 fn probed_mm(done: &super::rig::Done) -> Vec<[f64; 2]> {
     let is_down = |step: &super::rig::Step| step.axes & 4 != 0 && step.directions & 4 != 0;
     let is_up = |step: &super::rig::Step| step.axes & 4 != 0 && step.directions & 4 == 0;

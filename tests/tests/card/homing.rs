@@ -4,8 +4,8 @@ use ferrostep_virtual_board::EndStopFailure;
 
 use crate::card::setup::{Setup, image, profile};
 
-/// What the motors did in coordinates that they have no more must not be the way back to the print: X was at -50 mm as the motors counted,
-/// and truly at 10.
+/// The way back to the print does not use the motors' steps from before homing: X was at -50 mm as the motors counted,
+/// and truly at 10 mm.
 #[test]
 fn an_axis_that_is_homed_in_a_pause_goes_back_to_no_place_of_before() {
     let setup = Setup::new(profile("cartesian"), image());

@@ -17,11 +17,11 @@ mod signal;
 /// Steps of a move that may come after the note of its end.
 const JOINED_STEPS: usize = 8;
 
-/// What the power leaves.
+/// State that a power cut leaves.
 struct Cut {
     /// The blocks of the card that are not as before the print.
     changed: Vec<(usize, Vec<u8>)>,
-    /// How many events the motors had made.
+    /// Number of events that the motors had made.
     events: usize,
 }
 
@@ -147,7 +147,7 @@ fn net(events: &[Event], motor: u8) -> i64 {
     of_motor.iter().map(|(_, directions)| if *directions == 0 { 1 } else { -1 }).sum()
 }
 
-/// How many of the events come up to the end of the last move of a line up to this one.
+/// Number of events up to the end of the last move of a line up to this one.
 fn end_of_line(events: &[Event], line: u32) -> usize {
     // Those of hosts have small numbers.
     let is_it = |event: &Event| matches!(event, Event::MoveEnded(ended) if *ended <= line && *ended + 12 > line);

@@ -37,7 +37,7 @@ fn a_thousand_pulls_at_random_instants_change_no_step() {
     pull_a_thousand_times(false);
 }
 
-/// At each pull the nozzle goes aside and comes back: only these moves are new.
+/// The nozzle goes aside and comes back at each pull: only these moves are new.
 #[test]
 fn a_thousand_pulls_end_where_the_print_ends() {
     pull_a_thousand_times(true);

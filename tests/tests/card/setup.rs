@@ -24,7 +24,7 @@ pub type Card = LocalCard<Slot>;
 type Desk = PrintSession<StepLog, Said>;
 pub type DeskPrinter<'a> = Printer<'a, (SharedMotion<DeskMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
 
-/// What the motors have done.
+/// An event of the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// Motors in the first mask step, backwards in the second.
@@ -33,7 +33,7 @@ pub enum Event {
     MoveEnded(u32),
 }
 
-/// What the motors have done, if it is to be recorded.
+/// Log of the motors' events; `None` records nothing.
 #[derive(Clone, Default)]
 pub struct StepLog(pub Option<Rc<RefCell<Vec<Event>>>>);
 
@@ -162,12 +162,12 @@ impl Setup {
         self.session.clock().now_ns() as f64 * 1e-9
     }
 
-    /// Where the motors stand, by their steps.
+    /// Positions of the motors, by their steps.
     pub fn motor_steps(&self) -> [i64; 4] {
         self.session.desk().motor_steps()
     }
 
-    /// Where the nozzle truly is, mm.
+    /// The nozzle's true place, mm.
     pub fn true_mm(&self) -> [f64; 3] {
         self.session.desk().true_position_10nm().map(|units| units as f64 / 1e5)
     }
@@ -177,7 +177,7 @@ impl Setup {
         self.session.set_end_stop_failure(axis, failure);
     }
 
-    /// Whether this line has been sent in the present conversation.
+    /// Returns true if this line has been sent in the present conversation.
     pub fn has_said(&self, text: &str) -> bool {
         self.session.replies().0.borrow().iter().any(|line| line == text)
     }

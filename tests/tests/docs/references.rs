@@ -135,7 +135,7 @@ fn wrong_with_include(page: &Page, target: &str, tree: &Tree) -> Option<&'static
     }
 }
 
-/// Whether a comment of the file marks the start of this anchor, as mdBook reads it.
+/// Returns true if a comment of the file marks the start of this anchor, as mdBook reads it.
 fn has_anchor(text: &str, anchor: &str) -> bool {
     let mut marks = text.split("ANCHOR: ").skip(1);
     marks.any(|mark| mark.split_whitespace().next() == Some(anchor))

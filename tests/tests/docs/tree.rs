@@ -62,8 +62,8 @@ impl Tree {
         }
     }
 
-    /// Whether a file or folder of this path exists, or may exist where things are built; `*` stands for any characters
-    /// within a name.
+    /// Returns true if a file or folder of this path exists, or may exist where things are built; `*` means any
+    /// characters within a name.
     pub fn has_path(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
         let is_built = path.split('/').any(|part| NOT_SOURCES.contains(&part));
@@ -72,18 +72,18 @@ impl Tree {
             || (path.contains('*') && self.paths.iter().any(|candidate| matches(path, candidate)))
     }
 
-    /// Whether the first part of a path is a file or folder at the root.
+    /// Returns true if the first part of a path is a file or folder at the root.
     pub fn is_in_root(&self, path: &str) -> bool {
         path.split_once('/').is_some_and(|(first, _)| self.paths.contains(first))
     }
 
-    /// Whether a file ends with this path, as in `look_ahead/runs.rs`.
+    /// Returns true if a file ends with this path, as in `look_ahead/runs.rs`.
     pub fn has_file_ending(&self, end: &str) -> bool {
         let end = format!("/{end}");
         self.paths.iter().any(|path| path.ends_with(&end))
     }
 
-    /// Whether sources or data contain this word.
+    /// Returns true if sources or data contain this word.
     pub fn has_word(&self, word: &str) -> bool {
         self.words.contains(word)
     }
@@ -93,12 +93,12 @@ impl Tree {
         self.sources.get(path).or_else(|| self.data.get(path)).map(String::as_str)
     }
 
-    /// Whether `owner` (a type, trait or module) is defined here.
+    /// Returns true if `owner` (a type, trait or module) is defined here.
     pub fn defines(&self, owner: &str) -> bool {
         self.sources.iter().any(|(path, text)| is_module(path, owner) || !blocks(text, owner).is_empty())
     }
 
-    /// Whether `owner` has an item, field or variant `name`.
+    /// Returns true if `owner` has an item, field or variant `name`.
     pub fn defines_in(&self, owner: &str, name: &str) -> bool {
         self.sources.iter().any(|(path, text)| {
             (is_module(path, owner) && text.lines().any(|line| is_item(line, name) || is_made_by_macro(line, name)))
@@ -111,7 +111,7 @@ fn is_code(path: &str) -> bool {
     CODE.iter().any(|end| path.ends_with(end))
 }
 
-/// Whether the path is the module's file, or lies in its folder, or in the folder of a crate of that name.
+/// Returns true if the path is the module's file, or lies in its folder, or in the folder of a crate of that name.
 fn is_module(path: &str, module: &str) -> bool {
     let crate_folder = module.strip_prefix("ferrostep_").map(|name| format!("{}/src/", name.replace('_', "-")));
     path.ends_with(&format!("/{module}.rs"))
@@ -138,7 +138,7 @@ fn blocks<'a>(text: &'a str, owner: &str) -> Vec<&'a str> {
     found
 }
 
-/// Whether a line begins a definition or an implementation of `owner`.
+/// Returns true if a line begins a definition or an implementation of `owner`.
 fn is_heading_of(line: &str, owner: &str) -> bool {
     let code = line.strip_prefix("pub").map_or(line, |rest| rest.strip_prefix("(crate)").unwrap_or(rest)).trim_start();
     let mut words = code.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty());
@@ -149,7 +149,7 @@ fn is_heading_of(line: &str, owner: &str) -> bool {
     }
 }
 
-/// Whether a block has an item, a field or a variant of this name, one step further in than the block itself.
+/// Returns true if a block has an item, a field or a variant of this name, one step further in than the block itself.
 fn has_member(block: &str, name: &str) -> bool {
     let depth = |line: &str| line.len() - line.trim_start().len();
     let inside = block.lines().next().map_or(0, depth) + 4;
@@ -158,7 +158,7 @@ fn has_member(block: &str, name: &str) -> bool {
     lines.any(|line| is_item(line, name) || (!holds_items && is_name(without(line.trim_start(), "pub"), name)))
 }
 
-/// Whether a line defines a function, constant, type or module of this name.
+/// Returns true if a line defines a function, constant, type or module of this name.
 fn is_item(line: &str, name: &str) -> bool {
     const BEFORE: [&str; 5] = ["pub", "(crate)", "(super)", "async", "unsafe"];
     let start = BEFORE.iter().fold(line.trim_start(), |rest, word| without(rest, word));
@@ -169,7 +169,7 @@ fn is_item(line: &str, name: &str) -> bool {
     item.map_or(after_const.len() < start.len() && is_name(after_const, name), |item| is_name(item, name))
 }
 
-/// Whether a line hands this name to a macro that makes items, as `name: value,`.
+/// Returns true if a line hands this name to a macro that makes items, as `name: value,`.
 fn is_made_by_macro(line: &str, name: &str) -> bool {
     line.trim_start().strip_prefix(name).is_some_and(|after| after.starts_with(':') && line.starts_with("    "))
 }
@@ -179,12 +179,12 @@ fn without<'a>(line: &'a str, word: &str) -> &'a str {
     if is_name(line, word) { line[word.len()..].trim_start() } else { line }
 }
 
-/// Whether a line starts with this name, as a whole word.
+/// Returns true if a line starts with this name, as a whole word.
 fn is_name(line: &str, name: &str) -> bool {
     line.strip_prefix(name).is_some_and(|after| !after.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
 }
 
-/// Whether a path fits a pattern, in which `*` stands for any characters within a name.
+/// Returns true if a path fits a pattern, in which `*` means any characters within a name.
 fn matches(pattern: &str, path: &str) -> bool {
     let (patterns, parts): (Vec<&str>, Vec<&str>) = (pattern.split('/').collect(), path.split('/').collect());
     patterns.len() == parts.len()

@@ -129,8 +129,9 @@ fn s_curves_over_several_blocks_gain_most_in_curves() {
     }
 }
 
-/// At a jerk that takes 8 ms to the greatest acceleration, an S-curve costs little over the trapezoid. The cost is in corners that
-/// limit the speed: there the acceleration has to be zero, unlike a trapezoid's. The arcs have one each millimetre.
+/// S-curves at a jerk that takes 8 ms to the greatest acceleration cost little over the trapezoid. The cost is in
+/// corners that limit the speed: there the acceleration has to be zero, unlike a trapezoid's. The arcs have one each
+/// millimetre.
 #[test]
 fn s_curves_of_8_ms_cost_what_their_corners_do() {
     for (machine, name, acceleration, most) in [

@@ -47,7 +47,7 @@ fn events(trace: &Path) -> Vec<StepEvent> {
     print
 }
 
-/// By how much a motor moves.
+/// Steps of each motor in an event, with their signs.
 fn steps(event: &StepEvent) -> [i64; 3] {
     [0, 1, 2].map(|motor| {
         let way = if event.directions >> motor & 1 == 0 { 1 } else { -1 };

@@ -67,7 +67,7 @@ fn unreadable_lines_stop_the_job() {
     }
 }
 
-/// If they were ignored, the rest of the job would be printed at another place, or with another amount of filament.
+/// A job without these commands would be printed at another place, or with another amount of filament.
 #[test]
 fn commands_that_must_not_be_skipped_stop_the_job() {
     for (line, says) in [

@@ -125,7 +125,7 @@ fn with(command: &str, word: usize, number: &str) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// Whether an answer names the word, or its meaning.
+/// Returns true if an answer names the word, or its meaning.
 fn names(said: &[String], letter: char) -> bool {
     // An arc that does not fit is one of its centre or radius with its end; a dwell counts as P, in milliseconds.
     let others = ["the target is too far away", "I, J: the arc", "R: a radius", "P: 999999999000"];

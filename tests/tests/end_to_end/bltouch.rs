@@ -11,7 +11,7 @@ fn with_pin(keys: &str) -> Profile {
     parse(&text, "bltouch.toml").unwrap()
 }
 
-/// What homing and the mesh of a small part of the bed say.
+/// Replies to homing and to the mesh of a small part of the bed.
 fn measured(profile: &Profile) -> Vec<String> {
     let machine = machine(profile);
     let mut host = Conversation::new(&machine);

@@ -1,4 +1,4 @@
-//! What commands mean where firmwares differ, or where a dropped word would make a large command of a small one.
+//! Meaning of commands where firmwares differ, or where a dropped word would make a large command of a small one.
 
 use ferrostep_profiles::{builtin_text, parse};
 use serde_json::Value;

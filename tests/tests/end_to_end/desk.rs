@@ -21,7 +21,7 @@ pub fn profile(name: &str) -> Profile {
 /// A job that has ended.
 #[derive(Debug)]
 pub struct Ended {
-    /// How it ended.
+    /// Outcome of the job.
     pub outcome: Result<(), JobError>,
     /// Lines that were read.
     pub lines: u32,
@@ -31,7 +31,7 @@ pub struct Ended {
     pub logical_10nm: [i64; 4],
     /// Counts of the printer.
     pub tally: Tally,
-    /// What fans have been asked for, 0 to 255, by output.
+    /// Powers that were asked of the fans, 0 to 255, by output.
     pub fan_powers: [u8; FanOutput::COUNT],
     /// Lines for a person.
     pub notices: Vec<String>,

@@ -139,7 +139,7 @@ fn pauses_filament_changes_and_shifts_of_z_wait_for_the_drivers() {
     assert_eq!(machine.desk().motor_steps(), [0; 4]);
 }
 
-/// On CoreXY each of the motors A and B moves X and Y; on the others M84 X leaves Y homed.
+/// M84 X unhomes X and Y on CoreXY, where each of the motors A and B moves both; on the others Y stays homed.
 #[test]
 fn switching_a_motor_off_unhomes_its_axis() {
     for (name, size_mm, off, homed) in [

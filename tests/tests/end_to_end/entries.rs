@@ -17,7 +17,7 @@ use crate::end_to_end::programs::generator::{Program, program};
 /// Height by which the nozzle is raised on the way, units of 10 nm.
 const CLEARANCE_10NM: i64 = 500_000;
 
-/// Where the frames of a job begin.
+/// States at the starts of a job's frames.
 fn starts(job: &[u8]) -> Vec<FrameState> {
     let header = Header::read(job).unwrap();
     let mut rest = &job[header.length() as usize..];
@@ -81,7 +81,7 @@ fn entered(machine: &Profile, job: &[u8], frame: u32) -> Ended {
     entered
 }
 
-/// On its way to a frame the nozzle moves along X and Y above the print alone, and Z is not homed.
+/// Checks the path to a frame: the nozzle moves along X and Y above the print alone, and Z is not homed.
 #[track_caller]
 fn keeps_above(machine: &Profile, way: &[Record], start: &FrameState) {
     let z_steps = |z_10nm: i64| machine.geometry().motor_steps([0, 0, z_10nm])[2];
@@ -185,11 +185,11 @@ fn homed_program() -> impl Strategy<Value = Program> {
     program().prop_filter("homed, straight", |program| !program.has_arcs && program.text.starts_with("M302 P1\nG28\n"))
 }
 
-/// What a job sets before its middle; in its middle the machine stands still, and no part of an extruder step is owed.
+/// Settings of a job before its middle; in its middle the machine is at rest, and no part of an extruder step is owed.
 const SETTINGS: &str = "G28\nM302 P1\nM83\nM201 X2100\nM203 Y130.5\nM204 P700 T900 R1100\nM205 J0.07\nM221 S80\nM207 S0.7\n\
                         G1 X20 Y20 Z5 F3000\nG92 X10 Z1 E3\nG1 X60 E1 F4000\nG1 E-1\nM106 S77\nG1 Y60\nM400\nM220 S90\n";
 
-/// Its second half.
+/// The job's second half.
 const MORE: &str =
     "G1 X100 Y70 E1 F5000\nG1 X70 E2\nG10\nG1 Y20\nG11\nG1 X60 Y61 E1\nM106 S5\nG1 X61 Y62 Z2 E.2\nG1 X20\n";
 

@@ -12,7 +12,7 @@ use crate::end_to_end::desk::profile;
 struct Ended {
     print_time_s: f64,
     motion_time_s: f64,
-    /// How often the heaters' model and the drivers' code ran: the only costs that could grow with the print time.
+    /// Number of runs of the heaters' model and of the drivers' code: the only costs that could grow with the print time.
     heat_samples: u64,
     driver_polls: u64,
 }
@@ -62,7 +62,7 @@ fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
     }
 }
 
-/// In a print of twenty minutes heaters are stepped only after a change of a target.
+/// An estimate of a print of twenty minutes steps heaters only after a change of a target.
 #[test]
 fn an_estimate_steps_heaters_only_until_they_settle() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {

@@ -76,7 +76,7 @@ fn retractions_cancel_out() {
     }
 }
 
-/// In inches, limits are inches too, like the lengths of any other command.
+/// Limits after G20 are in inches, like the lengths of any other command.
 #[test]
 fn limits_use_the_current_unit() {
     let (machine, reference) = (profile("cartesian"), ReferenceProfile::cartesian());

@@ -1,4 +1,4 @@
-//! What becomes of a printer when something fails while it is at something: each fault at each time, as the book's table.
+//! The matrix of faults: what the printer does after each fault in each state, as the book's table has it.
 
 mod card;
 mod jam;
@@ -20,7 +20,7 @@ use crate::end_to_end::desk::profile;
 use crate::end_to_end::hosts::machine;
 use trial::{HOST_IS_GONE_S, LONG_S, Trial, now_s};
 
-/// What fails.
+/// A fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     Heater(Heater, HeaterFailure),
@@ -56,7 +56,7 @@ const FAULTS: [(&str, Fault); 16] = [
     ("a module says that the supply fails", Fault::SupplyFails),
 ];
 
-/// What the printer is at.
+/// State of the printer at the fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum At {
     Idle,
@@ -79,12 +79,12 @@ const TIMES: [(&str, At); 7] = [
 ];
 
 impl At {
-    /// Whether it is hot at the time. While it heats, it is on its way there.
+    /// Returns true if the printer is hot in this state, and false while it heats up.
     fn is_hot(self) -> bool {
         !matches!(self, Self::Idle | Self::Heating)
     }
 
-    /// What a host has sent before.
+    /// Lines that a host has sent before.
     fn lines_before(self) -> Vec<&'static str> {
         let mut lines = vec!["G28", "G90", "M83"];
         if self.is_hot() {
@@ -107,7 +107,7 @@ impl At {
     }
 }
 
-/// What becomes of the machine, as the table has it.
+/// Outcome for the machine, as the table has it.
 fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
     let machine = machine(profile);
     let mut trial = Trial::new(&machine, at, fault);
@@ -167,7 +167,7 @@ fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
     }
 }
 
-/// Nothing is hot, nothing moves, the host knows why, and commands are refused until M999 or a reset.
+/// Checks that nothing is hot or moves, that the host knows why, and that commands are refused until M999 or a reset.
 fn halted(trial: &mut Trial<'_>, is_off: bool) -> String {
     let (machine, fault) = (trial.machine, trial.fault);
     assert!(is_off, "{fault:?}");

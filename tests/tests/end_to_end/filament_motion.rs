@@ -11,16 +11,16 @@ use crate::end_to_end::desk::profile;
 use crate::end_to_end::refusals::Collector;
 use crate::end_to_end::repeats::Seeded;
 
-/// What BIGTREETECH says of its second smart filament sensor: 3 mm, for an encoder with an edge every 2.88 mm.
+/// Detection length of BIGTREETECH's second smart filament sensor, mm, by its maker: an encoder with an edge every 2.88 mm.
 const DETECTION_MM: f64 = 3.0;
 
-/// Marks of the queue lie a thirtieth of it apart, at these prints' speed of filament and with a second of motion in it; and a look comes
-/// every 2 ms.
+/// Error of a detected length, mm: marks of the queue lie a thirtieth of it apart, at these prints' speed of filament
+/// and with a second of motion in it; and a look comes every 2 ms.
 const RESOLUTION_MM: f64 = 0.4;
 
 type Machine = LiveSession<Collector>;
 
-/// Its printer.
+/// The machine's printer.
 type PrinterOf<'a> = Printer<'a, (SharedMotion<LiveMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, Collector)>;
 
 fn machine(advance_s: f64) -> Machine {
@@ -57,7 +57,7 @@ fn extruder(machine: &Machine) -> ExtruderNow {
     machine.desk().extruder_now().unwrap()
 }
 
-/// What was said last.
+/// The last 20 lines that were sent, without `ok`.
 fn last_of(machine: &Machine) -> Vec<String> {
     let said = machine.replies().take();
     let mut told: Vec<String> = said.into_iter().filter(|line| line != "ok").collect();

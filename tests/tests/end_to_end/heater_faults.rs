@@ -47,7 +47,7 @@ fn check_stopped(outcome: &Outcome, error: &str, line: u64) -> Value {
     summary
 }
 
-/// With hardly any power the nozzle does not get warm.
+/// A nozzle with hardly any power does not get warm.
 #[test]
 fn a_cold_nozzle_stops_the_job() {
     let weak = [("proportional", "0.0001"), ("integral", "0")];

@@ -46,7 +46,7 @@ impl Chance {
     }
 }
 
-/// Where a trial begins.
+/// Start of a trial.
 struct Start {
     mechanics: Mechanics,
     true_10nm: [i64; 3],
@@ -106,7 +106,7 @@ impl Places {
         }
     }
 
-    /// How far the motors pushed against the lower and upper end of each axis.
+    /// Lengths by which the motors pushed against the lower and upper end of each axis.
     fn pushed_10nm(&self) -> [[i64; 2]; 3] {
         self.mechanics.borrow().pushed_10nm()
     }
@@ -314,7 +314,7 @@ fn from_everywhere(
     });
 }
 
-/// Whether the machine's position is right, as far as its sensors can tell.
+/// Checks that the machine's position is right, as far as its sensors can tell.
 fn is_home(profile: &Profile, places: &Places) {
     let (true_10nm, believed_10nm) = (places.mechanics.borrow().true_position_10nm(), places.believed_10nm.get());
     for axis in 0..2 {
@@ -327,7 +327,7 @@ fn is_home(profile: &Profile, places: &Places) {
     assert!((0..=most + BOUNCE_10NM).contains(&higher), "{}: {higher}", profile.name);
 }
 
-/// Of X and Y: an end that stalls is met by the stall's lag, a switch not at all.
+/// Checks the ends of X and Y: an end that stalls is pushed by at most the stall's lag, a switch not at all.
 fn only_stalls_push(profile: &Profile, places: &Places) {
     for axis in 0..2 {
         let homing = &profile.homing[axis];

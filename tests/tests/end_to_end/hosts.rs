@@ -275,7 +275,7 @@ fn unnumbered_lines_need_no_checksum() {
     assert_eq!(conversation.position_mm()[0], 5.0);
 }
 
-/// When each line of a text was answered, s of virtual time.
+/// Times at which each line of a text was answered, s of virtual time.
 fn answered_at_s(machine: &Machine, lines: &[String]) -> Vec<f64> {
     let mut conversation = Conversation::new(machine);
     let times = lines.iter().map(|line| {
@@ -288,7 +288,7 @@ fn answered_at_s(machine: &Machine, lines: &[String]) -> Vec<f64> {
     times
 }
 
-/// When a host stops sending, the machine stops within the motion that it has, for any moves; the plan stays that of the file.
+/// The machine stops within the motion that it has when a host stops sending, for any moves; the plan stays that of the file.
 #[test]
 fn a_hosts_ok_waits_with_seconds_of_motion_at_hand() {
     let profile = profile("cartesian");

@@ -44,7 +44,7 @@ fn about_heaters(replies: &[String]) -> Vec<&str> {
     about.map(|reply| &reply[..WARNING.len().min(OFF.len())]).collect()
 }
 
-/// In mid-print, hot.
+/// A hot machine, and the lines of a print up to its middle.
 fn printing(profile: &Profile) -> (Machine, Vec<&'static str>) {
     (machine(profile), vec!["G28", "M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 E1 F1200", "G1 X20 E2"])
 }
@@ -197,7 +197,7 @@ fn the_heater_timeout_is_the_profiles_until_m86() {
     assert!(replies[0].contains("S: ") && replies[0].contains("65535"), "{replies:?}");
 }
 
-/// Without a target nothing is switched off, and nothing is reported.
+/// Heaters without a target are not switched off, and nothing is reported.
 #[test]
 fn cold_heaters_cause_no_message() {
     let machine = machine(&profile("cartesian"));

@@ -28,7 +28,7 @@ fn each_case_is_imported_as_the_other_firmware_reads_it() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// What a case has that it should not have.
+/// Differences between a case's import and its `expect.json`.
 fn problems(case: &Path) -> Vec<String> {
     let expected: Value = serde_json::from_str(&std::fs::read_to_string(case.join("expect.json")).unwrap()).unwrap();
     let imported = ferrostep_import::read(&case.join(expected["main"].as_str().unwrap()), false);

@@ -4,7 +4,8 @@ use serde_json::Value;
 
 use crate::end_to_end::imports::{klipper, lost, marlin, profile, says};
 
-/// By lengths, or by factors, which hold where both are said; without its switch none is.
+/// Marlin's skew is imported from lengths or from factors, which win if both are given; without its switch, nothing is
+/// imported.
 #[test]
 fn marlins_skew_is_kept() {
     let lengths = "#define XY_DIAG_AC 142.2\n#define XY_DIAG_BD 140.6\n#define XY_SIDE_AD 100\n";
@@ -115,7 +116,7 @@ fn a_module_that_says_that_the_supply_fails_is_kept() {
     }
 }
 
-/// What Klipper's text of a small machine with these sections says.
+/// Imports Klipper's text of a small machine with these sections.
 fn small_klipper(sections: &str) -> Value {
     let axis = |name: &str| {
         format!(

@@ -44,7 +44,7 @@ fn flat(table: &toml::Table, path: &str) -> Vec<(String, toml::Value)> {
     each.collect()
 }
 
-/// Why a setting is not kept; `None` if it is.
+/// Reason for which a setting is not kept; `None` if it is.
 #[track_caller]
 pub(super) fn lost(imported: &Value, key: &str) -> Option<String> {
     let rows = imported["rows"].as_array().unwrap();
@@ -190,7 +190,7 @@ fn a_machine_that_homes_by_stalls_homes_by_stalls() {
     assert!(lost(&imported, "[screws_tilt_adjust] screw1").unwrap().contains("screws"));
 }
 
-/// What the file says is not listed as left out, not even in other words.
+/// A key that the file gives is not listed as assumed, not even in other words.
 #[test]
 fn what_a_file_says_is_not_assumed() {
     let imported = import("sensorless.cfg");
@@ -211,17 +211,17 @@ fn what_a_file_says_is_not_assumed() {
     }
 }
 
-/// What Marlin's configuration must say of any machine.
+/// Lines that Marlin's configuration needs for any machine.
 pub(super) const MARLIN_MACHINE: &str = "#define DEFAULT_AXIS_STEPS_PER_UNIT { 100, 100, 400, 95 }\n#define X_MAX_POS 200\n\
                               #define Y_MAX_POS 200\n#define Z_MAX_POS 200\n#define X_HOME_DIR -1\n#define Y_HOME_DIR -1\n\
                               #define Z_HOME_DIR -1\n#define TEMP_SENSOR_0 5\n#define TEMP_SENSOR_BED 1\n";
 
-/// The parts of a profile that a text in Marlin's form says.
+/// Imports a text in Marlin's form: the parts of the profile.
 pub(super) fn marlin(text: &str) -> Value {
     imported("Configuration.h", &format!("{MARLIN_MACHINE}{text}"))
 }
 
-/// What a text in Klipper's form says.
+/// Imports a text in Klipper's form: the parts of the profile.
 pub(super) fn klipper(text: &str) -> Value {
     imported("printer.cfg", text)
 }

@@ -85,7 +85,7 @@ fn program(random: &mut Seeded) -> Vec<String> {
     lines
 }
 
-/// What a person does in a print, or what happens to it.
+/// A person's action in a print, or an event that disturbs it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Interruption {
     /// The host's print has such a line, or its owner has pressed a button: it comes after the line that is being answered.
@@ -217,13 +217,13 @@ fn points(steps: &[Step]) -> Vec<Point> {
     points
 }
 
-/// How an interrupted print differs from the undisturbed one.
+/// Difference between an interrupted print and the undisturbed one.
 #[derive(Clone, Copy, Debug, Default)]
 struct Difference {
     excursions: usize,
     /// The most by which more or less has been laid up to a place of the part, mm^3.
     laid_mm3: f64,
-    /// What has come out aside, mm^3.
+    /// Filament that came out aside, mm^3.
     aside_mm3: f64,
 }
 

@@ -125,7 +125,7 @@ fn limits_at_corners_that_the_profile_does_not_have_pass_strict() {
     assert_eq!(fails.status, Some(1), "{fails:#?}");
 }
 
-/// In the text a remark is a line.
+/// A remark is a line of the text.
 #[test]
 fn remarks_are_readable() {
     let directory = directory();

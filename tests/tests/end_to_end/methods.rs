@@ -16,7 +16,7 @@ struct Bounds {
     plane_steps: f64,
 }
 
-/// On the Cartesian machine, where a pulse is a step.
+/// Bounds on the Cartesian machine, where a pulse is a step.
 const CARTESIAN: [Bounds; 5] = [
     // Half a step of the slower motor.
     Bounds { method: "step-bresenham", path_pulses: 0.5, plane_steps: 0.0 },
@@ -27,7 +27,7 @@ const CARTESIAN: [Bounds; 5] = [
     Bounds { method: "dual-rate", path_pulses: 0.7072, plane_steps: -0.5 },
 ];
 
-/// On the CoreXY machine, where a step of one motor is half a diagonal pulse.
+/// Bounds on the CoreXY machine, where a step of one motor is half a diagonal pulse.
 const CORE_XY: [Bounds; 5] = [
     Bounds { method: "step-bresenham", path_pulses: 0.3536, plane_steps: 0.0 },
     Bounds { method: "bresenham", path_pulses: 0.3536, plane_steps: 0.0 },

@@ -132,7 +132,7 @@ fn two_runs_with_one_output_leave_one_whole_job() {
     assert_eq!(names(&directory), ["a.gcode", "alone.gpre", "b.gcode", "both.gpre"]);
 }
 
-/// Nothing is written, and existing files stay unchanged.
+/// Checks that the command exits with 2 and gives this reason.
 #[track_caller]
 fn refuses(arguments: &[&str], reason: &str) {
     let outcome = ferrostep(arguments);

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use crate::end_to_end::command::{ferrostep, repository};
 
-/// If set, the test writes the book's pictures and tables anew.
+/// Variable with which the test writes the book's pictures and tables anew.
 pub const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
 
 /// Name and text of every picture in a folder.

@@ -84,9 +84,9 @@ fn printed(profile: &Profile, commands: &[String]) -> Printed {
 /// Times after a click, s.
 #[derive(Clone, Copy, Debug, Default)]
 struct Click {
-    /// From a pause or cancel to standstill.
+    /// Time from a pause or cancel to standstill.
     standstill: f64,
-    /// From a cancel that switches the heaters off first to targets of 0.
+    /// Time from a cancel that switches the heaters off first to targets of 0.
     heaters_first: f64,
     /// The same where M84 comes first, which waits for the motion.
     motors_first: f64,

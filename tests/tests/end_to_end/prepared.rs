@@ -100,7 +100,7 @@ fn other_slicers() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::share_of_cases(200))]
 
-    /// To the last record of the trace: every step at its tick, every move's end.
+    /// A prepared job is executed as planned to the last record of the trace: every step at its tick, every move's end.
     #[test]
     fn any_program_is_executed_as_planned(program in program(), name in prop::sample::select(vec!["cartesian", "corexy"])) {
         let machine = profile(name);
@@ -122,8 +122,7 @@ proptest! {
         }
     }
 
-    /// After any change to a file: it is refused, or the change does not matter; the machine keeps to its limits and
-    /// stops.
+    /// A file is refused after any change, or the change does not matter; the machine keeps to its limits and stops.
     #[test]
     fn a_changed_file_is_answered(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
         let machine = profile("cartesian");

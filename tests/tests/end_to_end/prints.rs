@@ -201,7 +201,7 @@ fn estimates_match_the_reference_planner() {
     }
 }
 
-/// Without `--json` the summary is for people, and its figures are the same.
+/// The summary without `--json` is for people, and its figures are the same.
 #[test]
 fn the_summary_is_readable() {
     let outcome = ferrostep(["print", "examples/cube.gcode"]);

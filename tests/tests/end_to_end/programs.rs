@@ -73,7 +73,7 @@ fn almost_gcode() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(piece, 0..60).prop_map(|pieces| pieces.concat())
 }
 
-/// For any bytes the job ends, and names the line if it ends early.
+/// Checks that the job ends for any bytes, and names the line if it ends early.
 fn ends_well(bytes: &[u8], machine: &str) -> Result<(), TestCaseError> {
     let profile = profile(machine);
     let ended = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut &bytes[..]);
@@ -96,7 +96,7 @@ fn ends_well(bytes: &[u8], machine: &str) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Whether X, Y, Z hardly move while much filament does: several hundred times as far.
+/// Returns true if X, Y, Z hardly move in a move in which much filament does: several hundred times as far.
 ///
 /// Such a move may or may not count as one of the extruder alone, and so may the ends of an arc's chords. The speeds next to it
 /// depend on that, the positions do not.

@@ -9,7 +9,7 @@ use rustix::termios::{Winsize, tcsetwinsize};
 use crate::end_to_end::command::{directory, ferrostep, program, repository};
 use crate::end_to_end::pty_board::Pty;
 
-/// What the command draws: the contents of the last line, each time that it is drawn.
+/// Drawings of the command: the contents of the last line, each time that it is drawn.
 fn drawn(arguments: &[&str]) -> Vec<String> {
     let terminal = Pty::new();
     let size = Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 };

@@ -3,7 +3,7 @@
 use crate::end_to_end::desk::profile;
 use crate::end_to_end::hosts::{Conversation, machine};
 
-/// What a host says in one go, and the lines that the printer answers.
+/// Bytes that a host sends in one go, and the lines that the printer answers.
 struct Exchange {
     said: Vec<u8>,
     heard: Vec<String>,

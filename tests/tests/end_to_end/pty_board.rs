@@ -23,7 +23,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// How long the firmware waits for bytes while a job is received, ms.
+/// Time for which the firmware waits for bytes while a job is received, ms.
 const LOOK_MS: u32 = 150;
 
 /// Room for a job's bytes, as in the firmware.
@@ -66,9 +66,9 @@ impl Pty {
 pub struct Settings {
     /// The machine.
     pub profile: Profile,
-    /// Whether it unpacks what its host packs.
+    /// True if the board unpacks what its host packs.
     pub unpacks: bool,
-    /// Whether it takes prepared jobs.
+    /// True if the board takes prepared jobs.
     pub takes_jobs: bool,
     /// Lines that it has executed before a host comes.
     pub before: &'static [&'static str],
@@ -107,7 +107,7 @@ pub struct Served {
     pub figures: Figures,
     /// Bytes that it has read.
     pub taken: u64,
-    /// How often a transfer began.
+    /// Number of transfers that began.
     pub jobs: u32,
     /// All lines that it has sent.
     pub said: Vec<String>,
@@ -135,7 +135,7 @@ impl PtyBoard {
         self.path.to_str().unwrap()
     }
 
-    /// From now on the board stops when it has read this many bytes.
+    /// Makes the board stop once it has read `bytes` bytes in all.
     pub fn hold_after(&self, bytes: u64) {
         self.shared.state.lock().unwrap().most = Some(bytes);
     }
@@ -191,7 +191,7 @@ impl Port<'_> {
         self.shared.state.lock().unwrap().ended
     }
 
-    /// How long a wait for bytes takes where it has nothing else to do.
+    /// Duration of a wait for bytes while the board has nothing else to do.
     fn wait(&self) -> Duration {
         let state = self.shared.state.lock().unwrap();
         if state.hurries || state.ended { Duration::from_millis(1) } else { Duration::from_millis(LOOK_MS.into()) }

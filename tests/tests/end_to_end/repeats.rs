@@ -12,7 +12,7 @@ use crate::end_to_end::desk::{Ended, profile, rehearse};
 pub struct Seeded(u64);
 
 impl Seeded {
-    /// From a seed other than 0.
+    /// Starts from a seed other than 0.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }

@@ -172,7 +172,7 @@ fn settings() {
     assert_eq!(conversation.say("M117 printing"), ["//action:notification printing", "ok"]);
 }
 
-/// Of the lines that begin with `Error:` hosts forgive only those about line numbers and checksums.
+/// Hosts forgive lines that begin with `Error:` only if they are about line numbers and checksums.
 #[test]
 fn notices_are_not_errors() {
     let machine = machine(&profile("cartesian"));

@@ -29,7 +29,7 @@ impl Frame {
         Self { axes: [[1.0, 0.0, 0.0], unit([xy, 1.0, 0.0]), unit([xz, yz, 1.0])] }
     }
 
-    /// Where the nozzle is when the motors have gone so far.
+    /// Place of the nozzle for these positions of the motors, mm.
     fn place(&self, motors_mm: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|part| (0..3).map(|axis| motors_mm[axis] * self.axes[axis][part]).sum())
     }
@@ -51,7 +51,7 @@ fn measures(frame: &Frame, [first, second]: [usize; 2]) -> [f64; 3] {
 
 const CARTESIAN_STEPS_PER_MM: [f64; 3] = [80.0, 80.0, 400.0];
 
-/// Where the motors of the cartesian profile, with further keys, stand after some lines: mm.
+/// Positions of the motors of the cartesian profile, with further keys, after some lines, mm.
 fn motors_mm(keys: &str, lines: &str) -> [f64; 3] {
     let directory = directory();
     let text = fs::read_to_string(repository().join("config/profiles/cartesian.toml")).unwrap();

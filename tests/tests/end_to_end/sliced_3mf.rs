@@ -9,17 +9,17 @@ use flate2::{Compression, Crc};
 
 use crate::end_to_end::command::{Outcome, directory, ferrostep};
 
-/// How an entry is written.
+/// Form in which an entry is written.
 #[derive(Clone, Copy, PartialEq)]
 enum Packed {
     Stored,
     Deflated,
-    /// As another method, which the program does not know.
+    /// Marked as packed by another method, which the program does not know.
     Zstd,
     Encrypted,
-    /// With the checksum of other bytes.
+    /// Deflated, with a wrong checksum.
     Damaged,
-    /// With less bytes in the directory than in the data.
+    /// Deflated, with one byte less in its given length than in its contents.
     Longer,
 }
 

@@ -29,7 +29,7 @@ fn say(machine: &Machine, printer: &mut DeskPrinter<'_, Collector>, lines: &[&st
     replies
 }
 
-/// Where the tool head truly is, mm.
+/// True place of the tool head, mm.
 fn true_mm(machine: &Machine) -> [f64; 3] {
     machine.desk().true_position_10nm().map(|units| units as f64 / 1e5)
 }
@@ -155,7 +155,7 @@ fn a_corexy_stall_holds_both_motors() {
     assert!((x - 100.0).abs() < 0.2 && (y - 120.0).abs() < 0.2, "{x} {y}");
 }
 
-/// With every step, from places all over the machine; where the nozzle prints is what the probe's offset says.
+/// The nozzle prints at the height that the probe's offset says, to the step, from places all over the machine.
 #[test]
 fn the_probe_offset_places_the_first_layer() {
     let mut profile = profile("prusa-mini");

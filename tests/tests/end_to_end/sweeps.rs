@@ -109,7 +109,7 @@ fn measured_profile() -> String {
     text
 }
 
-/// Of the curves of a gyroid, which are the hardest of the examples.
+/// The budget is kept on the curves of a gyroid, which are the hardest of the examples.
 #[test]
 fn a_budget_is_kept_on_the_simulated_frame_and_time_falls_with_it() {
     let directory = directory();

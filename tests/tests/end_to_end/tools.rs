@@ -31,7 +31,7 @@ fn steps(machine: &Machine) -> ([i64; 3], [i64; MAX_TOOLS]) {
     ([x, y, z], state.queue().extruder_steps())
 }
 
-/// Where the carriage is, mm.
+/// Place of the carriage, mm.
 fn carriage_mm(machine: &Machine) -> [f64; 3] {
     let ([x, y, z], _) = steps(machine);
     [x as f64 / 80.0, y as f64 / 80.0, z as f64 / 400.0]
@@ -103,7 +103,7 @@ fn without_a_move_the_position_is_that_of_the_new_nozzle() {
     }
 }
 
-/// On the way no nozzle is lower than the old one was.
+/// No nozzle is lower during a change than the old one was before.
 #[test]
 fn no_nozzle_drags() {
     let machine = machine(&two("lift_mm = 0.5", ""));
@@ -137,8 +137,8 @@ fn print_line(host: &mut Conversation<'_>, machine: &Machine, line: &str) -> ([i
     (place, extruders.iter().sum())
 }
 
-/// What T1 prints of two colours is what a machine with one tool prints, shifted by the offset, step by step; and each extruder makes the
-/// steps of its own lines.
+/// T1's part of a print of two colours is the print of a machine with one tool, shifted by the offset, step by step;
+/// and each extruder makes the steps of its own lines.
 #[test]
 fn two_colours_are_two_prints_of_one_tool_each() {
     let lines: Vec<(u8, String)> = (0..40)
@@ -383,7 +383,7 @@ fn without_a_nozzle_of_its_own_it_shares_the_first() {
     assert!(host.say("M105")[0].contains(" /200.00 B:") && !host.say("M105")[0].contains(" T1:"));
 }
 
-/// What slicers write before a print of two colours.
+/// The start code that slicers write before a print of two colours works.
 #[test]
 fn start_code_of_slicers_works() {
     let machine = machine(&two("", HEATED));
@@ -469,7 +469,7 @@ fn with_macros(before: &str, after: &str, macros: &str) -> Profile {
     parse(&format!("{}\n{macros}", text(&keys, "")), "two.toml").unwrap()
 }
 
-/// What M118 has said, and which tool is selected.
+/// Lines that M118 has sent, and those that name the selected tool.
 fn marks(said: &[String]) -> Vec<&str> {
     said.iter().map(String::as_str).filter(|line| line.starts_with('#') || line.contains("Extruder")).collect()
 }
@@ -529,7 +529,7 @@ fn a_macro_that_fails_ends_the_change() {
     }
 }
 
-/// What cannot begin has no macros: nothing has moved.
+/// A change that cannot begin runs no macros: nothing has moved.
 #[test]
 fn a_refused_change_has_no_macros() {
     let machine = machine(&with_macros("BEFORE", "AFTER", SAY));

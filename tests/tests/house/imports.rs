@@ -15,7 +15,7 @@ type Module = Vec<String>;
 pub struct Imports {
     /// Their text, without comments and tests.
     texts: BTreeMap<Module, String>,
-    /// What they pass on: the name, and where it comes from.
+    /// Names that the modules pass on, and their origins.
     passed_on: BTreeMap<(Module, String), Vec<String>>,
 }
 

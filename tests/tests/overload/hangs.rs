@@ -24,22 +24,23 @@ use states::{State, Work};
 /// Instants of a kind in all states, unless `FERROSTEP_INSTANTS` is set; a run tries its share of them.
 const INSTANTS: u64 = 100;
 
-/// How soon a command that waits for motion is answered after a stop, and a line that need not wait after its arrival, ms.
+/// Maximum time from a stop to the answer of a command that waits for motion, and from a line's arrival to its answer
+/// if it need not wait, ms.
 const ANSWER_MS: u64 = 5;
 
 /// Interval at which a wait for time or heat checks for stops, ms.
 const LOOK_MS: u64 = 100;
 
-/// How long a prepared job waits for its line before it checks for stops, ms.
+/// Time for which a prepared job waits for its line before it checks for stops, ms.
 const LINE_MS: u64 = 150;
 
-/// How long a wait for heat is watched that nothing ends, ms.
+/// Time for which a wait for heat that nothing ends is watched, ms.
 const HEAT_MS: u64 = 1_500;
 
 /// Homing and a move take no longer on these machines, ms.
 const HOMING_MS: u64 = 60_000;
 
-/// What happens at the instant.
+/// The event at the instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     QuickStop,
@@ -56,11 +57,11 @@ impl Kind {
 
 /// The undisturbed course of a state; cycles since its beginning.
 struct Undisturbed {
-    /// When each line is answered; for a wait for heat, when its motion has ended.
+    /// End of each line: its answer; for a wait for heat, the end of its motion.
     answers: Vec<u64>,
-    /// When it is over.
+    /// End of the whole course.
     end: u64,
-    /// Where the signals have X, Y and Z when all axes are homed.
+    /// Positions of X, Y and Z by the signals when all axes are homed.
     homed_steps: [i64; 3],
 }
 
@@ -118,7 +119,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         outcome
     }
 
-    /// What came at a cycle has just been answered.
+    /// Notes the wait of a line that came at this cycle and has just been answered.
     fn answered(&mut self, came: u64) {
         let waited_ms = (self.board.now() - came) as f64 / CYCLES_A_MS as f64;
         self.longest_ms = self.longest_ms.max(waited_ms);
@@ -154,7 +155,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         answers
     }
 
-    /// When a line in execution at the instant `at` is answered, and whether that is exact: undisturbed, it
+    /// Cycle by which a line in execution at the instant `at` is answered, and whether that is exact: undisturbed, it
     /// ends as ever. M108 comes at `end_wait_at`.
     fn deadline(&self, kind: Kind, line: &str, own_end: u64, at: u64, end_wait_at: u64) -> (u64, bool) {
         let after = |cycle: u64, ms: u64| cycle + ms * CYCLES_A_MS;

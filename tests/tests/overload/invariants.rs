@@ -14,7 +14,7 @@ pub struct Print {
     pub feeds: Vec<f64>,
 }
 
-/// How fast everything is.
+/// Speeds of the planner, the costs and the host.
 #[derive(Clone)]
 pub struct Speeds {
     pub look_ahead: usize,
@@ -72,7 +72,7 @@ fn printed<M: Stepping>(board: &Board<'_, M>, profile: &Profile, text: &str, mut
     Print { figures, counted_steps: [x, y, z, extruder], feeds: watch.feeds(&profile.geometry()), watch }
 }
 
-/// Where a text of absolute moves with relative filament ends, and all its filament, mm.
+/// End of a text of absolute moves with relative filament, units of 10 nm, and all its filament, mm.
 fn end_of(text: &str) -> ([i64; 3], f64) {
     let mut end = [0; 3];
     let mut filament = 0.0;

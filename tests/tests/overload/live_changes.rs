@@ -28,8 +28,8 @@ fn profile() -> Profile {
     ferrostep_profiles::load("cartesian").unwrap()
 }
 
-/// Where a move of the job ends: back and forth along X, a little farther in Y each time, and so uneven that the job is longer than
-/// what a board has room for.
+/// End of a move of the job: back and forth along X, a little farther in Y each time, and so uneven that the job is
+/// longer than what a board has room for.
 fn target_10nm(index: u32) -> [i64; 3] {
     let x_mm = [5, 10, 15, 20, 15, 10, 5, 0][index as usize % 8];
     let uneven = |factor: u32, most: u32| i64::from(index * factor % most) * 100;
@@ -262,7 +262,7 @@ fn m112_ends_the_job_and_halts() {
     }
 }
 
-/// At rest in the middle of a job only the job can be stopped: no more of it is executed.
+/// M410 at rest in the middle of a job can stop only the job: no more of it is executed.
 #[test]
 fn m410_ends_a_paused_job() {
     let pause = MIDDLE..5 * MIDDLE;

@@ -83,7 +83,7 @@ fn an_honest_budget_needs_no_pace() {
     assert_eq!((slow.figures.slowed_moves, slow.figures.planning_slowdowns), (u64::from(PIECES), 0));
 }
 
-/// What the file costs at least, s: its lines, and a move and two entries for each in the planner task.
+/// Minimum time that the file costs, s: its lines, and a move and two entries for each in the planner task.
 fn busy_seconds(times: u64) -> f64 {
     let Costs { line, planned_move, entry, .. } = Costs::BOARD;
     (u64::from(PIECES) * (line + (planned_move + 2 * entry) * times)) as f64 / CYCLES_PER_S as f64

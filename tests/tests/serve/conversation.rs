@@ -74,7 +74,8 @@ fn the_next_host_finds_the_printer_as_it_was_left() {
     }
 }
 
-/// In real time: an emergency stop ends a wait for heat that takes minutes, longer than the host's patience, and the heaters are off.
+/// An emergency stop in real time ends a wait for heat that takes minutes, longer than the host's patience, and the
+/// heaters are off.
 #[test]
 fn commands_that_do_not_wait_their_turn_act_at_once() {
     let printer = Printer::at_pty(&[]);
@@ -121,8 +122,8 @@ fn a_thermistor_that_breaks_halts_the_printer() {
     assert_eq!(printer.end()["lines"], 3);
 }
 
-/// At `--speed max` time leaps while a print works, but not while a person is asked to act: between two signs of
-/// life pass the two seconds of a clock on the wall, and heaters that rest after a minute stay on.
+/// Time leaps at `--speed max` while a print works, but not while a person is asked to act: between two signs of life
+/// pass the two seconds of a clock on the wall, and heaters that rest after a minute stay on.
 #[test]
 fn time_does_not_leap_while_a_person_is_waited_for() {
     let printer = Printer::at_pty(&["--speed", "max"]);

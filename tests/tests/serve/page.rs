@@ -19,7 +19,7 @@ fn says(state: &Value, text: &str) -> bool {
     state["message"].as_str().is_some_and(|message| message.contains(text))
 }
 
-/// What an attacker sends, and the status that answers it; 0: nothing.
+/// Requests of an attacker, and the status that answers each; 0: no answer.
 fn attacks(page: &Page) -> Vec<(Vec<u8>, u16)> {
     let Page { address, token, .. } = page;
     let with =

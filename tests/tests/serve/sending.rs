@@ -194,7 +194,7 @@ fn is_cold_and_still(printer: Printer) {
     assert!(pushed < 500.0, "{pushed}");
 }
 
-/// Without a terminal the program cannot ask.
+/// The program cannot ask without a terminal.
 #[test]
 fn ctrl_c_ends_waits_motion_and_heat() {
     let folder = folder();

@@ -1,4 +1,4 @@
-//! What the page shows is what the steps do.
+//! Checks that the page shows what the steps do.
 
 use ferrostep_show::{Kind, Node};
 use ferrostep_testkit::shown::prints::{ARCS, CUBE, GYROID, Print, WINDOW_S, shown};
@@ -96,7 +96,7 @@ fn a_filter_takes_the_path_off_the_one_asked_for() {
     assert!(without < 0.02 && (0.05..1.0).contains(&with), "{without} and {with} mm");
 }
 
-/// With fewer nodes the sums are the same, and speeds and flow still reach their extremes.
+/// A page with fewer nodes has the same sums, and its speeds and flow still reach their extremes.
 #[test]
 fn a_reduced_page_keeps_sums_and_extremes() {
     let whole = CUBE.shown(usize::MAX).recording;

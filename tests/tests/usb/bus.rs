@@ -7,7 +7,7 @@ use usb_device::bus::{PollResult, UsbBus};
 use usb_device::endpoint::{EndpointAddress, EndpointType};
 use usb_device::{Result, UsbDirection, UsbError};
 
-/// How a device answers a transaction (USB 2.0, 8.4.5).
+/// Answer of a device to a transaction (USB 2.0, 8.4.5).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// An IN transaction's data; the host has acknowledged it.
@@ -32,7 +32,7 @@ struct Controller {
     is_enabled: bool,
     is_reset: bool,
     signal: Option<Signal>,
-    /// How often the driver has looked at it.
+    /// Number of times that the driver has polled the controller.
     polls: usize,
     /// Makes the driver panic where it would.
     is_broken: bool,
@@ -40,7 +40,7 @@ struct Controller {
     outs: BTreeMap<usize, Out>,
 }
 
-/// What the whole bus does.
+/// A signal of the whole bus.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Signal {
     Reset,
@@ -92,17 +92,17 @@ impl Bus {
         self.lock().signal = Some(Signal::Resume);
     }
 
-    /// From now on the driver must not access it.
+    /// Breaks the controller: the driver must not access it any more.
     pub fn break_down(&self) {
         self.lock().is_broken = true;
     }
 
-    /// Whether it shows nothing that the driver panics at.
+    /// Returns true if the controller shows nothing that the driver panics at.
     pub fn is_sound(&self) -> bool {
         !self.lock().is_broken
     }
 
-    /// How often the driver has looked at it.
+    /// Number of times that the driver has polled the controller.
     pub fn polls(&self) -> usize {
         self.lock().polls
     }

@@ -109,7 +109,7 @@ impl Device {
         self.dropped.get()
     }
 
-    /// Whether a host has configured it.
+    /// Returns true if a host has configured the device.
     pub fn is_configured(&self) -> bool {
         self.port.borrow().is_configured()
     }

@@ -26,7 +26,7 @@ pub struct Host<'a> {
     bus: &'a Bus,
     device: &'a Device,
     address: u8,
-    /// Of a transfer that has not ended.
+    /// Bytes of a transfer that has not ended.
     partial: Vec<u8>,
     /// The received part of a line.
     line: String,
@@ -207,8 +207,8 @@ impl<'a> Host<'a> {
         }
     }
 
-    /// What a program reads: its driver asks for much more than a packet, and hands on what has come when a packet is
-    /// not full.
+    /// Reads as a program does: its driver asks for much more than a packet, and hands on what has come when a packet
+    /// is not full.
     pub fn read(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         while let Some(packet) = self.read_packet() {

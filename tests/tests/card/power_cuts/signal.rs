@@ -9,7 +9,7 @@ use ferrostep_random_cases::{Share, share_of};
 use super::{JOINED_STEPS, end_of_line, filled, net, number_after, program, steps};
 use crate::card::setup::{Event, Setup, StepLog, nothing};
 
-/// What the printer has at hand when motion is stopped: about a second, with the line under way.
+/// Maximum number of lines that the printer holds when motion is stopped: about a second, with the line under way.
 const MOST_LINES: u32 = 12;
 
 fn profile(rise_mm: i64) -> Profile {
@@ -22,11 +22,11 @@ fn logged(image: Vec<u8>, rise_mm: i64) -> (Setup, Rc<RefCell<Vec<Event>>>) {
     (Setup::logged(profile(rise_mm), image, StepLog(Some(Rc::clone(&events)))), events)
 }
 
-/// What the supply's failure at a look at the hosts leaves.
+/// State after the supply's failure at a look at the hosts.
 struct Failure {
     said: Vec<String>,
     card: Vec<u8>,
-    /// What the motors have done.
+    /// Events of the motors.
     events: Vec<Event>,
     steps: [i64; 4],
 }
@@ -48,7 +48,7 @@ fn fail_at(filled: &[u8], look: u32, rise_mm: i64) -> Failure {
 /// M207 of the program.
 const RETRACTION_MM: f64 = 0.8;
 
-/// How far M900 K0.03 runs ahead of the note of a move's end, at 1 mm of filament a second, and a step.
+/// Steps by which M900 K0.03 runs ahead of the note of a move's end, at 1 mm of filament a second, and one more.
 const AHEAD_STEPS: i64 = 4;
 
 const KEPT: &str = "echo:power loss: the supply fails: the place of the print is kept";

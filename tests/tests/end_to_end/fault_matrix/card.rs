@@ -56,9 +56,9 @@ struct Person<'a> {
     host: Host,
     reader: LineReader,
     pulls_at_s: f64,
-    /// When the print was paused, or tried last to go on.
+    /// Time at which the print was paused, or was last told to continue, s.
     paused_s: Option<f64>,
-    /// So often the print is to go on before the card is back.
+    /// Number of attempts to continue the print before the card is back.
     tries_without_it: u32,
     bytes: &'static [u8],
 }
@@ -102,7 +102,7 @@ impl HostLines for Person<'_> {
     }
 }
 
-/// What becomes of the machine, as the table has it. The card `prints` what the printer is at, or is only in its slot.
+/// Outcome for the machine, as the table has it. The card `prints` the job of this state, or is only in its slot.
 pub fn outcome(profile: &Profile, at: At, prints: bool) -> String {
     if prints && at == At::Idle {
         // It prints nothing.

@@ -49,7 +49,7 @@ impl Person {
     }
 }
 
-/// What becomes of the machine, as the table has it.
+/// Outcome for the machine, as the table has it.
 pub fn outcome(profile: &Profile, at: At) -> String {
     let kind = FilamentSensorKind::Encoder { detection_10nm: 300_000 };
     let profile = Profile { filament_sensor: Some(FilamentSensor { kind, debounce_ms: 5 }), ..*profile };

@@ -8,10 +8,10 @@ use super::trial::{LONG_S, Trial, now_s};
 use super::{At, Fault};
 use crate::end_to_end::hosts::machine;
 
-/// What the MINI homes with.
+/// Sensors with which the MINI homes.
 #[derive(Clone, Copy, Debug)]
 pub enum Sensors {
-    /// Its own: stalls of X and Y, a fixed probe.
+    /// The MINI's own: stalls of X and Y, a fixed probe.
     Own,
     /// Switches at X and Y.
     Switches,
@@ -59,7 +59,7 @@ fn say(trial: &mut Trial<'_>, profile: &Profile, line: &str) {
     }
 }
 
-/// Why homing was refused, up to the first advice.
+/// Reason for which homing was refused, up to the first advice.
 fn refusal(trial: &Trial<'_>) -> Option<String> {
     let is_of_homing = |text: &&str| text.starts_with("homing ") || text.starts_with("the probe's pin ");
     let texts = trial.said.iter().filter_map(|line| line.strip_prefix("echo:line ")?.split_once(": "));
@@ -68,7 +68,7 @@ fn refusal(trial: &Trial<'_>) -> Option<String> {
     Some(text[..end.unwrap_or(text.len())].to_owned())
 }
 
-/// What becomes of the machine, as the table has it.
+/// Outcome for the machine, as the table has it.
 pub fn outcome(sensors: Sensors, at: At, axis: usize, failure: EndStopFailure) -> String {
     let case = format!("{sensors:?} {at:?} {axis} {failure:?}");
     let profile = sensors.profile();

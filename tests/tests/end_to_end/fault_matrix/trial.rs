@@ -11,7 +11,7 @@ use crate::end_to_end::hosts::{Conversation, Machine};
 /// The motor whose driver fails: Y.
 const MOTOR: usize = 1;
 
-/// How long the fault has, until a person looks, s. What lets heaters cool is noticed within a minute.
+/// Time that passes until a person looks, s. Faults that let heaters cool are noticed within a minute.
 pub const LONG_S: f64 = 300.0;
 pub const HOST_IS_GONE_S: f64 = 2100.0;
 
@@ -26,9 +26,9 @@ pub struct Trial<'a> {
     pub fault: Fault,
     pub said: Vec<String>,
     number: i64,
-    /// When it happens, s; infinity: it has happened, or is not to happen yet.
+    /// Time of the fault, s; infinity if it has happened, or is not to happen yet.
     at_s: f64,
-    /// When the present pause began.
+    /// Start of the present pause, s.
     paused_s: Option<f64>,
     pauses: u32,
     /// A person mends filament and fan in this pause.
@@ -61,7 +61,7 @@ impl<'a> Trial<'a> {
         self.at_s = at_s;
     }
 
-    /// Whether it has happened.
+    /// Returns true if the fault has happened.
     pub fn has_failed(&self) -> bool {
         self.at_s == f64::INFINITY
     }

@@ -11,11 +11,11 @@ use proptest::prelude::*;
 /// A program and the machine it is for.
 #[derive(Clone, Debug)]
 pub struct Program {
-    /// Its text.
+    /// The G-code.
     pub text: String,
     /// Name of the profile.
     pub machine: &'static str,
-    /// Whether G2 or G3 is among its lines.
+    /// True if G2 or G3 is among its lines.
     pub has_arcs: bool,
 }
 
