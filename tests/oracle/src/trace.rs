@@ -21,18 +21,18 @@ pub struct TraceHeader {
     pub axes: Vec<String>,
     /// Steps/mm of each motor, in the same order.
     pub steps_per_mm: Vec<f64>,
-    /// How the motors move the tool.
+    /// Way in which the motors move the tool.
     pub kinematics: Kinematics,
 }
 
 /// A step event: the axes in the mask step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepEvent {
-    /// When, in ticks of the motion clock.
+    /// Time, in ticks of the motion clock.
     pub tick: u64,
-    /// Which motors step; bit i is motor i of [`TraceHeader::axes`].
+    /// Motors that step; bit i is motor i of [`TraceHeader::axes`].
     pub axes: u8,
-    /// Which way; bit i set means negative.
+    /// Directions; a set bit i means negative.
     pub directions: u8,
 }
 
@@ -43,14 +43,14 @@ pub enum Record {
     Step(StepEvent),
     /// Kind 1: homing gave the motors new positions.
     PositionsRedefined {
-        /// When, in ticks.
+        /// Time, in ticks.
         tick: u64,
         /// Position of each motor of [`TraceHeader::axes`], in steps.
         positions: Vec<i32>,
     },
     /// Kind 2: a move has ended.
     MoveEnd {
-        /// When, in ticks.
+        /// Time, in ticks.
         tick: u64,
         /// Its source line, from 1.
         line: u32,
@@ -70,26 +70,26 @@ pub enum TraceError {
     Header(&'static str),
     /// The trace ends inside a record, or inside what follows one.
     Truncated {
-        /// Where the record begins, counted in bytes from the end of the header line.
+        /// Start of the record, counted in bytes from the end of the header line.
         offset: u64,
     },
     /// A record of a kind that does not exist.
     UnknownKind {
         /// The kind.
         kind: u8,
-        /// Where the record begins.
+        /// Start of the record.
         offset: u64,
     },
     /// The record's last byte is not zero.
     Reserved {
-        /// Where the record begins.
+        /// Start of the record.
         offset: u64,
     },
     /// A step event of no motor, or of one the header does not name.
     BadAxes {
         /// The mask.
         axes: u8,
-        /// Where the record begins.
+        /// Start of the record.
         offset: u64,
     },
 }

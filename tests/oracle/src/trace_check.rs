@@ -44,21 +44,21 @@ const DURATION_LENGTH_MM: f64 = 1.0;
 /// Differences in duration below this many ticks are rounding.
 const DURATION_SLACK_TICKS: f64 = 16.0;
 
-/// How to check.
+/// Options of the check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceCheckOptions {
     /// Moves the reference planner knows at a time; all of them if `None`.
     pub look_ahead: Option<NonZeroUsize>,
-    /// How to read the G-code.
+    /// Options for reading the G-code.
     pub interpret: InterpretOptions,
     /// Largest relative difference in duration of a move of 1 mm or more.
     pub duration_tolerance: f64,
-    /// What a motor may be away from its law beyond one step and joined events, in steps.
+    /// Maximum distance of a motor from its law beyond one step and joined events, in steps.
     pub law_tolerance_steps: f64,
-    /// What the two motors of X and Y may be away beyond that, in steps: some methods step them pulse by pulse along the
+    /// Maximum further distance of the two motors of X and Y, in steps: some methods step them pulse by pulse along the
     /// axes, not each by its own law.
     pub plane_tolerance_steps: f64,
-    /// How many findings the report keeps; all are counted.
+    /// Maximum number of findings that the report keeps; all are counted.
     pub findings_kept: usize,
 }
 
@@ -154,7 +154,7 @@ pub fn check_trace<R: Read>(
     Ok(checker.finish())
 }
 
-/// Which motor each bit of the masks stands for.
+/// Motor of each bit of the masks.
 fn motors(header: &TraceHeader, profile: &ReferenceProfile) -> Result<[usize; 4], TraceCheckError> {
     if header.kinematics != profile.kinematics {
         return Err(TraceCheckError::NotThisProfile("kinematics"));
@@ -197,7 +197,7 @@ struct Checker<'a> {
     block_start_tick: u64,
     /// Step events since then.
     events: Vec<MotorEvent>,
-    /// Whether positions were redefined since the last end of a move.
+    /// True if positions were redefined since the last end of a move.
     homed: bool,
     /// Index in the job of the first move not yet seen to end.
     next_move: usize,

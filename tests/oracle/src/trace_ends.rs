@@ -1,4 +1,4 @@
-//! Where the motors stand at each move's end, counted step by step from a trace, against where the definitions put them.
+//! Positions of the motors at each move's end, counted step by step from a trace, against those of the definitions.
 //!
 //! Uses the text, the profile and the trace, but no planner and no time law: a difference means lost steps.
 
@@ -20,7 +20,7 @@ pub struct WrongEnd {
     pub expected: i64,
 }
 
-/// What a count found.
+/// Result of a count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ends {
     /// Ends of moves.

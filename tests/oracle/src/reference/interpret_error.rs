@@ -1,4 +1,4 @@
-//! Why a job could not be interpreted.
+//! Errors of the interpreter: a job could not be interpreted.
 
 use std::fmt;
 

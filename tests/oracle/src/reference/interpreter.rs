@@ -26,7 +26,7 @@ const INITIAL_FEED_MM_PER_S: f64 = 25.0;
 
 const AXES: [u8; 4] = *b"XYZE";
 
-/// How to read a job.
+/// Options for reading a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InterpretOptions {
     /// Ignore M201 to M205, so that the profile's limits hold throughout.

@@ -1,4 +1,4 @@
-//! What each command means, on small jobs.
+//! Meaning of each command, on small jobs.
 #![allow(clippy::unwrap_used)]
 
 use super::*;

@@ -1,4 +1,4 @@
-//! What the interpreter hands to the planner: moves with exact ends.
+//! The interpreter's result for the planner: moves with exact ends.
 
 use super::profile::Acceleration;
 
@@ -16,12 +16,12 @@ pub struct Limits {
     pub acceleration_mm_per_s2: Acceleration,
     /// Yu's delta, mm.
     pub junction_deviation_mm: f64,
-    /// By how much the speed of each axis may jump at a corner, mm/s; infinite for none.
+    /// Maximum jump of the speed of each axis at a corner, mm/s; infinity for no limit.
     pub corner_velocity_mm_per_s: [f64; 4],
 }
 
 impl Limits {
-    /// Of each axis the larger of two limits of speed and of acceleration; the rest is `self`'s.
+    /// Returns these limits with each axis' larger limit of speed, acceleration and corner speed of the two.
     pub fn loosest(mut self, other: Self) -> Self {
         let of_axes = [
             (&mut self.max_feed_mm_per_s, other.max_feed_mm_per_s),
@@ -37,22 +37,22 @@ impl Limits {
     }
 }
 
-/// What a move came from.
+/// Origin of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MoveKind {
     /// A G0 or G1: one block, ended by a record in the trace.
     Line,
     /// One chord of a G2 or G3; only the last chord is ended by a record.
     ArcChord {
-        /// Whether this is the arc's last chord.
+        /// True for the arc's last chord.
         last: bool,
     },
-    /// A part of G10 or G11; it leaves no record of its own.
+    /// A part of G10 or G11; it leaves no record.
     FirmwareRetraction,
 }
 
 impl MoveKind {
-    /// Whether the trace holds an end-of-move record after this move.
+    /// Returns true if the trace holds an end-of-move record after this move.
     pub fn ends_with_a_record(self) -> bool {
         matches!(self, Self::Line | Self::ArcChord { last: true })
     }
@@ -63,11 +63,11 @@ impl MoveKind {
 pub struct Move {
     /// Number of the source line, from 1.
     pub line: u32,
-    /// What it came from.
+    /// Origin of the move.
     pub kind: MoveKind,
-    /// Where X, Y, Z begin, in units of 10 nm.
+    /// Start of X, Y, Z, in units of 10 nm.
     pub start_10nm: [i64; 3],
-    /// Where X, Y, Z end, in units of 10 nm.
+    /// End of X, Y, Z, in units of 10 nm.
     pub end_10nm: [i64; 3],
     /// The extruder's total before the move, flow applied, in 1/[`EXTRUDER_FRACTIONS_PER_UNIT`] of 10 nm.
     pub extruder_start: i128,
@@ -75,11 +75,11 @@ pub struct Move {
     pub extruder_end: i128,
     /// Speed asked for along the path, mm/s, the feed factor applied.
     pub feed_mm_per_s: f64,
-    /// Which of [`Job::limits`] apply.
+    /// Index of its limits in [`Job::limits`].
     pub limits: usize,
-    /// Whether motion must have stopped before this move.
+    /// True if motion must have stopped before this move.
     pub stop_before: bool,
-    /// Whether axes were homed between the move before and this one.
+    /// True if axes were homed between the move before and this one.
     pub homing_before: bool,
 }
 
@@ -94,7 +94,7 @@ pub struct Job {
     pub lines: u32,
     /// G0-G3 whose target (or, on an arc, any point) a soft limit moved.
     pub clamped_moves: u32,
-    /// Whether axes were homed after the last move.
+    /// True if axes were homed after the last move.
     pub homed_at_end: bool,
     /// X, Y, Z and E after the last line as the G-code itself counts them, in units of 10 nm.
     pub logical_end_10nm: [i64; 4],

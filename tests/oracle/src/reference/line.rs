@@ -10,7 +10,7 @@ pub struct Command<'a> {
     pub letter: u8,
     /// The number after the letter.
     pub number: u32,
-    /// For each letter of the alphabet the text after it, if the letter was there.
+    /// Text after each letter of the alphabet, if the letter was there.
     words: [Option<&'a [u8]>; 26],
 }
 
@@ -39,7 +39,7 @@ impl<'a> Command<'a> {
         Some(Self { letter, number, words: words(rest) })
     }
 
-    /// Whether the word was given, with or without a value.
+    /// Returns true if the word was given, with or without a value.
     pub fn has(&self, letter: u8) -> bool {
         self.word(letter).is_some()
     }

@@ -12,7 +12,7 @@ pub struct PlannedMove {
     pub law: Trapezoid,
     /// Speed allowed along the path, mm/s, whether or not it is reached.
     pub nominal_mm_per_s: f64,
-    /// Whether only the extruder moves.
+    /// True if only the extruder moves.
     pub extruder_only: bool,
 }
 

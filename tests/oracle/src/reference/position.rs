@@ -1,4 +1,4 @@
-//! Where the motors stand: exact products, rounded once.
+//! Positions of the motors: exact products, rounded once.
 
 use super::decimal::{Decimal, UNITS_PER_MM, divide_rounded};
 use super::job::EXTRUDER_FRACTIONS_PER_UNIT;

@@ -5,10 +5,10 @@ use serde::Deserialize;
 use std::fmt;
 use std::ops::{Add, Sub};
 
-/// Where a profile says nothing else, us.
+/// Minimum interval of events if a profile has none, us.
 const DEFAULT_EVENT_INTERVAL_US: f64 = 2.0;
 
-/// How the motors move the tool.
+/// Way in which the motors move the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kinematics {
     /// One motor an axis.
@@ -40,7 +40,7 @@ impl Kinematics {
         }
     }
 
-    /// Where the three motors stand for a position of the tool.
+    /// Positions of the three motors for a position of the tool.
     pub fn motors<T: Copy + Add<Output = T> + Sub<Output = T>>(self, [x, y, z]: [T; 3]) -> [T; 3] {
         match self {
             Self::Cartesian => [x, y, z],
@@ -70,7 +70,7 @@ pub struct Acceleration {
     pub retract: f64,
 }
 
-/// What G10 and G11 do until M207 and M208 say otherwise.
+/// Settings of G10 and G11 until M207 and M208 change them.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct FirmwareRetraction {
     /// Filament pulled back by G10, mm.
@@ -95,7 +95,7 @@ impl Default for FirmwareRetraction {
 /// A machine as the reference sees it. Axes are in the order x, y, z, e; lengths in mm, times in s.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferenceProfile {
-    /// How the motors move the tool.
+    /// Way in which the motors move the tool.
     pub kinematics: Kinematics,
     /// Exact steps of each motor for a millimetre (motors A and B of CoreXY under x and y).
     pub steps_per_mm: [Decimal; 4],
@@ -107,19 +107,19 @@ pub struct ReferenceProfile {
     pub acceleration_mm_per_s2: Acceleration,
     /// Yu's delta, mm.
     pub junction_deviation_mm: f64,
-    /// By how much the speed of each axis may jump at a corner, mm/s; infinite for none.
+    /// Maximum jump of the speed of each axis at a corner, mm/s; infinity for no limit.
     pub corner_velocity_mm_per_s: [f64; 4],
     /// The soft limits' far ends, mm.
     pub size_mm: [f64; 3],
     /// Their near ends, mm.
     pub lower_end_mm: [f64; 3],
-    /// Where each axis stands when its sensor has triggered, mm.
+    /// Position of each axis when its sensor has triggered, mm.
     pub home_mm: [f64; 3],
-    /// Where the nozzle stands in the plane while Z homes, mm, if anywhere in particular; Z is raised then afterwards.
+    /// Place of the nozzle in the plane while Z homes, mm; `None` for any place. Z is raised afterwards if there is one.
     pub home_at_mm: Option<[f64; 2]>,
     /// Height to which homing raises Z before X and Y move, or by which if it is unknown, mm; 0 for none.
     pub raise_mm: f64,
-    /// What G10 and G11 do.
+    /// Settings of G10 and G11.
     pub firmware_retraction: FirmwareRetraction,
     /// Step events nearer to each other than this join, us.
     pub minimum_event_interval_us: f64,
@@ -128,7 +128,7 @@ pub struct ReferenceProfile {
 /// A profile could not be used.
 #[derive(Debug)]
 pub enum ProfileError {
-    /// Not TOML, or a key is missing or of another type.
+    /// The text is not TOML, or a key is missing or of another type.
     Toml(toml::de::Error),
     /// The kinematics' name is not known here.
     UnknownKinematics(String),
@@ -203,7 +203,7 @@ struct PlaneText {
     y: f64,
 }
 
-/// How much lower than the nozzle the probe triggers.
+/// Place at which the probe triggers, relative to the nozzle, mm; negative below it.
 #[derive(Default, Deserialize)]
 struct ProbeText {
     z: f64,
@@ -239,7 +239,7 @@ struct CornerText {
 }
 
 impl CornerText {
-    /// Where a profile says nothing else: 5 mm/s for Z, 10 mm/s for the extruder.
+    /// Values of the four axes; where the profile has none, 5 mm/s for Z, 10 mm/s for the extruder, and no limit for X and Y.
     fn four(&self) -> [f64; 4] {
         let any = f64::INFINITY;
         [self.x.unwrap_or(any), self.y.unwrap_or(any), self.z.unwrap_or(5.0), self.e.unwrap_or(10.0)]

@@ -47,7 +47,7 @@ impl Trapezoid {
         }
     }
 
-    /// How long the whole path takes, s.
+    /// Duration of the whole path, s.
     pub fn duration_s(&self) -> f64 {
         self.accelerate_s + self.cruise_s + self.decelerate_s
     }

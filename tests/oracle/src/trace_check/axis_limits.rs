@@ -14,10 +14,10 @@ const SPEED_WINDOWS: [usize; 2] = [20, 200];
 /// Steps in each of the two windows whose speeds give an acceleration.
 const ACCELERATION_WINDOW: usize = 100;
 
-/// How far apart the acceleration is evaluated, steps.
+/// Steps between the places at which the acceleration is evaluated.
 const ACCELERATION_STRIDE: usize = 10;
 
-/// How far off a distance between two samples may be, half steps.
+/// Maximum error of a distance between two samples, half steps.
 const DISTANCE_SLACK: f64 = 4.0;
 
 #[derive(Clone, Copy)]

@@ -1,4 +1,4 @@
-//! By how much the speed of each axis jumps from one move to the next.
+//! Jumps of the speed of each axis from one move to the next.
 //!
 //! Twice: by the reference plan, whose speeds the steps were compared with, for the table of all corners; and by the steps
 //! themselves, without any plan, as the least jump that they can stand for.
@@ -8,16 +8,16 @@ use crate::reference::{
     EXTRUDER_FRACTIONS_PER_UNIT, Job, Kinematics, Move, MoveKind, Plan, ReferenceProfile, UNITS_PER_MM,
 };
 
-/// How long before and after a corner steps are examined, s.
+/// Time before and after a corner in which steps are examined, s.
 const WINDOW_S: f64 = 0.01;
 
-/// How far off an axis may be at either end of a window, steps.
+/// Maximum error of an axis' position at either end of a window, steps.
 const SLACK_STEPS: f64 = 1.0;
 
 /// Jumps of an axis at corners, mm/s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jumps {
-    /// 99 of 100 corners have no larger one.
+    /// 99th percentile: 99 of 100 corners have no larger jump.
     pub p99_mm_per_s: f64,
     /// The largest.
     pub largest_mm_per_s: f64,
@@ -37,12 +37,12 @@ pub fn shares(one: &Move) -> ([f64; 4], f64) {
     (travel.map(|travel| if length > 0.0 { travel / length } else { 0.0 }), length)
 }
 
-/// Whether two moves in a row are chords of one arc.
+/// Returns true if two moves in a row are chords of one arc.
 fn is_inside_arc(before: &Move, after: &Move) -> bool {
     before.line == after.line && before.kind == MoveKind::ArcChord { last: false }
 }
 
-/// The jumps of each axis over all corners of a plan, but those between the chords of an arc.
+/// Jumps of each axis over all corners of a plan, except those between the chords of an arc.
 pub fn planned(job: &Job, plan: &Plan) -> [Jumps; 4] {
     let mut jumps: [Vec<f64>; 4] = Default::default();
     for (moves, planned) in job.moves.windows(2).zip(&plan.moves) {
@@ -70,7 +70,7 @@ pub fn planned(job: &Job, plan: &Plan) -> [Jumps; 4] {
 struct Seen {
     /// Mean over the window, mm/s.
     mean: f64,
-    /// How far the speed at the corner may differ from the mean.
+    /// Maximum difference between the speed at the corner and the mean.
     slack: f64,
 }
 
@@ -90,7 +90,7 @@ pub struct Corners {
     kinematics: Kinematics,
     steps_per_mm: [f64; 4],
     tick_hz: f64,
-    /// Of the move before, if a corner may follow it.
+    /// Window at the end of the move before, if a corner may follow it.
     before: Option<[Seen; 4]>,
 }
 
@@ -104,7 +104,7 @@ pub struct Traced<'a> {
     pub ticks: [u64; 2],
     /// Its steps.
     pub events: &'a [MotorEvent],
-    /// What its corner allows, mm/s.
+    /// Jump that its corner allows each axis, mm/s.
     pub limits_mm_per_s: [f64; 4],
 }
 

@@ -1,13 +1,13 @@
-//! How far a motor is from its time law.
+//! Distance of a motor from its time law.
 
 use std::fmt;
 
 /// A motor away from where the time law puts it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
-    /// How far, in steps.
+    /// Distance from the law, in steps.
     pub steps: f64,
-    /// How far it may be there, in steps.
+    /// Distance that is allowed there, in steps.
     pub allowed_steps: f64,
     /// The move's source line.
     pub line: u32,
@@ -16,7 +16,7 @@ pub struct Deviation {
 }
 
 impl Deviation {
-    /// How far beyond what is allowed; negative inside.
+    /// Distance beyond what is allowed, in steps; negative inside.
     pub fn excess_steps(&self) -> f64 {
         self.steps - self.allowed_steps
     }

@@ -52,7 +52,7 @@ pub struct Extrusion {
     pub own_steps: u64,
     /// The same of the extruder that is slaved.
     pub slaved_steps: u64,
-    /// As the trace has it.
+    /// The extruder as the trace has it.
     pub own: Distances,
     /// The extruder slaved to the leading motor.
     pub slaved: Distances,
@@ -73,7 +73,7 @@ impl Slave {
         Self { leader_steps, follower_steps, error: -leader_steps }
     }
 
-    /// Whether the follower steps with the leading motor's next step.
+    /// Returns true if the follower steps with the leading motor's next step.
     pub fn steps(&mut self) -> bool {
         self.error += 2 * self.follower_steps;
         let steps = self.error >= 0;

@@ -6,9 +6,9 @@ use crate::reference::Trapezoid;
 /// A step event by motor: -1, 0 or 1 for each.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorEvent {
-    /// When.
+    /// Tick of the event.
     pub tick: u64,
-    /// Which way each motor steps.
+    /// Step of each motor with its sign: 1, -1, or 0 for no step.
     pub steps: [i8; 4],
 }
 
@@ -20,11 +20,11 @@ pub struct TracedBlock<'a> {
     pub start_tick: u64,
     /// Tick at which it ends; later than `start_tick`.
     pub end_tick: u64,
-    /// Where the motors stand at the start.
+    /// Positions of the motors at the start.
     pub start: [i64; 4],
-    /// Where the law has the motors at the start, in steps.
+    /// Positions of the motors at the start by the law, in steps.
     pub ideal_start: [f64; 4],
-    /// Where the law has the motors at the end, in steps.
+    /// Positions of the motors at the end by the law, in steps.
     pub ideal_end: [f64; 4],
     /// Its step events, in order.
     pub events: &'a [MotorEvent],
@@ -32,12 +32,12 @@ pub struct TracedBlock<'a> {
     pub law: &'a Trapezoid,
     /// Ticks within which events may have been joined.
     pub event_interval_ticks: f64,
-    /// What else each motor is allowed, in steps: one for the step itself and a little for rounding.
+    /// Further distance that each motor is allowed, in steps: one for the step itself and a little for rounding.
     pub tolerance_steps: [f64; 4],
 }
 
 impl TracedBlock<'_> {
-    /// Which part of its way the law has made at a tick, and how much of it in a tick there.
+    /// Part of the way that the law has made at a tick, and its increase a tick there.
     pub fn part_at(&self, tick: u64) -> (f64, f64) {
         let seconds_per_tick = self.law.duration_s() / (self.end_tick - self.start_tick) as f64;
         let ticks = tick.saturating_sub(self.start_tick) as f64;

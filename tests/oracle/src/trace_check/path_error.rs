@@ -1,9 +1,9 @@
-//! How far the tool is from the straight line of a move, in the plane of X and Y.
+//! Distance of the tool from the straight line of a move, in the plane of X and Y.
 
 use super::law::MotorEvent;
 use crate::reference::{Kinematics, ReferenceProfile};
 
-/// Where the tool is in the plane while the motors stand at whole steps.
+/// Scale from whole steps of the motors to the tool's place in the plane.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneScale {
     kinematics: Kinematics,

@@ -52,7 +52,7 @@ pub enum Finding {
     },
     /// Moves of the job are not in the trace.
     MissingMoves {
-        /// How many.
+        /// Number of these.
         count: usize,
     },
     /// Positions are redefined where the job homes no axis.
@@ -71,16 +71,16 @@ pub enum Finding {
         line: u32,
         /// Index in [`MOTOR_NAMES`].
         motor: usize,
-        /// Where it stands, in steps.
+        /// Its position, in steps.
         position: i64,
-        /// Where it should.
+        /// The position that is expected, in steps.
         expected: i64,
     },
     /// A motor leaves the time law.
     OffTheLaw {
         /// Index in [`MOTOR_NAMES`].
         motor: usize,
-        /// How far and where.
+        /// The deviation, with its place.
         deviation: Deviation,
     },
     /// A move takes another time than planned.
@@ -98,7 +98,7 @@ pub enum Finding {
     JumpsTooFar {
         /// The move's source line.
         line: u32,
-        /// Which axis, and how far.
+        /// The axis, and its jump.
         jump: TooLarge,
     },
     /// An axis changes its speed faster than it may.
@@ -135,7 +135,7 @@ pub struct TraceReport {
     pub planned_s: f64,
     /// Motion time of the whole job by the reference plan, s.
     pub planned_motion_time_s: f64,
-    /// For each motor the deviation from the law that is largest by its excess over what is allowed.
+    /// Largest deviation of each motor from the law, by its excess over what is allowed.
     pub largest_deviation: [Option<Deviation>; 4],
     /// The extruder, and one that steps with the leading motor, in the moves whose law was checked.
     pub extrusion: Extrusion,
@@ -146,20 +146,20 @@ pub struct TraceReport {
     pub largest_duration_difference: Option<DurationDifference>,
     /// Ticks between the two step events that are nearest to each other.
     pub smallest_gap_ticks: Option<u64>,
-    /// For each axis by how much its speed jumps at corners.
+    /// Jumps of each axis' speed at corners.
     pub jumps: [Jumps; 4],
-    /// For each axis the largest least-possible speed over a window / limit.
+    /// Largest least-possible speed of each axis over a window / limit.
     pub speed_ratio: [f64; 4],
-    /// For each axis the largest least-possible acceleration over a window / limit.
+    /// Largest least-possible acceleration of each axis over a window / limit.
     pub acceleration_ratio: [f64; 4],
-    /// How many findings there were.
+    /// Number of findings.
     pub finding_count: u64,
     /// The first of them.
     pub findings: Vec<Finding>,
 }
 
 impl TraceReport {
-    /// Whether nothing was found.
+    /// Returns true if nothing was found.
     pub fn passed(&self) -> bool {
         self.finding_count == 0
     }

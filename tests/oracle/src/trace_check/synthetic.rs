@@ -119,7 +119,7 @@ fn block(records: &mut Vec<Record>, start_tick: u64, one: &Move, law: &Trapezoid
     last_tick.unwrap_or(start_tick)
 }
 
-/// When the law has covered a part of its path, in ticks from its start.
+/// Time at which the law has covered a part of its path, in ticks from its start.
 fn tick_at(law: &Trapezoid, part: f64) -> u64 {
     let (mut early, mut late) = (0.0, law.duration_s());
     for _ in 0..60 {
