@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::code::{Code, Instruction};
 use crate::flow::{Flow, flow};
 
-/// What an instruction does with a register's value.
+/// Effect of an instruction on a register's value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Use {
     /// It is left alone.

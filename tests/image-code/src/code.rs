@@ -14,13 +14,13 @@ const EXCEPTIONS: u32 = 16;
 /// An instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
-    /// Its address.
+    /// Address.
     pub address: u32,
-    /// Its length, bytes.
+    /// Length, bytes.
     pub length: u32,
-    /// Its name in lower case, without `.w` and `.n`.
+    /// Name in lower case, without `.w` and `.n`.
     pub name: String,
-    /// What it acts on, in lower case.
+    /// Operands, in lower case.
     pub operands: String,
 }
 
@@ -61,11 +61,11 @@ pub struct Code {
     disassembler: Capstone,
     /// Address and bytes of each section that is executed.
     sections: Vec<(u32, Vec<u8>)>,
-    /// From each address on: instructions (`true`) or data.
+    /// Kind of the bytes from each address on: instructions (`true`) or data.
     kinds: BTreeMap<u32, bool>,
     /// Functions by their address; several names may share one.
     functions: BTreeMap<u32, Vec<String>>,
-    /// Where each of them ends; what fills the gap to the next is no code.
+    /// End of each function; bytes between it and the next function are not code.
     ends: BTreeMap<u32, u32>,
     /// Address and bytes of the sections of constants, and of those that RAM is filled with.
     constants: Vec<(u32, Vec<u8>)>,
@@ -125,7 +125,7 @@ impl Code {
         self.names(address).into_iter().next().unwrap_or_else(|| "no function".to_owned())
     }
 
-    /// Where the function begins that an address is in.
+    /// Start of the function that contains an address.
     pub fn function_start(&self, address: u32) -> Option<u32> {
         self.functions.range(..=address).next_back().map(|(&start, _)| start)
     }
@@ -136,8 +136,8 @@ impl Code {
         names.is_some_and(|names| names.iter().all(|name| name.starts_with("OUTLINED_FUNCTION_")))
     }
 
-    /// Whether an address lies after the end of the function that begins before it. One without a length, which is not
-    /// the compiler's, has no end.
+    /// Returns true if an address lies after the end of the function that begins before it. A function without a
+    /// length, which is not the compiler's, has no end.
     pub fn is_between_functions(&self, address: u32) -> bool {
         let before = self.ends.range(..=address).next_back();
         before.is_none_or(|(&start, &end)| end > start && address >= end)
@@ -149,7 +149,7 @@ impl Code {
         self.functions.iter().filter(|(_, names)| names_it(names)).map(|(&address, _)| address).collect()
     }
 
-    /// Where the stack begins.
+    /// Initial stack pointer: the start of the stack.
     pub fn initial_stack(&self) -> u32 {
         self.vectors.first().copied().unwrap_or_default()
     }
@@ -178,7 +178,7 @@ impl Code {
         self.constants.iter().flat_map(|(_, bytes)| words(bytes)).collect()
     }
 
-    /// Whether a word is a pointer to a function: bit 0 says Thumb.
+    /// Returns true if a word is a pointer to a function: bit 0 says Thumb.
     pub fn is_function(&self, word: u32) -> bool {
         word & 1 == 1 && self.function_start(word & !1) == Some(word & !1)
     }
@@ -220,7 +220,7 @@ impl Code {
         })
     }
 
-    /// Where a branch through a table of offsets (`tbb`, `tbh`) may lead; nothing for any other instruction.
+    /// Possible targets of a branch through a table of offsets (`tbb`, `tbh`); empty for any other instruction.
     pub fn table_targets(&self, instruction: &Instruction) -> BTreeSet<u32> {
         let bytes_each = match (instruction.name.as_str(), instruction.operands.starts_with("[pc")) {
             ("tbb", true) => 1,

@@ -1,31 +1,31 @@
-//! Where an instruction leads to.
+//! Destinations of an instruction.
 
 use crate::code::Instruction;
 
-/// What follows an instruction.
+/// Flow of control after an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
-    /// To the next one.
+    /// Continues with the next instruction.
     On,
-    /// To another, and if there is a condition also to the next one.
+    /// Jumps to another instruction, and if there is a condition also continues with the next one.
     Branch {
-        /// Where to.
+        /// Address of the other instruction.
         target: u32,
-        /// Whether it may go on to the next one instead.
+        /// True if it may continue with the next one instead.
         is_conditional: bool,
     },
-    /// To a function, and back.
+    /// Calls a function, which returns.
     Call(u32),
-    /// To a function whose address is computed, and back.
+    /// Calls a function whose address is computed, which returns.
     ComputedCall,
-    /// Back to where it was called from.
+    /// Returns to the caller.
     Return {
-        /// Whether it may go on to the next one instead.
+        /// True if it may continue with the next one instead.
         is_conditional: bool,
     },
-    /// To an address that is computed.
+    /// Jumps to an address that is computed.
     Computed,
-    /// To the core's hard fault, and not back: a check that has failed.
+    /// Ends in the core's hard fault, without a return: a check that has failed.
     Trap,
 }
 
@@ -33,7 +33,7 @@ pub enum Flow {
 const CONDITIONS: [&str; 16] =
     ["eq", "ne", "hs", "cs", "lo", "cc", "mi", "pl", "vs", "vc", "hi", "ls", "ge", "lt", "gt", "le"];
 
-/// Whether `name` is `base` with a condition (`Some(true)`) or without one.
+/// Returns `Some(true)` if `name` is `base` with a condition, `Some(false)` if it has none.
 fn with_condition(name: &str, base: &str) -> Option<bool> {
     match name.strip_prefix(base)? {
         "" => Some(false),
@@ -41,7 +41,7 @@ fn with_condition(name: &str, base: &str) -> Option<bool> {
     }
 }
 
-/// Where an instruction leads to.
+/// Flow of control after this instruction.
 pub fn flow(instruction: &Instruction) -> Flow {
     let (name, operands) = (instruction.name.as_str(), instruction.operands.as_str());
     if name == "udf" || name == "trap" {

@@ -12,7 +12,7 @@ pub struct Graph {
 pub struct Longest {
     /// The sum of its costs, every node of a loop once.
     pub cost: u32,
-    /// Whether a loop is on a way to an end.
+    /// True if a loop is on a path to an end.
     pub has_loop: bool,
 }
 
@@ -34,7 +34,7 @@ impl Graph {
         self.next[from].push(to);
     }
 
-    /// Which nodes lead to one of the ends.
+    /// Returns true for each node that leads to one of the ends.
     pub fn leading_to(&self, ends: &[usize]) -> Vec<bool> {
         let mut before = vec![Vec::new(); self.next.len()];
         for (from, next) in self.next.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! How long the step interrupt takes at worst, from its instructions.
+//! Longest time of the step interrupt, from its instructions.
 //!
 //! The reload value that it stores at one update rules the gap after the next, so the store must arrive before that one
 //! (RM0090 18.3.1: with ARPE set, the preload register becomes the shadow register at each update event). Three bounds
@@ -19,25 +19,25 @@ use crate::code::{Code, Instruction};
 use crate::cycles::cycles;
 use crate::flow::{Flow, flow};
 
-/// From the update to the handler's first instruction, without wait states (technical reference manual, 3.9.1).
+/// Cycles from the update to the handler's first instruction, without wait states (technical reference manual, 3.9.1).
 const ENTRY_CYCLES: u32 = 12;
 
-/// From the handler's return to the code that it has interrupted.
+/// Cycles from the handler's return to the interrupted code.
 const EXIT_CYCLES: u32 = 10;
 
-/// What fetching 16 bytes of flash, or the vector, adds when they are not in the cache: five wait states (RM0090, table 10: 168
-/// MHz at 3.3 V).
+/// Cycles that fetching 16 bytes of flash, or the vector, adds when they are not in the cache: five wait states
+/// (RM0090, table 10: 168 MHz at 3.3 V).
 const FLASH_CYCLES: u32 = 5;
 
 /// Bytes of a line of flash.
 const FLASH_LINE: u32 = 16;
 
-/// What a store to the timer delays the next access to the bus, or its own arrival: two cycles of a bus at a quarter of the
-/// core's clock, and their alignment to it.
+/// Cycles by which a store to the timer delays the next access to the bus, or its own arrival: two cycles of a bus at a
+/// quarter of the core's clock, and their alignment to it.
 const TIMER_STORE_CYCLES: u32 = 12;
 
-/// What a store to a port does: its bus has the core's clock, and a pin toggles every two cycles at the fastest (DS8626, table
-/// 50).
+/// Cycles by which a store to a port does the same: its bus has the core's clock, and a pin toggles every two cycles at
+/// the fastest (DS8626, table 50).
 const PORT_STORE_CYCLES: u32 = 2;
 
 /// TIM2's number (RM0090, table 61): the step interrupt.
@@ -61,9 +61,9 @@ const MAX_INSTRUCTIONS: usize = 400;
 /// Cycles of the core, the most that any path takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cycles {
-    /// With all instructions in the cache.
+    /// Cycles if all instructions are in the cache.
     pub cached: u32,
-    /// With none.
+    /// Cycles if no instruction is in the cache.
     pub uncached: u32,
 }
 
@@ -76,9 +76,9 @@ impl Cycles {
 /// The step interrupt's times, from the update that calls it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InterruptTime {
-    /// To the arrival of its reload value.
+    /// Time to the arrival of its reload value.
     pub to_reload: Cycles,
-    /// To the code that it has interrupted.
+    /// Time to the continuation of the interrupted code.
     pub whole: Cycles,
     /// The reload store's place: instructions from the first to it, at the most.
     pub reload_instructions: usize,

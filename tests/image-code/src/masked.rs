@@ -1,4 +1,4 @@
-//! Where an image's code masks interrupts, and for how long at most.
+//! Sections in which an image's code masks interrupts, and their maximum duration.
 //!
 //! A section begins with the instruction that raises BASEPRI, or sets PRIMASK or FAULTMASK, and ends with the one that puts it
 //! back. All paths between the two are followed, through branches, tables and calls; what ends in a trap does not come back
@@ -15,7 +15,7 @@ use crate::graph::Graph;
 /// Sections within each other that are counted.
 const MAX_DEPTH: i32 = 4;
 
-/// What a section masks. The order is that of how much that is.
+/// Interrupts that a section masks, in rising order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Mask {
     /// BASEPRI, to a priority that travels through a branch or a call.
@@ -33,20 +33,20 @@ pub struct Section {
     pub address: u32,
     /// The function that this is in.
     pub function: String,
-    /// What it masks.
+    /// Interrupts that it masks.
     pub mask: Mask,
-    /// How long; `None` if it never ends.
+    /// Maximum duration; `None` if it never ends.
     pub time: Option<Time>,
 }
 
-/// How long a section is at most.
+/// Maximum duration of a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Time {
     /// Cycles of the core.
     pub cycles: u32,
-    /// Whether a loop is in it, whose instructions are counted once.
+    /// True if it contains a loop, whose instructions are counted once.
     pub has_loop: bool,
-    /// Whether it calls through a pointer: what is called is not counted.
+    /// True if it calls through a pointer: the called code is not counted.
     pub calls_pointer: bool,
 }
 
@@ -110,7 +110,7 @@ fn called_mask(code: &Code, all: &[Instruction], function: u32) -> Mask {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Register {
     Basepri,
-    /// And FAULTMASK.
+    /// PRIMASK and FAULTMASK.
     Primask,
 }
 
@@ -132,17 +132,17 @@ impl Register {
 #[derive(Clone, Debug, Default)]
 struct Called {
     time: Time,
-    /// How many more sections are open when it returns; nothing if it does not return.
+    /// Changes of the number of open sections until it returns; empty if it does not return.
     depths: BTreeSet<i32>,
 }
 
-/// What a walk has found.
+/// Result of a walk.
 struct Walk {
-    /// From its start to its ends; `None` if there are none.
+    /// Longest time from its start to its ends; `None` if it has no end.
     time: Option<Time>,
     /// The depths at which it ended.
     depths: BTreeSet<i32>,
-    /// Whether the function returns within it.
+    /// True if the function returns within it.
     returns: bool,
 }
 

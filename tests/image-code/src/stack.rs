@@ -25,9 +25,9 @@ const TEXTS_IN_MIND: usize = 10;
 /// The purpose of a call through a pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
-    /// To write text somewhere: `core::fmt::Write`.
+    /// Writes text: `core::fmt::Write`.
     Writer,
-    /// To make text of a value: `Display`, `Debug` and the like.
+    /// Makes text of a value: `Display`, `Debug` and the like.
     Text,
     /// Everything else.
     Other,
@@ -38,7 +38,7 @@ enum Kind {
 struct Function {
     frame: u32,
     calls: BTreeSet<u32>,
-    /// Whether it calls through pointers.
+    /// True if it calls through pointers.
     calls_pointers: bool,
 }
 
@@ -155,7 +155,7 @@ impl<'a> StackUse<'a> {
         self.functions.get(&start).map_or(0, |function| function.frame)
     }
 
-    /// Whether a function makes the text of a reply to a host.
+    /// Returns true if a function makes the text of a reply to a host.
     fn is_text_of_reply(&self, start: u32) -> bool {
         self.code.names(start).iter().any(|name| name.contains("ferrostep_gcode::reply::Reply as core::fmt::Display"))
     }
@@ -316,7 +316,7 @@ fn number(text: &str) -> Option<u32> {
     }
 }
 
-/// Where a call or a branch leads.
+/// Target of a call or a branch.
 fn callee(instruction: &Instruction) -> Option<u32> {
     let name = instruction.name.as_str();
     let is_branch =

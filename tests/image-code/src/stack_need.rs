@@ -6,7 +6,7 @@ use std::fmt::{self, Display, Formatter};
 use crate::code::Code;
 use crate::stack::{Deepest, EXCEPTION_BYTES, StackUse};
 
-/// Where the stack may end: below it there is no RAM.
+/// Lowest possible end of the stack: there is no RAM below it.
 const RAM_START: u32 = 0x2000_0000;
 
 /// Handlers of one priority, of which one runs at a time; every other has a priority of its own.
@@ -25,7 +25,7 @@ const END_OF_START: &str = "__rtic_init_resources";
 /// The function that begins an image.
 const START: &str = "Reset";
 
-/// What an image needs, and what it has.
+/// Stack that an image needs, and that it has.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StackNeed {
     /// Bytes that it needs at most.

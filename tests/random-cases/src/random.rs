@@ -18,12 +18,12 @@ impl Random {
         self.0
     }
 
-    /// In 0..1.
+    /// Returns a number in 0..1.
     pub fn share(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// In a range, every magnitude as likely as the others.
+    /// Returns a number in a range, every magnitude as likely as the others.
     pub fn magnitude(&mut self, from: f64, to: f64) -> f64 {
         from * (to / from).powf(self.share())
     }

@@ -34,7 +34,7 @@ pub struct SlicerBlocks {
 }
 
 impl SlicerBlocks {
-    /// Of one kind, to begin with.
+    /// Starts with blocks of one kind.
     pub fn new(random: &mut Random) -> Self {
         Self {
             length_mm: random.magnitude(0.001, 50.0),

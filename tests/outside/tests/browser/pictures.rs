@@ -24,7 +24,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}, expected a number"))
 }
 
-/// How two pictures differ; `None` where their structure is the same.
+/// Difference between two pictures; `None` if their structure is the same.
 fn difference(a: &Value, b: &Value) -> Option<String> {
     if a["size"] != b["size"] {
         return Some(format!("{} by {}", a["size"], b["size"]));

@@ -171,7 +171,7 @@ fn the_container_holds_the_same_bytes_for_their_link_address() {
     }
 }
 
-/// What `strings` shows of an image, without running it; M115 says the same version.
+/// Version, board and profile in an image, as `strings` shows them without running it; M115 says the same version.
 #[test]
 fn the_image_names_its_version_board_and_profile() {
     for board in &BOARDS {

@@ -69,8 +69,8 @@ fn short(name: &str) -> String {
     text.split("::{").next().unwrap_or_default().trim_end_matches("::").to_owned()
 }
 
-/// Where a section is listed: a critical section under its function, a lock under its priority alone, since the compiler's inlining
-/// moves locks.
+/// Place at which a section is listed: a critical section under its function, a lock under its priority alone, since
+/// the compiler's inlining moves locks.
 fn place(section: &Section) -> Place {
     let where_to = match section.mask {
         Mask::All | Mask::Priority(CRITICAL) => format!("<code>{}</code>", short(&section.function)),
@@ -160,7 +160,7 @@ fn every_masked_section_is_in_the_books_list() {
     );
 }
 
-/// What masks the step interrupt ends before the first task runs, or never.
+/// A section that masks the step interrupt ends before the first task runs, or never.
 #[test]
 fn no_section_that_ends_masks_the_step_interrupt_while_tasks_run() {
     let all: Vec<(String, Longest)> = places()

@@ -1,4 +1,4 @@
-//! What the step interrupt can reach in the image: short, straight, and alone.
+//! Code that the step interrupt can reach in the image: short, straight, and alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use crate::firmware::image::{image, image_of};
 /// TIM1_BRK_TIM9's number: what the step interrupt calls for the end of a motion, and the planner task for its start.
 const START_OR_END: u32 = 24;
 
-/// Why an instruction has no place in the step interrupt.
+/// Reason for which an instruction has no place in the step interrupt.
 fn objection(instruction: &Instruction, after: Option<&Instruction>) -> Option<&'static str> {
     let name = instruction.name.as_str();
     let is_one_of = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
@@ -42,7 +42,7 @@ fn objection(instruction: &Instruction, after: Option<&Instruction>) -> Option<&
     }
 }
 
-/// What can be reached.
+/// Code that can be reached.
 #[derive(Default)]
 struct Reached {
     instructions: BTreeMap<u32, Instruction>,
@@ -126,7 +126,7 @@ fn the_step_interrupt_never_calls_waits_or_panics() {
     }
 }
 
-/// Its longest time, and the limit: building an image fails where this does.
+/// The interrupt's longest time keeps the limit; building an image fails where this does.
 #[test]
 fn the_reload_value_arrives_in_time_in_every_image() {
     let gap_cycles = MIN_GAP_TICKS * CYCLES_A_TICK as u32;
@@ -144,7 +144,7 @@ fn the_reload_value_arrives_in_time_in_every_image() {
     }
 }
 
-/// Where both are pending, the end of a motion comes first, or an update would be served by a player that has not ended it.
+/// The end of a motion comes first if both are pending, or an update would be served by a player that has not ended it.
 const _: () = assert!(START_OR_END < STEP_TIMER);
 
 /// Critical sections do not keep out the core's highest priority, and RTIC would guard what a task of that priority shares with a
