@@ -1,4 +1,4 @@
-//! What is measured: lines of a real slicer.
+//! Lines that are measured, made by a real slicer.
 
 /// Lines of `examples/cube.gcode`, as its G-code has them: the ends of the skirt with its rounded corners, the first
 /// layer's contours, then infill whose short turns alternate with long tracks.

@@ -21,13 +21,13 @@ impl Mean {
         Self { units: u64::from(units), ..self }
     }
 
-    /// With each unit's share of what was done once for `units` of them.
+    /// Adds each unit's share of instructions that were executed once for `units` of them.
     pub fn with_share_of(self, instructions: u32, units: u64) -> Self {
         let share = u64::from(instructions) * self.units / units.max(1);
         Self { instructions: self.instructions + share, ..self }
     }
 
-    /// All of it.
+    /// Total number of instructions.
     pub fn total(self) -> u64 {
         self.instructions
     }
@@ -39,7 +39,7 @@ impl Mean {
 }
 
 impl fmt::Display for Mean {
-    /// With one decimal: the count is exact, its mean need not be whole.
+    /// Writes one decimal: the count is exact, its mean need not be whole.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let tenths = (self.instructions * 10 + self.units / 2) / self.units.max(1);
         write!(out, "{}.{}", tenths / 10, tenths % 10)
@@ -65,7 +65,7 @@ pub struct Events {
     pub within: Option<u32>,
     /// Inside: the one with most to do.
     pub most_within: Option<u32>,
-    /// With the fetch.
+    /// The event with the fetch.
     pub new: Option<u32>,
 }
 
@@ -84,13 +84,13 @@ pub struct StepEvents {
     pub three_ports: Events,
     /// Stairs of one event each, four motors: everything in every event.
     pub single: Option<u32>,
-    /// What a motion begins with, before its first event.
+    /// Instructions at the start of a motion, before its first event.
     pub start_of_motion: u32,
-    /// Its last event.
+    /// Instructions of a motion's last event.
     pub end_of_motion: u32,
-    /// Of a real print.
+    /// Mean of a real print.
     pub mean: Mean,
-    /// The most of any event of a real print, between its start and its end.
+    /// Maximum of any event of a real print, between its start and its end.
     pub worst: u32,
 }
 

@@ -123,21 +123,21 @@ fn make_room(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue) -> Result<(
     }
 }
 
-/// How many blocks shall leave the look-ahead ring.
+/// Number of blocks that shall leave the look-ahead ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Goal {
-    /// As few as let another fit.
+    /// The fewest that let another fit.
     OneBlock,
-    /// All.
+    /// All blocks.
     AllBlocks,
-    /// As many as one call of the planner takes: none, or one.
+    /// The blocks that one call of the planner takes: none, or one.
     OneCall,
 }
 
-/// Why [`advance`] has returned.
+/// Reason for which [`advance`] has returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Its goal is reached.
+    /// The goal is reached.
     Reached,
     /// The queue must be emptied first.
     QueueFull,

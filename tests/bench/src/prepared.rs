@@ -31,9 +31,9 @@ const WARM_UP_MOVES: u32 = 160;
 /// Ways of the same moves.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ways {
-    /// To a block with its speeds.
+    /// The way to a block with its speeds.
     pub to_block: Mean,
-    /// To the step queue.
+    /// The way to the step queue.
     pub to_queue: Mean,
 }
 
@@ -48,9 +48,9 @@ pub struct Prepared {
     pub line: Ways,
 }
 
-/// Where moves come from.
+/// Source of moves.
 trait Source {
-    /// Takes what comes next; how many moves that was, `None` where nothing is left.
+    /// Takes the next piece; returns its number of moves, and `None` at the end.
     fn next(&mut self, printer: &mut BenchPrinter<'_, '_>) -> Result<Option<u32>, &'static str>;
 }
 
@@ -190,7 +190,7 @@ pub fn measure(
     })
 }
 
-/// What it takes to count.
+/// Parts that are needed to count.
 struct Bench<'a> {
     counter: &'a Counter,
     profile: &'a Profile,
@@ -206,7 +206,7 @@ impl Bench<'_> {
     }
 }
 
-/// How far.
+/// Destination up to which moves are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {
     ToBlock,

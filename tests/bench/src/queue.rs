@@ -27,7 +27,7 @@ pub const LINE_QUEUE_SLOTS: usize = 1024;
 /// The signals may change as soon as the timer can tell.
 const SIGNALS: Signals = Signals { pulse_ticks: 2, direction_setup_ticks: 2 };
 
-/// As many ports as are asked for, all of them the same one.
+/// Any number of ports, all of them the same one.
 #[derive(Clone, Copy)]
 pub struct Ports(MotorPort);
 
@@ -74,13 +74,13 @@ pub type LineQueue<M> = BenchQueue<M, 1, LINE_QUEUE_SLOTS>;
 
 /// One of each kind.
 pub struct LineQueues {
-    /// For drivers that step at both edges.
+    /// Queue for drivers that step at both edges.
     pub edges: LineQueue<BothEdges>,
-    /// For others.
+    /// Queue for others.
     pub pulses: LineQueue<Pulses>,
 }
 
-/// How much there is to queue.
+/// Amount of work to queue.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     /// Entries.
@@ -107,26 +107,26 @@ pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
 /// Number of the interrupt that plays.
 static PLAYING: AtomicU16 = AtomicU16::new(0);
 
-/// Whether it is this interrupt that plays.
+/// Returns true if this interrupt plays.
 pub fn is_playing(interrupt: Interrupt) -> bool {
     PLAYING.load(Ordering::Relaxed) == interrupt as u16
 }
 
 /// An event of the interrupt.
 pub struct Event {
-    /// Its instructions.
+    /// Instructions of the interrupt.
     pub instructions: u32,
-    /// Whether it took a slot from the queue.
+    /// True if it took a slot from the queue.
     pub is_new: bool,
 }
 
 impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
-    /// What has been counted since the last call.
+    /// Takes the amount that has been counted since the last call.
     pub fn take_tally(&mut self) -> Tally {
         core::mem::take(&mut self.tally)
     }
 
-    /// Whether the blocks' next entries fit.
+    /// Returns true if the blocks' next entries fit.
     #[inline]
     pub fn has_room(&self) -> bool {
         self.queue.room() >= MAX_ENTRIES
@@ -149,7 +149,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
         counter.count_handler(Interrupt::TIM1_BRK_TIM9)
     }
 
-    /// Whether the interrupt has found no end of them yet.
+    /// Returns true while the interrupt has found no end of the slots.
     pub fn is_running(&self) -> bool {
         self.queue.link().is_running()
     }

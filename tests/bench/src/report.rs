@@ -7,7 +7,7 @@ use crate::prepared::Prepared;
 use crate::queue::Tally;
 use crate::shaped::Shaped;
 
-/// What a line costs, from its end point to entries in the step queue. One build of this program tells the instructions,
+/// Cost of a line, from its end point to entries in the step queue. One build of this program counts the instructions,
 /// the other the rest.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineCost {
@@ -22,7 +22,7 @@ pub struct LineCost {
 /// A line of Wu 2024's tables 1 to 5.
 #[derive(Clone, Copy, Debug)]
 pub struct WuLine {
-    /// Its name here.
+    /// Name in the report.
     pub name: &'static str,
     /// Classic Bresenham, an entry a step.
     pub classic: LineCost,
@@ -57,11 +57,11 @@ pub struct SlopeLine {
     pub dx: u32,
     /// Steps of Y.
     pub dy: u32,
-    /// See [`WuLine::classic`].
+    /// Classic Bresenham: see [`WuLine::classic`].
     pub classic: LineCost,
-    /// See [`WuLine::classic_coalesced`].
+    /// Classic Bresenham with joined steps: see [`WuLine::classic_coalesced`].
     pub classic_coalesced: LineCost,
-    /// See [`WuLine::step`].
+    /// Step Bresenham: see [`WuLine::step`].
     pub step: LineCost,
 }
 
@@ -80,7 +80,7 @@ pub struct Lines {
     pub wu: heapless::Vec<WuLine, 5>,
     /// The same with pulses.
     pub wu_pulses: heapless::Vec<WuLine, 5>,
-    /// Of every slope, for drivers that step at both edges.
+    /// Lines of every slope, for drivers that step at both edges.
     pub slopes: heapless::Vec<SlopeLine, 23>,
 }
 
@@ -180,21 +180,21 @@ impl fmt::Display for Report<'_> {
     }
 }
 
-/// What stands before an element of a list.
+/// Text before an element of a list.
 fn separator(index: usize) -> &'static str {
     if index == 0 { "" } else { ", " }
 }
 
-/// What there is to queue, from the build that counts it.
+/// Amount of work to queue, from the build that counts it.
 #[derive(Clone, Debug)]
 pub struct Workload<'a> {
-    /// Of the first trapezoid.
+    /// The first trapezoid's.
     pub trapezoid: Tally,
-    /// Of the other.
+    /// The other trapezoid's.
     pub trapezoid_one_axis: Tally,
-    /// Of the whole print.
+    /// The whole print's.
     pub print: Tally,
-    /// Of the lines of two axes.
+    /// Costs of the lines of two axes.
     pub lines: &'a Lines,
 }
 

@@ -12,7 +12,8 @@ use crate::pieces::{Goal, Outcome, advance};
 use crate::queue::PrintQueue;
 use crate::span::Counter;
 
-/// What rings: X at 50 Hz, Y at 40 Hz. Three impulses each; Z and the extruder, late by their mean, make a seventh delay.
+/// Frequencies of the filters: X at 50 Hz, Y at 40 Hz. Three impulses each; Z and the extruder, late by their mean,
+/// make a seventh delay.
 const FREQUENCIES_HZ: [f64; 2] = [50.0, 40.0];
 
 /// Delays of these filters.
@@ -56,9 +57,9 @@ pub struct Shaped {
 /// A line's instructions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
-    /// To take its block.
+    /// Instructions that take its block.
     begin: u32,
-    /// To make its events and come to rest.
+    /// Instructions that make its events and come to rest.
     rest: u32,
 }
 

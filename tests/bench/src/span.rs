@@ -1,4 +1,4 @@
-//! What runs between two readings of a clock: a piece of code, or an interrupt's handler.
+//! Counts of the code that runs between two readings of a clock: a piece of code, or an interrupt's handler.
 
 use core::hint::black_box;
 use core::sync::atomic::{Ordering, compiler_fence};
@@ -31,7 +31,7 @@ impl Count {
         }
     }
 
-    /// What lies between two readings.
+    /// Count between two readings.
     fn between(self, start: u32, end: u32) -> u32 {
         let difference = end.wrapping_sub(start);
         match self {
@@ -45,14 +45,14 @@ impl Count {
 #[derive(Clone, Copy, Debug)]
 pub struct Counter {
     clock: Count,
-    /// What counting nothing counts.
+    /// Count of an empty piece.
     overhead: u32,
-    /// What pending an interrupt counts whose handler does not run.
+    /// Count of pending an interrupt whose handler does not run.
     pending_overhead: u32,
 }
 
 impl Counter {
-    /// With the overheads of this clock. [`UNANSWERED`] is masked.
+    /// Measures the overheads of this clock. [`UNANSWERED`] is masked.
     pub fn new(clock: Count) -> Self {
         let mut spans = Self { clock, overhead: 0, pending_overhead: 0 };
         spans.overhead = spans.count(|| ()).0;

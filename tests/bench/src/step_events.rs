@@ -71,7 +71,7 @@ pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     Ok(events)
 }
 
-/// What a motion begins and ends with: both are interrupts that do more than play an event.
+/// Instructions of a motion's start and end: both are interrupts that do more than play an event.
 fn ends<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
     queue: &mut BenchQueue<M, PORTS, N>,

@@ -79,7 +79,7 @@ fn wu_lines<M: Stepping>(
     Ok(())
 }
 
-/// What a line costs.
+/// Cost of a line.
 fn cost<M: Stepping>(
     counter: &Counter,
     queue: &mut LineQueue<M>,

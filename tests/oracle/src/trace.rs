@@ -52,7 +52,7 @@ pub enum Record {
     MoveEnd {
         /// Time, in ticks.
         tick: u64,
-        /// Its source line, from 1.
+        /// Source line, from 1.
         line: u32,
     },
 }

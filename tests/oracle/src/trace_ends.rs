@@ -14,7 +14,7 @@ pub struct WrongEnd {
     pub line: u32,
     /// Index of the motor: x, y, z, e.
     pub motor: usize,
-    /// Its position, steps.
+    /// Position, steps.
     pub position: i64,
     /// The right position, steps.
     pub expected: i64,

@@ -48,7 +48,7 @@ const STEP_QUEUE_SLOTS: usize = 2048;
 /// The planner task looks at the step queue this often, as in the firmware.
 const PLANNER_INTERVAL: u64 = 2 * CYCLES_A_MS;
 
-/// At standstill the waiting moves are executed after this much silence, as in the firmware.
+/// Silence after which the waiting moves are executed at standstill, cycles, as in the firmware.
 const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
 
 /// Longest time of a command, cycles: one that takes longer hangs.
@@ -71,7 +71,7 @@ pub struct Board<'a, M> {
     costs: Costs,
     /// Cycle at which the planner task looks again.
     next_plan: Cell<u64>,
-    /// When the executor began to wait for a line.
+    /// Cycle at which the executor began to wait for a line.
     awaits_since: Cell<Option<u64>>,
     stop_reports: RefCell<Vec<StopReport>>,
 }
@@ -79,13 +79,13 @@ pub struct Board<'a, M> {
 /// The machine's belief right after it has followed a stop, and the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopReport {
-    /// Where the machine believes its motors to be.
+    /// Positions of the motors as the machine believes them, steps.
     pub motor_steps: [i64; 4],
-    /// Its position, units of 10 nm.
+    /// Position by the machine, units of 10 nm.
     pub position_10nm: [i64; 3],
-    /// Where the motors stand, by their signals.
+    /// Positions of the motors by their signals, steps.
     pub counted_steps: [i64; 4],
-    /// Whether a motor stepped between the stop and now.
+    /// True if a motor stepped between the stop and now.
     pub stepped_after: bool,
 }
 
@@ -274,12 +274,12 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.stop_reports.take()
     }
 
-    /// Whether all motion has ended.
+    /// Returns true if all motion has ended.
     pub fn is_idle(&self) -> bool {
         self.machine.borrow().is_idle()
     }
 
-    /// Where the machine believes its motors to be at the end of the queue.
+    /// Positions of the motors at the end of the queue as the machine believes them, steps.
     pub fn motor_steps(&self) -> [i64; 4] {
         self.machine.borrow().motor_steps()
     }
@@ -299,7 +299,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.machine.borrow().figures()
     }
 
-    /// Where the motors stand, by their signals.
+    /// Positions of the motors by their signals, steps.
     pub fn counted_steps(&self) -> [i64; 4] {
         self.interrupts.port().port().motor_steps()
     }
@@ -319,7 +319,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.interrupts.port().watch()
     }
 
-    /// Whether M112 has stopped everything, until M999.
+    /// Returns true if M112 has stopped everything, until M999.
     pub fn is_halted(&self) -> bool {
         self.interrupts.signals().is_halted()
     }

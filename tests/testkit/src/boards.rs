@@ -7,11 +7,11 @@ pub type Pin = (char, u8);
 /// A board.
 #[derive(Debug)]
 pub struct BoardFacts {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
     /// The profile that it is built with.
     pub profile: &'static str,
-    /// Where its image begins.
+    /// Start of the board's image.
     pub image_address: u32,
     /// The flash for an image ends here; settings are kept in what follows.
     pub flash_end: u32,
@@ -23,23 +23,23 @@ pub struct BoardFacts {
     pub crystal_mhz: u32,
     /// Steps of X (A), Y (B), Z and E, then their directions.
     pub signals: [[&'static str; 4]; 2],
-    /// Whether a direction signal of low is backwards.
+    /// True if a low direction signal is backwards.
     pub inverted: [bool; 4],
-    /// Whether each edge of a step signal is a step.
+    /// True if each edge of a step signal is a step.
     pub both_edges: bool,
-    /// Steps a millimetre of the profile that it is built with, and whether X and Y move both of A and B.
+    /// Steps a millimetre of the profile that the board is built with.
     pub steps_per_mm: [i64; 4],
-    /// See [`Self::steps_per_mm`].
+    /// True if X and Y move both of A and B in that profile.
     pub core_xy: bool,
     /// Enable pins of the motors that move, in their order; low = on.
     pub enable: [&'static str; 4],
     /// Enable pins of the other sockets.
     pub spare: &'static [&'static str],
-    /// Whether each driver has a line of its own, at any pin.
+    /// True if each driver has a line of its own, at any pin.
     pub own_lines: bool,
     /// Heaters; high = on. Those of nozzle and bed are the first.
     pub heaters: &'static [&'static str],
-    /// Whether a timer switches those of nozzle and bed.
+    /// True if a timer switches those of nozzle and bed.
     pub heaters_are_timed: bool,
     /// Fans; high = on.
     pub fans: &'static [&'static str],
@@ -110,7 +110,7 @@ pub static BOARDS: [BoardFacts; 3] = [
 ];
 
 impl BoardFacts {
-    /// Whether it has real heaters and motors.
+    /// Returns true if the board has real heaters and motors.
     pub fn is_printer(&self) -> bool {
         !self.heaters.is_empty()
     }

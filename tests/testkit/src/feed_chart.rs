@@ -6,9 +6,9 @@ use ferrostep_svg::{escaped, page};
 
 /// One print.
 pub struct Panel {
-    /// Its title.
+    /// Title.
     pub label: String,
-    /// Its result.
+    /// Result.
     pub note: String,
     /// Feed, mm/s, at each ms.
     pub feeds: Vec<f64>,

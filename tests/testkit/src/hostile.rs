@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 pub struct Random(u64);
 
 impl Random {
-    /// From a seed.
+    /// Starts from a seed.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -24,17 +24,17 @@ impl Random {
         word ^ word >> 31
     }
 
-    /// From 0 to less than `end`.
+    /// Returns a number from 0 to less than `end`.
     pub fn below(&mut self, end: u64) -> u64 {
         self.word() % end.max(1)
     }
 
-    /// From 0 to less than 1.
+    /// Returns a number from 0 to less than 1.
     pub fn share(&mut self) -> f64 {
         (self.word() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// From one number to another, evenly over the orders of magnitude.
+    /// Returns a number from one to another, evenly over the orders of magnitude.
     pub fn magnitude(&mut self, least: f64, most: f64) -> f64 {
         least * (most / least).powf(self.share())
     }
@@ -52,7 +52,7 @@ pub struct Hostile {
     pub profile: String,
     /// Blocks in its look-ahead ring.
     pub look_ahead: usize,
-    /// Whether its acceleration is the trapezoid's.
+    /// True if its acceleration is the trapezoid's.
     pub is_trapezoid: bool,
     /// The G-code.
     pub text: String,

@@ -1,4 +1,4 @@
-//! What tests of the whole machine share: a board in virtual time, hostile input, the command and its served printer.
+//! Parts that tests of the whole machine share: a board in virtual time, hostile input, the command and its served printer.
 //!
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
 //! hostile conversations with it of any bytes. [`stress_file`] writes a demanding print, [`feed_chart`] draws the

@@ -16,12 +16,12 @@ mod grammar;
 
 use grammar::{Said, said};
 
-/// How far a conversation goes: what is longer costs more than it finds.
+/// Limits of a conversation: a longer one costs more than it finds.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
-    /// Most lines.
+    /// Maximum number of lines.
     lines: u32,
-    /// How long the host waits for an answer, ms.
+    /// Maximum time for which the host waits for an answer, ms.
     patience_ms: u64,
     /// The same for a homing, ms.
     homing_patience_ms: u64,
@@ -31,7 +31,7 @@ struct Bounds {
 
 const LIFE_SIZE: Bounds = Bounds { lines: 200, patience_ms: 500, homing_patience_ms: 20_000, longest_ms: 60_000 };
 
-/// For [`small_machine`], which does everything in milliseconds.
+/// Bounds for [`small_machine`], which does everything in milliseconds.
 const SMALL: Bounds = Bounds { lines: 16, patience_ms: 40, homing_patience_ms: 600, longest_ms: 1_500 };
 
 /// Greatest difference between filament and the extruder's steps.
@@ -48,7 +48,7 @@ struct Talk<'b, 'a, M: Stepping> {
     scanner: EmergencyScanner,
     /// Position of the X, Y and Z motors by their signals when the machine has them at 0; homing sets it again.
     zero_steps: [i64; 3],
-    /// Whether homing has set it since the last look.
+    /// True if homing has set it since the last look.
     has_homed: bool,
     /// Cycle at which an M410 or M112 acts that has no answer yet.
     stops_at: Option<(u64, Emergency)>,
@@ -167,7 +167,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         }
     }
 
-    /// Where the motors stand, as the machine counts.
+    /// Positions of the motors as the machine counts, steps.
     fn counted_steps(&self, mut counted: [i64; 4]) -> [i64; 4] {
         for (counted, zero) in counted.iter_mut().zip(self.zero_steps) {
             *counted -= zero;
@@ -243,7 +243,8 @@ pub fn live_machine(profile: &Profile, bytes: &[u8]) {
     converse(profile, LIFE_SIZE, bytes);
 }
 
-/// As [`live_machine`], but short, with a machine from [`small`]: a hundred times as many conversations in the same time.
+/// Converses as [`live_machine`] does, but briefly, with a machine from [`small`]: a hundred times as many
+/// conversations in the same time.
 ///
 /// # Panics
 /// As [`live_machine`].

@@ -25,7 +25,7 @@ pub fn compare(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(program()).current_dir(folder).args(["compare", "--no-open"]).args(arguments).output().unwrap()
 }
 
-/// What a run has said on its standard error.
+/// Text that a run has written to its standard error.
 ///
 /// # Panics
 /// It is no text.

@@ -27,7 +27,7 @@ const STEP_PINS: u16 = 0b1111;
 pub struct Lateness {
     /// Cycles from an update to the arrival of the reload value, at the most.
     pub reload_cycles: u64,
-    /// Of these, cycles from the interrupt's first instruction on.
+    /// Part of these cycles from the interrupt's first instruction on.
     pub handler_cycles: u64,
 }
 

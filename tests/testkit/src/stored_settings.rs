@@ -31,7 +31,7 @@ impl SettingsMemory for Memory {
     }
 }
 
-/// What the printer says.
+/// Replies of the printer.
 #[derive(Debug, Default)]
 struct Said(RefCell<Vec<String>>);
 

@@ -86,7 +86,7 @@ pub struct Move {
 /// A whole job, interpreted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Its moves, in order.
+    /// Moves, in order.
     pub moves: Vec<Move>,
     /// The sets of limits its moves refer to; never empty.
     pub limits: Vec<Limits>,

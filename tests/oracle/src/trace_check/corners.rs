@@ -98,11 +98,11 @@ pub struct Corners {
 pub struct Traced<'a> {
     /// The move.
     pub one: &'a Move,
-    /// Its acceleration along the path, mm/s^2.
+    /// Acceleration along the path, mm/s^2.
     pub acceleration_mm_per_s2: f64,
-    /// Its first and last tick.
+    /// First and last tick.
     pub ticks: [u64; 2],
-    /// Its steps.
+    /// Steps of the move.
     pub events: &'a [MotorEvent],
     /// Jump that its corner allows each axis, mm/s.
     pub limits_mm_per_s: [f64; 4],

@@ -14,7 +14,7 @@ pub struct MotorEvent {
 
 /// A block as it was traced, and the law it should follow.
 pub struct TracedBlock<'a> {
-    /// Its source line.
+    /// Source line.
     pub line: u32,
     /// Tick at which it begins.
     pub start_tick: u64,
@@ -26,7 +26,7 @@ pub struct TracedBlock<'a> {
     pub ideal_start: [f64; 4],
     /// Positions of the motors at the end by the law, in steps.
     pub ideal_end: [f64; 4],
-    /// Its step events, in order.
+    /// Step events, in order.
     pub events: &'a [MotorEvent],
     /// The law; its time is stretched to the block's duration.
     pub law: &'a Trapezoid,

@@ -26,7 +26,7 @@ pub struct DurationDifference {
 pub enum Finding {
     /// A record is earlier than the one before.
     TickDecreases {
-        /// Its tick.
+        /// Tick of the record.
         tick: u64,
         /// The tick before.
         previous_tick: u64,
@@ -71,7 +71,7 @@ pub enum Finding {
         line: u32,
         /// Index in [`MOTOR_NAMES`].
         motor: usize,
-        /// Its position, in steps.
+        /// Position, in steps.
         position: i64,
         /// The position that is expected, in steps.
         expected: i64,

@@ -154,7 +154,7 @@ fn panel(content: &mut String, file: &str, [left, top]: [f64; 2], rows: &[&Row])
     }
 }
 
-/// How a filter's point looks.
+/// Attributes that draw a filter's point.
 fn mark(filter: &str, colour: &str) -> String {
     let fill = if filter == "`zv`" { colour } else { "#ffffff" };
     format!("fill=\"{fill}\" stroke=\"{colour}\" stroke-width=\"1.5\"")

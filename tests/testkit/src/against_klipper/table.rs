@@ -18,7 +18,7 @@ use ferrostep_simulator::shapers::Shaper;
 /// A file and the machine that it is planned for.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// In the table's first column.
+    /// Name in the table's first column.
     pub name: String,
     /// G-code, plain or gzip.
     pub file: PathBuf,
@@ -89,10 +89,10 @@ pub enum Plan {
     Ferrostep,
     /// The same with a quarter of it.
     CloserFerrostep,
-    /// With the profile's junction deviation, and accelerations that follow from an error budget of 0.04 mm on a frame that is known to
-    /// 5 %.
+    /// This firmware's steps with the profile's junction deviation, and accelerations that follow from an error budget
+    /// of 0.04 mm on a frame that is known to 5 %.
     BudgetFerrostep,
-    /// With the profile's junction deviation, and a filtered path that keeps a tolerance of 0.1 mm.
+    /// This firmware's steps with the profile's junction deviation, and a filtered path that keeps a tolerance of 0.1 mm.
     TolerantFerrostep,
     /// Klipper's rules with its defaults.
     Klipper,
@@ -248,7 +248,7 @@ pub fn table(cases: &[Case], threads: usize) -> String {
     text
 }
 
-/// How a row begins.
+/// Start of a row.
 pub fn row_start(name: &str, plan: Plan, kind: ShaperKind) -> String {
     format!("| {name} | {} | `{kind}` |", plan.name())
 }

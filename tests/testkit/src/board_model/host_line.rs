@@ -10,7 +10,7 @@ pub struct HostLine {
     /// Silences: before which line, counted from 0, and for how long, cycles.
     silences: Vec<(u64, u64)>,
     taken: u64,
-    /// When the present burst began.
+    /// Cycle at which the present burst began.
     began: u64,
 }
 
@@ -25,7 +25,7 @@ impl HostLine {
         Self { lines_per_s: lines_per_s.max(1), burst: burst.max(1), silences: Vec::new(), taken: 0, began: 0 }
     }
 
-    /// Before this line, counted from 0, the host is silent for this many milliseconds.
+    /// Adds a silence of the host before this line, counted from 0, in milliseconds.
     pub fn with_silence(mut self, before_line: u64, milliseconds: u64) -> Self {
         self.silences.push((before_line, milliseconds * (CYCLES_PER_S / 1_000)));
         self

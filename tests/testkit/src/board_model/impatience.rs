@@ -10,7 +10,7 @@ use ferrostep_step_player::Stepping;
 use super::time::{CYCLES_A_MS, from_ns};
 use super::{Board, BoardPrinter};
 
-/// After each of these the next one is tried, ms: longer than a command takes to see it.
+/// Time after each of these until the next one is tried, ms: longer than a command takes to see it.
 const PATIENCE_MS: u64 = 300;
 
 /// The means that ended a command.

@@ -25,7 +25,7 @@ pub const JOB_SILENCE_S: u16 = 30;
 /// A host asks after this long without an answer.
 const ASK_CYCLES: u64 = 250 * CYCLES_A_MS;
 
-/// How long the firmware waits for bytes, and the longest portion of it here, ms.
+/// Time for which the firmware waits for bytes, and the longest portion of it here, ms.
 const WAIT_MS: u32 = 150;
 const LOOK_MS: u32 = 1;
 

@@ -16,7 +16,7 @@ use ferrostep_virtual_board::{ModelledSensors, VirtualDelay};
 
 use super::{Board, BoardMachine, Queue};
 
-/// How often a command that waits for motion looks whether it has come.
+/// Interval at which a command that waits for motion looks whether it has ended, ms.
 const LOOK_MS: u32 = 1;
 
 impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {

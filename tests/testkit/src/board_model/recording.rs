@@ -32,9 +32,9 @@ pub(super) struct WatchedPort<'a> {
 /// The record of one print.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
-    /// Where the X and Y motors (A and B) stand at each whole ms, up to the last event.
+    /// Positions of the X and Y motors (A and B) at each whole ms, up to the last event.
     pub every_ms: Vec<[i64; 2]>,
-    /// How often X and Y stopped although their last two steps were those of a fast motion.
+    /// Number of times that X and Y stopped although their last two steps were those of a fast motion.
     pub stops_from_speed: u64,
     /// Cycle of the first and the last step of X or Y.
     pub first_and_last: Option<(u64, u64)>,
@@ -74,7 +74,7 @@ impl Watch {
         places.windows(FEED_WINDOW_MS + 1).map(|span| distance(&span[0], &span[FEED_WINDOW_MS]) / window_s).collect()
     }
 
-    /// Whether the last of all stops came from speed.
+    /// Returns true if the last of all stops came from speed.
     fn ended_at_speed(&self) -> bool {
         self.last_interval > 0 && self.last_interval < AT_SPEED_CYCLES
     }

@@ -1,4 +1,4 @@
-//! What a host says, out of any bytes: lines of a grammar that is nasty, raw bytes, silences and emergencies.
+//! Actions of a host, made of any bytes: lines of a grammar that is nasty, raw bytes, silences and emergencies.
 
 use std::fmt::Write;
 
@@ -186,7 +186,7 @@ const NUMBERS: [&str; 60] = [
 pub(super) enum Said {
     /// Bytes, which may be half a line.
     Bytes(Vec<u8>),
-    /// Nothing for this many ms.
+    /// Silence, ms.
     Silence(u64),
     /// M400, and a check of all positions.
     Finish,

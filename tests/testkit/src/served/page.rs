@@ -16,7 +16,7 @@ pub struct Page {
     url: String,
     /// Host and port.
     pub address: String,
-    /// What every request has to name.
+    /// Token that every request has to name.
     pub token: String,
 }
 
@@ -38,7 +38,7 @@ impl Page {
         self.look_until(|state| state["activity"] != "disconnected");
     }
 
-    /// Its address, with the token.
+    /// Address of the page, with the token.
     pub fn url(&self) -> &str {
         &self.url
     }
@@ -81,7 +81,7 @@ impl Page {
         assert_eq!(self.ask("POST", path, body), (200, "ok\n".to_owned()), "{path}");
     }
 
-    /// What the page shows.
+    /// State that the page shows.
     ///
     /// # Panics
     /// It is refused.

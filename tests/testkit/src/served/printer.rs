@@ -118,7 +118,7 @@ impl Printer {
         &self.port
     }
 
-    /// Its TCP address.
+    /// TCP address of the printer.
     ///
     /// # Panics
     /// It has none.
@@ -240,7 +240,7 @@ impl Host {
         self.say(&line)
     }
 
-    /// What M797 says of a name.
+    /// Value that M797 reports for a name.
     ///
     /// # Panics
     /// It says nothing of it.

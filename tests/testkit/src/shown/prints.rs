@@ -106,15 +106,15 @@ const WINDOW_TICKS: u64 = (WINDOW_S * TICKS_PER_SECOND as f64) as u64;
 /// The middle of a move, by its steps.
 #[derive(Clone, Debug)]
 pub struct Place {
-    /// Of the file.
+    /// Line of the file.
     pub line: u32,
-    /// From the middle to the move's end.
+    /// Time from the middle to the move's end.
     pub to_end_s: f64,
-    /// Of the nozzle.
+    /// Position of the nozzle.
     pub position_mm: [f64; 3],
-    /// Over the window.
+    /// Mean speed over the window.
     pub speed_mm_per_s: f64,
-    /// Of the whole move.
+    /// Filament of the whole move.
     pub filament_mm: f64,
     /// The move's start, the window's, its middle, the window's end and the move's.
     ticks: [u64; 5],
@@ -138,7 +138,7 @@ impl Place {
 #[derive(Default)]
 struct Ends {
     last_tick: u64,
-    /// Whether X, Y or Z have stepped since.
+    /// True if X, Y or Z have stepped since the last end.
     has_moved: bool,
     long: Vec<(u32, u64, u64)>,
 }

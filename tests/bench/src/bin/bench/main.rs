@@ -115,13 +115,13 @@ mod app {
         cx.shared.two_ports.update();
     }
 
-    /// With motors on three.
+    /// The same with motors on three ports.
     #[task(binds = SPI1, priority = 16, shared = [three_ports])]
     fn three_ports(cx: three_ports::Context) {
         cx.shared.three_ports.update();
     }
 
-    /// What the others call when something is not usual: for the one of them that is being played.
+    /// Handler that the others call for unusual events: it acts for the one of them that is being played.
     #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [print, one_port, two_ports, three_ports])]
     fn start_or_end(cx: start_or_end::Context) {
         if queue::is_playing(Interrupt::SPI2) {
@@ -198,7 +198,7 @@ fn measure<'a>(
     Ok(report)
 }
 
-/// How much these are of.
+/// Counts the workload of each measurement.
 fn tally<'a>(
     counter: &Counter,
     queues: &mut Queues,

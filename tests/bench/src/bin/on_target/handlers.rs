@@ -17,10 +17,10 @@ pub const TIMED_QUEUE_SLOTS: usize = 256;
 /// Urgency of the step interrupts, in the NVIC's sense: above all that BASEPRI masks.
 const STEPS_PRIORITY: u8 = 0;
 
-/// That of the USB port, as RTIC's 10 in the firmware.
+/// Urgency of the USB port's interrupt, as RTIC's 10 in the firmware.
 const USB_PRIORITY: u8 = (16 - 10) << 4;
 
-/// What an interrupt works with.
+/// Data of an interrupt's handler.
 pub struct Handler<T>(UnsafeCell<Option<T>>);
 
 // SAFETY: it is written before its interrupt is unmasked, and from then on only that interrupt uses it.

@@ -58,7 +58,7 @@ const MAX_CYCLES_BLOCK: u32 = 4_000;
 /// a slower clock they are as many cycles apart.
 const INTERVAL_TICKS: u32 = TICKS_PER_SECOND / 100_000;
 
-/// How long steps are timed, s. A computer at the other end of the cable has the port set up within that.
+/// Time for which steps are timed, s. A computer at the other end of the cable has the port set up within that.
 const TIMED_S: u32 = 5;
 
 /// Slots that stay free: an entry takes some.
@@ -75,7 +75,7 @@ static PRINT: StepPlayer<StepSignals, 1, STEP_QUEUE_SLOTS> = StepPlayer::new();
 static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS> = StepPlayer::new();
 static PULSES: StepPlayer<Pulses, MOTOR_PORTS, TIMED_QUEUE_SLOTS> = StepPlayer::new();
 
-/// Why a test has failed.
+/// Reason for which a test has failed.
 type Failure = &'static str;
 
 /// A board that runs at its clock.
@@ -161,10 +161,10 @@ fn a_block_is_planned_in_its_time(board: Board) -> Result<(), Failure> {
 /// is late shows.
 const CHANGING_TICKS: [u32; 3] = [2 * MIN_GAP_TICKS, 1_680, 4_200];
 
-/// How long they are played, s.
+/// Time for which they are played, s.
 const PLAYED_S: u32 = 10;
 
-/// By how much their time may be off: a look at either end falls somewhere into a step, and one interrupt may be late.
+/// Maximum error of their time, ticks: a look at either end falls somewhere into a step, and one interrupt may be late.
 const MAX_TICKS_OFF: u32 = 2 * 4_200 + MAX_TICKS_LATE;
 
 /// Duration of this many steps at those intervals, ticks modulo 2^32.
