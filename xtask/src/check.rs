@@ -21,7 +21,7 @@ const CI_PROPTEST_CASES: &str = "4096";
 /// Package of the image tests, most of which take turns.
 const MAINBOARD: &str = "ferrostep-mainboard";
 
-/// Checks in a row of which one runs the on-target tests.
+/// Number of checks in a row, one of which runs the on-target tests.
 const ON_TARGET_TURNS: u64 = 5;
 
 /// Arguments of `test`.

@@ -26,7 +26,7 @@ pub fn require_source() -> Result<(), Failure> {
     Err(format!("the toolchain lacks the source of the core library (component rust-src): {reason}"))
 }
 
-/// Whether the compiler in use has the source of the core library.
+/// Returns true if the compiler in use has the source of the core library.
 fn has_source() -> bool {
     rustc_prints(&["sysroot"])
         .is_some_and(|sysroot| Path::new(&sysroot).join("lib/rustlib/src/rust/library/core/Cargo.toml").is_file())
@@ -42,9 +42,10 @@ pub fn compiler_version() -> Result<String, Failure> {
         .ok_or_else(|| "`rustc --version` fails".to_owned())
 }
 
-/// What a compiler calls the folders of this computer in what it builds: the root of the sources, cargo's copies of others' sources, those of the
-/// core library, and what build scripts have written. Panics and debug information name source files, and an image would otherwise differ with the folder in
-/// which, and the person by whom, it is built. The names are short, for each file's is in an image's flash; our own sources are named from their root, where a
+/// Names by which a compiler calls the folders of this computer in what it builds: the root of the sources, cargo's
+/// copies of others' sources, those of the core library, and what build scripts have written. Panics and debug
+/// information name source files, and an image would otherwise differ with the folder and the person that build it. The
+/// names are short, for each file's is in an image's flash; Ferrostep's sources are named from their root, where a
 /// debugger finds them.
 ///
 /// # Errors
@@ -68,7 +69,7 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
     Ok([folders, resolved].concat())
 }
 
-/// What a failed check does: an overflow, an index out of range.
+/// Effect of a failed check: an overflow, an index out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FailedCheck {
     /// It calls the program's panic handler with a text: for programs that a debugger watches.
@@ -93,7 +94,7 @@ pub fn apply(command: &mut Command, failed_check: FailedCheck) {
     command.args(["--config", "profile.image.package.compiler_builtins.opt-level=\"s\""]);
     let flags: &[&str] = match failed_check {
         // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode: 4 KB.
-        // A panic says its file: lines would make a place of its own of every check.
+        // A panic reports its file only: with lines, every check would need a separate place.
         FailedCheck::Panics => &["-Zfmt-debug=none", "-Zlocation-detail=file"],
         FailedCheck::Traps => {
             &["-Zfmt-debug=none", "-Zlocation-detail=none", "-Zunstable-options", "-Cpanic=immediate-abort"]

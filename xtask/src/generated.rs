@@ -11,7 +11,7 @@ const END: &str = "<!-- Here it ends. -->\n";
 /// A page with a part that a command writes.
 #[derive(Clone, Copy, Debug)]
 pub struct Page {
-    /// Where it is, from the root.
+    /// Path of the page, from the root.
     pub path: &'static str,
     /// The command that writes the part.
     pub command: &'static str,

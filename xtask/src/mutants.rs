@@ -16,8 +16,8 @@ use tried::Files;
 /// Number of parts of all mutants; each run of `ci` tries one part, about an hour.
 const CI_SHARDS: u64 = 16;
 
-/// Where cargo-mutants builds, and where it reports. Not in the folder of other builds: its own is a copy of the sources
-/// with another path.
+/// Folder in which cargo-mutants builds and reports. It is not in the folder of other builds: its own is a copy of the
+/// sources with another path.
 const BUILD: &str = "mutants";
 
 /// The configuration that lists the mutants.

@@ -13,7 +13,7 @@ const WORKSPACES: [&str; 2] = [".", "tests/fuzz"];
 /// A program cannot be installed, a word is misspelt, or a dependency breaks a rule.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("spelling", || {
-        // A program of its own, not a subcommand of cargo.
+        // A separate program, not a subcommand of cargo.
         let typos = || std::process::Command::new("typos");
         if system::output(typos().arg("--version")).is_none() {
             system::run(cargo().args(["install", "typos-cli", "--locked"]))?;

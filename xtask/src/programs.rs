@@ -63,7 +63,7 @@ impl Program {
     /// A test fails; its output is in the error.
     pub fn run(&self, arguments: &[String], variables: &[(&str, &std::ffi::OsStr)]) -> Result<(), Failure> {
         let mut command = Command::new(&self.path);
-        // As cargo runs it.
+        // Runs it as cargo does.
         command.current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder).env("CARGO_PKG_NAME", &self.package);
         command.args(arguments).envs(variables.iter().copied());
         system::run_tests(&mut command)

@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Tells the tests their seed.
 pub const VARIABLE: &str = "PROPTEST_RNG_SEED";
 
-/// Gives every program that cargo runs a seed, unless it has one: so this program has one, too.
+/// Gives every program that cargo runs a seed, unless it has one: so this program has one as well.
 const CARGO_CONFIG: &str = include_str!("../../.cargo/config.toml");
 
 /// The seed that is set, or a new one.

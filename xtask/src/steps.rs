@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::cost;
 
-/// Why a step failed, for a person.
+/// Reason for which a step failed, for a person.
 pub type Failure = String;
 
 /// A run of steps that ends with the first failure.

@@ -1,4 +1,5 @@
-//! The commands that need Ferrostep's own crates: a program of its own (`xtask/workbench/`), compiled when one of them is first used.
+//! The commands that need Ferrostep's own crates: a separate program (`xtask/workbench/`), compiled when one of them is
+//! first used.
 
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
@@ -9,7 +10,7 @@ use serde_json::Value;
 use crate::steps::Failure;
 use crate::system::{self, cargo};
 
-/// Its commands, and what each does.
+/// Names of the workbench's commands, each with its effect.
 pub const COMMANDS: [(&str, &str); 17] = [
     (
         "firmware",
@@ -61,7 +62,7 @@ pub const COMMANDS: [(&str, &str); 17] = [
     ),
 ];
 
-/// Its package.
+/// Name of the workbench's package.
 const PACKAGE: &str = "ferrostep-workbench";
 
 /// Cargo's profile, that of the tests, for which its crates are compiled anyway; and the folder of that profile's programs.
@@ -124,6 +125,6 @@ pub fn forward(arguments: impl IntoIterator<Item = OsString>) -> Result<ExitCode
         .command(arguments)
         .status()
         .map_err(|error| format!("cannot run {}: {error}", workbench.0.display()))?;
-    // None of a program that was ended by a signal.
+    // A program that was ended by a signal has no code.
     Ok(status.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from))
 }

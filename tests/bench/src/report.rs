@@ -85,7 +85,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// None yet.
+    /// Lists without lines.
     pub const NONE: Self =
         Self { wu: heapless::Vec::new(), wu_pulses: heapless::Vec::new(), slopes: heapless::Vec::new() };
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// By file, from the root.
+/// Results by file, from the root.
 pub type Files = BTreeMap<String, Tried>;
 
 /// The result of a file's mutants.

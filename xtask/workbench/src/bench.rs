@@ -53,7 +53,7 @@ enum Part {
 }
 
 impl Options {
-    /// To make these counts the baseline.
+    /// Options that make these counts the baseline.
     pub const SAVE: Self =
         Self { json: false, check: false, save_baseline: true, only: None, mainboard: None, image: None };
 }

@@ -54,11 +54,11 @@ const ARGUMENTS: &str = "-machine netduinoplus2 -icount shift=6 -global stm32f2x
 
 /// The meaning of instructions for the count.
 struct Places {
-    /// Where critical sections begin.
+    /// Addresses at which critical sections begin.
     sections: BTreeSet<u32>,
-    /// Where the priority is raised, for a section or a lock.
+    /// Addresses at which the priority is raised, for a section or a lock.
     raised: BTreeSet<u32>,
-    /// Where it is restored.
+    /// Addresses at which the priority is restored.
     restored: BTreeSet<u32>,
     /// The step interrupt's first instructions, and each one's last.
     step_interrupt: BTreeMap<u32, BTreeSet<u32>>,
@@ -138,7 +138,7 @@ impl Counter {
             return;
         }
         if self.section.is_some() && self.places.handlers.contains(&address) {
-            // Another interrupt can only have come before the priority was raised; the log repeats that, too.
+            // Another interrupt can only have come before the priority was raised; the log repeats that as well.
             self.section = None;
         }
         self.previous = address;

@@ -23,7 +23,7 @@ const AXES: Axes = Axes { end_ms: 2_500, most_mm_per_s: 300.0, grid: (500, 100.0
 /// Line rates, lines/s.
 const RATES: [u64; 6] = [20_000, 10_000, 3_000, 1_000, 300, 100];
 
-/// How many times slower the planner is made.
+/// Factors by which the planner is made slower.
 const SLOWNESS: [u64; 6] = [1, 4, 8, 16, 32, 64];
 
 /// Fast enough for everything.

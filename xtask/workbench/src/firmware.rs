@@ -26,8 +26,7 @@ pub struct Options {
     /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long)]
     profile: Option<String>,
-    /// Where the image begins, bytes from the start of flash; the board's own by default. 0 puts the image in the place of the
-    /// boot loader
+    /// Start of the image, bytes from the start of flash; the board's own by default. 0 puts the image where the boot loader is
     #[arg(long, value_name = "BYTES", value_parser = bytes, requires = "board")]
     boot_offset: Option<u32>,
     /// Checks the lints of the firmware's own packages first, which the desk cannot build
@@ -38,17 +37,17 @@ pub struct Options {
     json: bool,
 }
 
-/// Where paths and size tables are printed.
+/// Destination of paths and size tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
-    /// On standard output: they are results.
+    /// Standard output: they are results.
     Output,
-    /// On standard error, since standard output has other results.
+    /// Standard error, since standard output has other results.
     Progress,
 }
 
 impl Shown {
-    /// By whether standard output is one JSON value.
+    /// Chooses standard error if standard output is one JSON value.
     pub fn beside_json(json: bool) -> Self {
         if json { Self::Progress } else { Self::Output }
     }
@@ -57,10 +56,10 @@ impl Shown {
 /// A board's image.
 #[derive(Clone, Debug)]
 pub struct Image {
-    /// Its ELF file, beside which the others are.
+    /// Path of the ELF file; the others are in its folder.
     pub path: PathBuf,
     board: String,
-    /// How much of the memory it takes.
+    /// Memory that the image takes.
     pub sizes: Sizes,
     budget: Budget,
 }
@@ -116,7 +115,7 @@ pub struct Target {
     /// Names, or absolute paths, since build scripts run in other folders.
     board_variable: String,
     profile_variable: Option<String>,
-    /// Where the image begins, if not at the board's own offset.
+    /// Start of the image, if not at the board's own offset.
     boot_offset: Option<u32>,
     /// Features for the methods in its image: all of them on the bench, otherwise the profile's.
     methods: Vec<&'static str>,
@@ -252,7 +251,7 @@ impl Program {
         if self == Self::Firmware { "app" } else { "tests/bench" }
     }
 
-    /// Its main source file, from the root of the workspace.
+    /// Main source file, from the root of the workspace.
     fn source(self) -> &'static str {
         match self {
             Self::Firmware => "app/src/main.rs",
@@ -310,13 +309,13 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     })
 }
 
-/// How much of the board's memory an image takes.
+/// Memory of the board that an image takes.
 pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
     let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
     Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
-/// Whether a variable would change how cargo builds: it is removed, so that every shell builds the same image.
+/// Returns true if a variable would change how cargo builds: it is removed, so that every shell builds the same image.
 fn changes_profile(variable: &str) -> bool {
     variable == "CARGO_INCREMENTAL" || variable.starts_with("CARGO_PROFILE_")
 }
@@ -396,7 +395,7 @@ fn names_no_folder(elf: &Path) -> Result<(), Failure> {
 /// Cargo's key by which the compiler calls folders by these names. `table`: where cargo's flags for the compiler stand, `build` or a target's.
 ///
 /// # Errors
-/// A folder is no text.
+/// A folder's name is not text.
 pub fn renamed_folders(table: &str, folders: &[(PathBuf, String)]) -> Result<String, Failure> {
     let flags: Result<Vec<toml::Value>, Failure> = folders
         .iter()

@@ -87,7 +87,7 @@ pub struct Options {
     first: u64,
 }
 
-/// Prints programs, and says whether every motor stood where it must at every end.
+/// Prints programs, and says whether every motor was where it must be at every end.
 pub fn run(options: &Options) -> bool {
     let Options { programs, moves, first } = *options;
     let (next, bar) = (AtomicU64::new(first), ProgressBar::new(programs));

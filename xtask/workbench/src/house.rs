@@ -15,7 +15,7 @@ use crate::steps::Failure;
 use crate::system;
 use layout::{Layout, ROOM};
 
-/// Where the drawing is, from the root.
+/// Path of the drawing, from the root.
 const PICTURE: &str = "docs/src/images/packages.svg";
 
 /// Manifests of the workspaces, from the root.
@@ -24,7 +24,7 @@ const WORKSPACES: [&str; 2] = ["Cargo.toml", "tests/fuzz/Cargo.toml"];
 /// Height of the line that explains the colours, pixels.
 const LEGEND: f64 = 40.0;
 
-/// What a package is built for.
+/// Processors for which a package is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     /// Only a board's processor can build it.
@@ -33,7 +33,7 @@ enum Kind {
     Both,
     /// The desk.
     Desk,
-    /// Nothing that a user gets.
+    /// A tool, which no user gets.
     Tool,
 }
 
@@ -75,7 +75,7 @@ impl Kind {
 /// A package.
 #[derive(Clone, Debug)]
 struct Package {
-    /// Its folder, from the root.
+    /// Folder, from the root.
     folder: String,
     kind: Kind,
     /// Indices of the packages that it depends on, tests left out.
@@ -134,7 +134,7 @@ fn packages(described: &[Value]) -> Result<Vec<Package>, Failure> {
     Ok(described.collect())
 }
 
-/// By what cannot be built on the desk, and by whether the crate does without the standard library.
+/// Tells a package's kind by its place, and by whether its library does without the standard library.
 fn kind(name: &str, root: &Path, folder: &str) -> Kind {
     let library = std::fs::read_to_string(root.join(folder).join("src/lib.rs")).unwrap_or_default();
     match () {
@@ -145,7 +145,7 @@ fn kind(name: &str, root: &Path, folder: &str) -> Kind {
     }
 }
 
-/// For each package those that it needs itself, without those that another of them needs, too; none for tests and tools.
+/// Direct needs of each package: those that no other of its needs already includes; empty for tests and tools.
 fn arrows(packages: &[Package]) -> Vec<BTreeSet<usize>> {
     let below = |from: usize| {
         let (mut found, mut open) = (BTreeSet::new(), vec![from]);

@@ -55,7 +55,7 @@ impl Flash {
         Ok(flash)
     }
 
-    /// As Intel HEX.
+    /// Returns the image as Intel HEX.
     ///
     /// # Errors
     /// An address beyond 32 bits.

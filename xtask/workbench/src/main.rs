@@ -31,7 +31,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use ferrostep_oracle::reference::ReferenceProfile;
 
 use steps::{Failure, Run};
-// Where the modules look for them: at the root, as in `xtask`.
+// The modules look for these at the root, as in `xtask`.
 use xtask::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, core_library, generated, hosts, policy, share, steps, system};
 
 /// Tasks of the Ferrostep workspace that need its crates.

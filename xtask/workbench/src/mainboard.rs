@@ -41,7 +41,7 @@ pub struct Options {
     /// Prints the first layers of a cube by the image of every board, as `cargo xtask firmware` has left them
     #[arg(long, conflicts_with_all = ["file", "pty", "tcp", "json"])]
     prints: bool,
-    /// With --prints, a share of the boards: 0 to 19, or all
+    /// Share of the boards for --prints: 0 to 19, or all
     #[arg(long, value_name = "K|all", default_value_t = Share::All, requires = "prints")]
     share: Share,
     /// More arguments for the program, such as --gdb 3333 or --entry-ns 173
@@ -61,9 +61,9 @@ pub const PACKAGE: &str = "ferrostep-mainboard";
 /// Builds the program and returns its path.
 pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
     run.step("virtual mainboard: build", || {
-        // With this program: alone it would be compiled with other features of what both use, and once more.
+        // Built together with this program: alone it would be compiled with other features of what both use, and once more.
         system::run(cargo().args(["build", "--package", PACKAGE, "--package", env!("CARGO_PKG_NAME")]))?;
-        // A program of its own, since it has to have others.
+        // A separate build, since this program needs other features.
         system::run(cargo().args(["build", "--package", "ferrostep-mainboard-log"]))
     })?;
     Ok(system::target_directory().join("debug").join(PACKAGE))
@@ -74,7 +74,7 @@ pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
 /// virtual mainboard, whose time is in whole nanoseconds, would read every other count one too low.
 const INSTRUCTIONS_PER_SECOND: u32 = 8_000_000;
 
-/// As many as a core at full speed has cycles: its counter of cycles then counts instructions.
+/// Cycles a second of a core at full speed: its counter of cycles then counts instructions.
 const CORE_HZ: u32 = 168_000_000;
 
 /// The counter that a program of the bench reads.
@@ -200,7 +200,7 @@ struct Machine<'a> {
     image: &'a Path,
 }
 
-/// What is printed, and the desk's trace of it.
+/// Job that is printed, and the desk's trace of it.
 struct Job {
     file: PathBuf,
     trace: PathBuf,
@@ -253,7 +253,7 @@ impl<'a> Machine<'a> {
         };
         let trace = folder.join(format!("{name}.trace"));
         let mut desk = cargo();
-        // As the tests have built it: no link-time optimisation.
+        // The desk's program is the tests' build: no link-time optimisation.
         desk.args(["run", "--package", "ferrostep", "--profile", "test", "--quiet", "--", "print"])
             .arg(&file)
             .arg("--profile")

@@ -15,8 +15,8 @@ use crate::system;
 /// The program that talks to debug probes.
 const PROBE_RS: &str = "probe-rs";
 
-/// Where the test harness keeps its tests: a symbol for each, whose name is JSON, and there three words of which the first
-/// is the address of what runs it.
+/// Section in which the test harness keeps its tests: a symbol for each, whose name is JSON, and there three words, the
+/// first of which is the address of the test's code.
 const SECTION: &str = ".embedded_test";
 
 /// The tests' source as a panic's place names it.
@@ -31,7 +31,7 @@ pub struct FlashOptions {
     /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long)]
     profile: Option<String>,
-    /// Where the image begins, bytes from the start of flash; the board's own by default
+    /// Start of the image, bytes from the start of flash; the board's own by default
     #[arg(long, value_name = "BYTES", value_parser = firmware::bytes)]
     boot_offset: Option<u32>,
 }
@@ -45,7 +45,7 @@ pub struct TestOptions {
     /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long, requires = "board")]
     profile: Option<String>,
-    /// Where the image begins, bytes from the start of flash; the board's own by default
+    /// Start of the image, bytes from the start of flash; the board's own by default
     #[arg(long, value_name = "BYTES", value_parser = firmware::bytes, requires = "board")]
     boot_offset: Option<u32>,
     /// The virtual mainboard's program; it is built by default

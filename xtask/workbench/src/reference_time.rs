@@ -17,7 +17,7 @@ pub struct Options {
     gcode: PathBuf,
     /// The profile: cartesian, corexy, prusa-mini or the path of a TOML file
     profile: String,
-    /// Junction deviation in the place of the profile's
+    /// Junction deviation instead of the profile's
     #[arg(long, value_name = "MM")]
     junction_deviation: Option<f64>,
     /// Leaves out the limits that the file sets (M201 to M205)

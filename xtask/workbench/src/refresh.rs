@@ -17,7 +17,7 @@ const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
 /// The README, with the table of the images' sizes.
 const README: Page = Page { path: "README.md", command: "cargo xtask refresh" };
 
-/// What to write.
+/// Parts to write.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {
     /// Only what needs no image of a board
@@ -27,7 +27,7 @@ pub struct Options {
 
 /// Tests or a program that write.
 struct Writer {
-    /// What they write.
+    /// Parts that they write.
     what: &'static str,
     /// Cargo's arguments.
     arguments: &'static [&'static str],

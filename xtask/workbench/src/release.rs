@@ -99,7 +99,7 @@ fn write_manual(program: &Path, folder: &Path) -> Result<(), Failure> {
     system::run(Command::new(program).args(["man", "-o"]).arg(make_folder("man")?))
 }
 
-/// What of a release belongs to the desktop tool, and goes into its archive.
+/// Files of a release that belong to the desktop tool, and go into its archive.
 const TOOL: [&str; 8] = [
     "ferrostep",
     "completions",
@@ -131,7 +131,7 @@ fn write_archive(folder: &Path, version: &str) -> Result<(), Failure> {
     system::run(tar.arg("-C").arg(folder).args(TOOL))
 }
 
-/// Whether the sources are those of the commit that is tagged as this version.
+/// Checks that the sources are those of the commit that is tagged as this version.
 fn check_sources(version: &str) -> Result<(), Failure> {
     let git = |arguments: &[&str]| {
         let mut git = Command::new("git");
@@ -180,7 +180,7 @@ fn collect_images(folder: &Path, version: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Packages of which a release has a program, with the target that they are built for.
+/// Packages with a program in a release, with the target that they are built for.
 fn packages() -> [(&'static str, Option<&'static str>); 2] {
     [("desk/cli", None), ("app", Some(crate::core_library::TARGET))]
 }

@@ -1,5 +1,5 @@
-//! Whether an image is the same wherever it is built: two clones of the last commit, in folders of different names and depths, with
-//! cargo's downloads in different ones.
+//! Check that an image is the same wherever it is built: two clones of the last commit, in folders of different names
+//! and depths, with cargo's downloads in different ones.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use crate::steps::{Failure, Run};
 use crate::system;
 
-/// What to build.
+/// Image to build.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
     /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file within the repository
@@ -27,7 +27,7 @@ const FOLDERS: [(&str, &str); 2] =
 /// # Errors
 /// A build fails, or a file differs.
 pub fn check(run: &mut Run, options: &Options) -> Result<(), Failure> {
-    // Not within the repository, whose `.cargo/config.toml` would hold there beside the clone's own.
+    // A folder outside the repository, whose `.cargo/config.toml` would apply there beside the clone's own.
     let folder = std::env::temp_dir().join(format!("ferrostep-reproducible-{}", std::process::id()));
     let outcome = build_and_compare(run, options, &folder);
     let removed = fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()));

@@ -1,4 +1,4 @@
-//! How much of the board's memory an image takes.
+//! Memory of the board that an image takes.
 
 use std::fmt;
 
@@ -7,7 +7,8 @@ use ferrostep_boards::constants::STACK_KIB;
 use object::elf::{SHF_ALLOC, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags, SectionKind};
 
-/// The share of a chip's RAM that an image may use: behind the stack, whose depth is measured but not proved, more than an eighth stays free.
+/// Share of a chip's RAM that an image may use: more than an eighth stays free after the stack, whose depth is measured
+/// but not proved.
 const RAM_SHARE: (u64, u64) = (17, 20);
 
 /// Ports of the motors' signals whose step queue that share allows for, and what the queue takes for each further one, bytes: two words
@@ -18,7 +19,7 @@ const PORT_BYTES: u64 = 2 * 4 * 1024;
 /// The stack's part of that, bytes.
 const STACK_BYTES: u64 = STACK_KIB as u64 * 1024;
 
-/// Where core-coupled memory is.
+/// Addresses of core-coupled memory.
 const CCM: std::ops::Range<u64> = 0x1000_0000..0x1001_0000;
 
 /// The memory that an image may use, bytes.
@@ -106,9 +107,9 @@ impl Sizes {
 pub struct Row<'a> {
     /// The image.
     pub name: &'a str,
-    /// Its sizes.
+    /// Sizes of the image.
     pub sizes: Sizes,
-    /// What it may take.
+    /// Memory that the image may take.
     pub budget: Budget,
 }
 
@@ -176,7 +177,7 @@ mod tests {
         const STRING_TABLE: u32 = 3;
         let contents = file.len() as u32 + 40;
         file.extend([0, STRING_TABLE, 0, 0, contents, 1, 0, 0, 1, 0].map(u32::to_le_bytes).concat());
-        // What the sections hold.
+        // Contents of the sections.
         file.extend([0; 64]);
         file
     }

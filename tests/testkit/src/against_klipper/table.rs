@@ -82,7 +82,7 @@ const BUDGET_MM: f64 = 0.04;
 /// The tolerance of the filtered path of [`Plan::TolerantFerrostep`], mm.
 const TOLERANCE_MM: f64 = 0.1;
 
-/// Whose rules.
+/// Rules of a plan: Ferrostep's or Klipper's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plan {
     /// The steps of this firmware with the profile's junction deviation.

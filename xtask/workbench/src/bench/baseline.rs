@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::steps::Failure;
 use crate::system;
 
-/// How much a count may grow, percent; more fails the check.
+/// Maximum growth of a count, percent; more fails the check.
 const TOLERANCE_PERCENT: f64 = 3.0;
 
 /// The same for images of another compiler than the baseline's, which alone has changed counts by up to
@@ -24,22 +24,22 @@ pub const DESK: &str = "desk";
 /// A count that differs from the baseline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// Its key, with dots.
+    /// Key with dots.
     pub key: String,
-    /// The committed count; `None` where there was none.
+    /// The committed count; `None` if there was none.
     pub before: Option<f64>,
     /// The current count; `None` if it is no longer counted.
     pub now: Option<f64>,
 }
 
 impl Change {
-    /// How much it grew, percent; `None` for a new or lost count.
+    /// Growth of the count, percent; `None` for a new or lost count.
     pub fn percent(&self) -> Option<f64> {
         let (before, now) = (self.before?, self.now?);
         Some(if before > 0.0 { (now / before - 1.0) * 100.0 } else { f64::INFINITY })
     }
 
-    /// Whether it fails the check: it grew too much, or is no longer counted.
+    /// Returns true if it fails the check: it grew too much, or is not counted any more.
     fn is_failure(&self, tolerance_percent: f64) -> bool {
         match (self.before, self.now) {
             (Some(before), Some(now)) => now * 100.0 > before * (100.0 + tolerance_percent),
@@ -60,7 +60,7 @@ impl fmt::Display for Change {
     }
 }
 
-/// Where the committed counts are.
+/// Path of the committed counts.
 fn path() -> PathBuf {
     system::root().join("xtask/bench-baseline.json")
 }
@@ -240,7 +240,7 @@ mod tests {
         let error = check(&baseline, &with_desk(36_000.0)).unwrap_err();
         assert!(error.contains("desk.estimate.cube.a_line: 6000 -> 36000 (+500.0 %)"), "{error}");
         assert_eq!(check(&baseline, &figures(1000.0, 1)), Ok(()));
-        // And is not forgotten where it is not.
+        // The desk's baseline is kept where the desk is not counted.
         assert_eq!(kept(&figures(1000.0, 1), &baseline)["desk"], baseline["desk"]);
         assert_eq!(kept(&with_desk(5000.0), &baseline)["desk"], with_desk(5000.0)["desk"]);
         assert_eq!(kept(&baseline, &json!({})).get("host"), None);

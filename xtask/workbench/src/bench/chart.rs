@@ -6,11 +6,11 @@ use ferrostep_svg::{escaped, page};
 
 /// A bar.
 pub struct Bar {
-    /// What it stands for.
+    /// Label of the bar.
     pub label: String,
-    /// Its length.
+    /// Length of the bar.
     pub instructions: f64,
-    /// Whether Ferrostep executes it, or another firmware.
+    /// True if Ferrostep executes it, false for another firmware.
     pub own: bool,
 }
 
@@ -23,7 +23,7 @@ pub struct Group {
 }
 
 const WIDTH: f64 = 720.0;
-/// Where the bars begin; the labels end before it.
+/// Left end of the bars; the labels end before it.
 const LEFT: f64 = 250.0;
 /// The longest bar ends here; its number follows.
 const RIGHT: f64 = WIDTH - 70.0;

@@ -1,4 +1,4 @@
-//! From instructions to events a second: an estimate until a board has been measured.
+//! Estimate of events a second from instructions, until a board has been measured.
 
 /// Core clock of the STM32F405 and F407, Hz.
 const CLOCK_HZ: f64 = 168e6;
@@ -10,11 +10,11 @@ const ENTRY_AND_EXIT_CYCLES: f64 = 12.0 + 10.0;
 /// Cycles an instruction. Klipper's step, 33 instructions, takes 46 cycles on an STM32F407 by its own benchmark.
 const CYCLES_PER_INSTRUCTION: f64 = 1.4;
 
-/// What a square root and a division take beyond two such instructions: 14 cycles each (the same manual, floating point).
+/// Cycles that a square root and a division take beyond two such instructions: 14 each (the same manual, floating point).
 const ROOT_AND_DIVISION_MORE_CYCLES: f64 = 2.0 * (14.0 - CYCLES_PER_INSTRUCTION);
 
-/// Share of the processor, percent, that so many steps a second take, each of which is solved for by a root and a division and
-/// is an interrupt of its own.
+/// Share of the processor, percent, that `per_s` steps a second take. Each is solved for by a root and a division, and
+/// is a separate interrupt.
 pub fn solved_steps_percent(per_s: f64, instructions: f64, interrupt_instructions: f64) -> f64 {
     let cycles = ROOT_AND_DIVISION_MORE_CYCLES
         + ENTRY_AND_EXIT_CYCLES

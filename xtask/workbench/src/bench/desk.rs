@@ -1,4 +1,4 @@
-//! What an estimate costs on the desk: instructions, counted by valgrind where it is installed.
+//! Cost of an estimate on the desk: instructions, counted by valgrind where it is installed.
 
 use std::path::Path;
 use std::process::Command;

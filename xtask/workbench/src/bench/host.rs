@@ -1,4 +1,4 @@
-//! How fast the desk is. The figures depend on the computer and its load, so they are shown and never compared.
+//! Speed of the desk. The figures depend on the computer and its load, so they are shown and never compared.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -169,7 +169,7 @@ fn line_to_queue(out: &mut String, figures: &Value) -> std::fmt::Result {
     )
 }
 
-/// Nothing where it is not counted.
+/// Writes the part on shaped motion, if it was counted.
 fn shaped(out: &mut String, figures: &Value) -> std::fmt::Result {
     let count = |key: &str| number(figures, &format!("target.shaped.{key}"));
     if count("per_step").is_none() {

@@ -12,7 +12,7 @@ pub const FAST_STEPS_PER_S: f64 = 140e3;
 /// it within the 18.8 ms of the longer filter, seen at each of 7 delays.
 pub const MOST_BREAKPOINTS_PER_S: f64 = 36.0 * 7.0 / 18.8e-3;
 
-/// What is counted for each event: its place in the counts and the workload, and its key in the target's figures.
+/// Counts for each event: the place in the counts and the workload, and the key in the target's figures.
 const PER_EVENT: [(&str, &[&str]); 3] = [
     ("trapezoid", &["interpolate_per_step_trapezoid"]),
     ("trapezoid_one_axis", &["interpolate_per_step_trapezoid_one_axis"]),
@@ -28,7 +28,7 @@ pub fn target(counts: &Value, workload: &Value) -> Result<Value, Failure> {
         if events <= 0.0 {
             return Err(format!("the bench made no events: {what}"));
         }
-        // With one decimal, as the means that the bench works out itself.
+        // One decimal, as in the means that the bench works out itself.
         let each = (instructions / events * 10.0).round() / 10.0;
         let mut place = &mut target;
         for key in keys {
@@ -44,7 +44,7 @@ pub fn target(counts: &Value, workload: &Value) -> Result<Value, Failure> {
     Ok(target)
 }
 
-/// What shaped motion takes of the processor.
+/// Adds the shares of the processor that shaped motion takes.
 fn add_shares(target: &mut Value) -> Result<(), Failure> {
     let interrupt = number(target, &["step_event", "new_stair_1_axis"])?;
     let step = number(target, &["shaped", "per_step"])?;

@@ -240,7 +240,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 /// The row of each package: below all that use it, with at most [`MAX_ROOMS`] in each, those left out that stand in the last one.
 fn rows(uses: &[BTreeSet<usize>], is_last: &[bool]) -> Vec<usize> {
-    // How many rows a package needs below it: the deepest are placed first.
+    // Number of rows that a package needs below it: the deepest are placed first.
     fn depth(uses: &[BTreeSet<usize>], package: usize, known: &mut [Option<usize>]) -> usize {
         if let Some(depth) = known[package] {
             return depth;
