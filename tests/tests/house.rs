@@ -106,7 +106,7 @@ const AGAINST_THE_RULE: [(&str, &str); 8] = [
     ("papers", "printer/gpre"),
 ];
 
-/// The folders of the packages of ours that a package's library or build script uses, by the workspace's names.
+/// The folders of Ferrostep's packages that a package's library or build script uses, by the workspace's names.
 fn used(package: &Path, of_workspace: &Table) -> Vec<PathBuf> {
     let manifest: Table = fs::read_to_string(package.join("Cargo.toml")).unwrap().parse().unwrap();
     let tables =

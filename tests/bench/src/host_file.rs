@@ -13,7 +13,7 @@ impl HostFile {
     /// Opens a file, by its name from the emulator's working folder.
     ///
     /// # Errors
-    /// There is no such file.
+    /// The file does not exist.
     pub fn open(name: &CStr) -> Result<Self, &'static str> {
         let length = name.to_bytes().len();
         // SAFETY: address and length are the name's, which ends with a zero, as Arm's semihosting specification asks of

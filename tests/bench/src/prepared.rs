@@ -148,7 +148,7 @@ impl Source for Packets {
                     return execute(printer, text).map(|()| Some(0));
                 }
                 Some(PacketRequest::Fan { .. }) => return Ok(Some(0)),
-                // Where the machine is, which has not been homed, is not what is measured.
+                // The machine's place is not measured: it has not been homed.
                 Some(PacketRequest::Place(_)) | None => {}
             }
         }
@@ -213,7 +213,7 @@ enum Way {
     ToQueue,
 }
 
-/// Counts one of them on a planner of its own.
+/// Counts one of them on a separate planner.
 #[inline(never)]
 fn one(
     counter: &Counter,

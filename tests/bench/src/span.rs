@@ -10,7 +10,7 @@ use ferrostep_stm32f4_board::pac::Interrupt;
 /// An interrupt that stays masked.
 pub const UNANSWERED: Interrupt = Interrupt::TIM4;
 
-/// A count that goes on and on, modulo 2^32.
+/// A count that continues modulo 2^32.
 ///
 /// An enum and no trait: what is measured is then compiled once, in this crate, and inlined as in the firmware.
 #[derive(Clone, Copy, Debug)]
@@ -56,14 +56,14 @@ impl Counter {
     pub fn new(clock: Count) -> Self {
         let mut spans = Self { clock, overhead: 0, pending_overhead: 0 };
         spans.overhead = spans.count(|| ()).0;
-        // An interrupt without a handler of its own, and masked: the same code runs, and nothing else.
+        // An interrupt without its own handler, and masked: only the same code runs.
         spans.pending_overhead = spans.pend(UNANSWERED);
         NVIC::unpend(UNANSWERED);
         spans
     }
 
     fn now(&self) -> u32 {
-        // Nothing moves from one side of the reading to the other.
+        // The fences keep code on its side of the reading.
         compiler_fence(Ordering::SeqCst);
         let now = self.clock.now();
         compiler_fence(Ordering::SeqCst);
@@ -86,7 +86,7 @@ impl Counter {
         self.pend(interrupt).saturating_sub(self.pending_overhead)
     }
 
-    /// One copy of this code for every interrupt, so that its own share is the same for all.
+    /// One copy of this code for every interrupt, so that its share is the same for all.
     #[inline(never)]
     fn pend(&self, interrupt: Interrupt) -> u32 {
         let start = self.now();

@@ -87,7 +87,7 @@ pub fn measure(
             if let Ok(Command::Linear { .. }) = command {
                 print.moves += 1;
                 print.parse.add(read_instructions + parse_instructions, 1);
-                // Which parses too.
+                // The execution includes the parser.
                 print.plan.add(execute_instructions.saturating_sub(parse_instructions), 1);
             }
             read_instructions = 0;

@@ -124,7 +124,7 @@ fn classic<M: Stepping>(slope: Slope, queue: &mut LineQueue<M>) -> u64 {
 fn classic_coalesced<M: Stepping>(slope: Slope, queue: &mut LineQueue<M>) -> u64 {
     let mut line = Classic::<Told>::new(slope);
     let mut left = slope.major();
-    // What is known of the run to come.
+    // Part of the run to come that is known.
     let (mut known, mut steps) = (0, false);
     if left > 0 {
         left = left.wrapping_sub(1);
@@ -153,7 +153,7 @@ fn step<M: Stepping, W: Widths>(slope: Slope, queue: &mut LineQueue<M>) -> u64 {
     let axes = if slope.is_steep() { X | Y } else { X };
     let stair = single(axes, Y);
     let mut stairs = Stairs::<W>::new(slope);
-    // And what follows the last.
+    // One more for the run after the last stair.
     let mut left = stairs.whole().wrapping_add(1);
     queue.extend(core::iter::from_fn(|| {
         left = left.checked_sub(1)?;

@@ -1,13 +1,13 @@
 //! Any bytes are binary G-code or an error that can be told; in portions of any size they give the same.
 //!
-//! A fuzzer does not find checksums: the first byte says whether the blocks' are mended, and whether the input is a file as
-//! it stands or blocks to which a header is added.
+//! A fuzzer does not find checksums: the first byte says whether the blocks' are mended, and whether the input is a
+//! whole file or blocks to which a header is added.
 #![no_main]
 
 use ferrostep_binary_gcode::{Decoder, Error, Progress, Reason, Selection};
 use libfuzzer_sys::fuzz_target;
 
-/// More than this is not read: 100 bytes may repeat themselves for ever.
+/// Maximum number of bytes that are read: 100 bytes may repeat themselves endlessly.
 const MAX_BYTES: usize = 1 << 20;
 
 fn read(file: &[u8], selection: Selection, portion: usize, room: usize) -> (Vec<u8>, Option<Error>) {
@@ -71,7 +71,7 @@ fuzz_target!(|input: &[u8]| {
     let (portion, room) = (1 + usize::from(mode >> 4), 1 + usize::from(mode >> 5));
     let (other_text, other_error) = read(&file, selection, portion, room);
     if error.is_some_and(|error| error.reason == Reason::Deflate) {
-        // How far damaged bytes are read is Deflate's own affair.
+        // Deflate decides how far damaged bytes are read.
         let [shorter, longer] = if text.len() < other_text.len() { [&text, &other_text] } else { [&other_text, &text] };
         assert!(longer.starts_with(shorter) && other_error.is_some());
         return;

@@ -12,7 +12,7 @@ const MAX_EVENTS: u64 = 20_000;
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = from_text(&String::from_utf8_lossy(bytes));
-    // With the checksum that it should have.
+    // The bytes with their right checksum.
     let sealed = [bytes, &crc32fast::hash(bytes).to_le_bytes()].concat();
     let Ok(contents) = Contents::read(&sealed) else { return };
     let slots = contents.slots.clone();

@@ -6,7 +6,7 @@ use ferrostep_gpre::transfer::{Event, Kind, Receiver, Report, to_wire};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    // The file is what a frame of it holds; between the frames stands what the fuzzer says.
+    // The file is the payload of its frames; between the frames come the fuzzer's bytes.
     let file: Vec<u8> = (0..2000u32).map(|index| (index * 7 + (index >> 3)) as u8).collect();
     let mut receiver = Receiver::new(file.len() as u32);
     let mut buffer = vec![0; file.len()];

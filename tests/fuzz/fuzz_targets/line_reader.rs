@@ -63,7 +63,7 @@ fuzz_target!(|data: &[u8]| {
                 Ok(Command::QuickStop) => Some(Emergency::QuickStop),
                 _ => None,
             },
-            // A line number of hundreds of digits, or a checksum that is no text.
+            // A line number of hundreds of digits, or a checksum that is not text.
             Some(Err(_)) => continue,
             None => None,
         };

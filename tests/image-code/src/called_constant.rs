@@ -61,7 +61,7 @@ pub fn is_only_called(code: &Code, setting: &Instruction, register: &str, back: 
                 }
             }
             (Flow::Call(target), None) if code.is_outlined(target) => pending.push((target, register, Some(next))),
-            // What a call leaves changed it may have read before.
+            // A call may have read the registers that it leaves changed.
             (Flow::Call(_) | Flow::ComputedCall, _) => {
                 if !is_kept && !calls {
                     return false;
@@ -70,7 +70,7 @@ pub fn is_only_called(code: &Code, setting: &Instruction, register: &str, back: 
             }
             (Flow::Return { is_conditional: false }, Some(back)) => pending.push((back, register, None)),
             (Flow::Computed, Some(back)) if calls && is_kept => pending.push((back, register, None)),
-            // With the value still in the register.
+            // Returns with the value still in the register.
             (Flow::Return { .. }, _) => return false,
             (Flow::Trap, _) => {}
             (Flow::Computed, _) => {
@@ -117,7 +117,7 @@ fn use_of(instruction: &Instruction, register: &str) -> Use {
         "ldr" | "ldrb" | "ldrh" | "mov" | "movs" | "movw" | "adr" | "add" | "adds" | "sub" | "subs" => {
             first == register && !names(rest)
         }
-        // From the floating-point unit, which has none of these names.
+        // Reads the floating-point unit, which has none of these names.
         "vmov" => rest.rsplit(',').next().is_some_and(is_of_floating_point),
         // Two registers at once.
         "ldrd" => operands.split_once('[').is_some_and(|(loaded, address)| names(loaded) && !names(address)),

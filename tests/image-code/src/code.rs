@@ -77,7 +77,7 @@ impl Code {
     /// Reads an image.
     ///
     /// # Errors
-    /// It cannot be read, or is no ELF file.
+    /// The file cannot be read, or is not an ELF file.
     pub fn of(image: &Path) -> Result<Self, String> {
         let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
         let file = object::File::parse(&*bytes).map_err(|error| format!("{}: {error}", image.display()))?;
@@ -130,7 +130,8 @@ impl Code {
         self.functions.range(..=address).next_back().map(|(&start, _)| start)
     }
 
-    /// Returns `true` if an outlined function begins at an address: instructions that stood in several functions, which call it now.
+    /// Returns `true` if an outlined function begins at an address: instructions taken out of several functions, which
+    /// call it now.
     pub fn is_outlined(&self, address: u32) -> bool {
         let names = self.functions.get(&address);
         names.is_some_and(|names| names.iter().all(|name| name.starts_with("OUTLINED_FUNCTION_")))
@@ -143,7 +144,7 @@ impl Code {
         before.is_none_or(|(&start, &end)| end > start && address >= end)
     }
 
-    /// Addresses of the functions in whose names a text stands.
+    /// Addresses of the functions whose names contain a text.
     pub fn functions_named(&self, part: &str) -> Vec<u32> {
         let names_it = |names: &Vec<String>| names.iter().any(|name| name.contains(part));
         self.functions.iter().filter(|(_, names)| names_it(names)).map(|(&address, _)| address).collect()
@@ -163,7 +164,7 @@ impl Code {
     /// The handler of an interrupt, by its number in the reference manual.
     ///
     /// # Errors
-    /// There is no vector, or it leads to no function.
+    /// The vector is missing, or leads to no function.
     pub fn handler(&self, interrupt: u32) -> Result<u32, String> {
         match self.vectors.get((EXCEPTIONS + interrupt) as usize) {
             // Bit 0 says Thumb, without which the core would fault.
@@ -238,7 +239,7 @@ impl Code {
             [low] => u32::from(low),
             _ => 0,
         });
-        // What fills the last word is an offset into the table, and constants that follow the table lead out of the function.
+        // Filling of the last word reads as an offset into the table, and constants after the table lead out of the function.
         let function = self.function_start(instruction.address);
         let is_target = |target: &u32| self.function_start(*target) == function && self.instruction(*target).is_ok();
         offsets.map(|offset| table + 2 * offset).filter(is_target).collect()
@@ -272,7 +273,7 @@ fn words(bytes: &[u8]) -> impl Iterator<Item = u32> + use<'_> {
     bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word))
 }
 
-/// The constant that a register was last set to, by the instructions of a function as they stand one after the other.
+/// The constant to which a register was last set by the instructions of a function, taken in their order.
 pub fn constant(function: &[Instruction], register: &str) -> Option<u32> {
     let only_reads = |name: &str| {
         matches!(name, "bx" | "blx" | "cbz" | "cbnz" | "cmp" | "cmn" | "tst" | "teq") || name.starts_with("str")
@@ -281,7 +282,7 @@ pub fn constant(function: &[Instruction], register: &str) -> Option<u32> {
         instruction.operands.split(',').next() == Some(register) && !only_reads(&instruction.name)
     };
     let place = function.iter().rposition(is_set)?;
-    // What is loaded or computed is no constant, whatever the register held before.
+    // A value that is loaded or computed is not a constant, whatever the register held before.
     let setting = function.get(place).filter(|setting| setting.name.starts_with("mov"))?;
     setting.target().or_else(|| constant(function.get(..place)?, setting.operands.rsplit(' ').next()?))
 }

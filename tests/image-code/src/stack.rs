@@ -19,7 +19,7 @@ pub const EXCEPTION_BYTES: u32 = 4 * (8 + 18 + 1);
 /// The longest chain: a reply, the refusal in it, the error in that, a driver's report, its error, a number.
 const NESTED_TEXTS: u32 = 6;
 
-/// The search remembers of this many types of ours, those with the largest frames, whether their text is being made.
+/// Number of Ferrostep's types, those with the largest frames, for which the search remembers whether their text is being made.
 const TEXTS_IN_MIND: usize = 10;
 
 /// The purpose of a call through a pointer.
@@ -48,7 +48,7 @@ pub struct StackUse<'a> {
     functions: BTreeMap<u32, Function>,
     /// Functions whose address occurs, by purpose.
     pointed_to: BTreeMap<Kind, BTreeSet<u32>>,
-    /// Functions that make the text of a type of ours, those with the largest frames, at most [`TEXTS_IN_MIND`].
+    /// Functions that make the text of one of Ferrostep's types, those with the largest frames, at most [`TEXTS_IN_MIND`].
     own_texts: Vec<u32>,
 }
 
@@ -164,7 +164,7 @@ impl<'a> StackUse<'a> {
     fn through_pointers(&self, start: u32) -> Vec<(u32, bool)> {
         let names = self.code.names(start);
         let own = kind(&names);
-        // Nothing in an image keeps a pointer to a function for that function itself.
+        // An image keeps no pointer to a function for that function itself.
         let all_of = |kind| self.pointed_to.get(&kind).into_iter().flatten().copied().filter(|&to| to != start);
         let writers = all_of(Kind::Writer).map(|to| (to, false));
         let makes_text_of_all = names.iter().any(|name| name == "core::fmt::write" || name.contains("<&"));
@@ -198,7 +198,7 @@ struct Search<'a, 'b> {
 impl Search<'_, '_> {
     fn deepest(&mut self, start: u32, mut within: Within) -> Result<Rc<Deepest>, String> {
         if let Some(place) = self.stack_use.own_texts.iter().position(|own| *own == start) {
-            // No type of ours contains itself, for none is on a heap: its text is never in its own.
+            // No type of Ferrostep's contains itself, for none is on a heap: its text is never in its own.
             if within.own_texts >> place & 1 == 1 {
                 return Ok(Rc::default());
             }
@@ -237,7 +237,8 @@ impl Search<'_, '_> {
     }
 }
 
-/// The functions that make the text of a type of ours, the largest frames first. One that the linker has merged with others is left out.
+/// The functions that make the text of one of Ferrostep's types, the largest frames first. One that the linker has
+/// merged with others is left out.
 fn own_texts(code: &Code, functions: &BTreeMap<u32, Function>) -> Vec<u32> {
     let is_own = |start: u32| match &code.names(start)[..] {
         [name] => {

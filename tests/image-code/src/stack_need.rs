@@ -12,7 +12,7 @@ const RAM_START: u32 = 0x2000_0000;
 /// Handlers of one priority, of which one runs at a time; every other has a priority of its own.
 const OF_ONE_PRIORITY: [&[&str]; 2] = [
     &["TIM2", "TIM1_BRK_TIM9"],
-    // Nothing comes after these.
+    // The last ones: no handler follows them.
     &["HardFault", "HardFaultTrampoline", "DefaultHandler", "DefaultHandler_"],
 ];
 

@@ -9,7 +9,7 @@ use std::io::{self, BufRead, BufReader, Read};
 /// Length of a record without what may follow it, bytes.
 pub const RECORD_BYTES: usize = 12;
 
-/// Longest header accepted, bytes: enough for any, and bounded for a file that is no trace.
+/// Longest header accepted, bytes: enough for any, and bounded for a file that is not a trace.
 const HEADER_BYTES_MAX: u64 = 65_536;
 
 /// The first line of a trace.
@@ -177,10 +177,10 @@ pub struct TraceReader<R> {
 }
 
 impl<R: Read> TraceReader<R> {
-    /// Reads the header and stands before the first record.
+    /// Reads the header and stops before the first record.
     ///
     /// # Errors
-    /// [`TraceError`] if there is no header or it is not one of this format and version.
+    /// [`TraceError`] if the header is missing or not one of this format and version.
     pub fn new(input: R) -> Result<Self, TraceError> {
         let mut input = BufReader::with_capacity(1 << 16, input);
         let mut line = Vec::new();
@@ -208,7 +208,7 @@ impl<R: Read> TraceReader<R> {
         }
         match kind {
             0 => {
-                // At most eight axes, so that the shift stays inside the mask's type.
+                // The header names at most eight axes, so that the shift stays inside the mask's type.
                 let known = u8::MAX >> 8usize.saturating_sub(self.header.axes.len());
                 if axes == 0 || axes & !known != 0 {
                     return Err(TraceError::BadAxes { axes, offset });

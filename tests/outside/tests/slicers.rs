@@ -88,7 +88,7 @@ fn prusa_slicer_slices_a_cube_for_every_machine_and_it_prints() {
         let filament_mm = number_after(&text, "; filament used [mm] = ") + 21.5;
         let ours_mm = result["filament_mm"].as_f64().unwrap();
         assert!((ours_mm - filament_mm).abs() < 0.01 * filament_mm, "{name}: {ours_mm} mm, the slicer {filament_mm}");
-        // PrusaSlicer plans with classic corner speeds, which are others than ours.
+        // PrusaSlicer plans with classic corner speeds, unlike Ferrostep.
         let estimate = text.split_once("; estimated printing time (normal mode) = ").unwrap().1.lines().next().unwrap();
         let (ours_s, estimate_s) = (result["motion_time_s"].as_f64().unwrap(), seconds(estimate));
         assert!((ours_s / estimate_s - 1.0).abs() < 0.1, "{name}: {ours_s} s, the slicer {estimate_s}");

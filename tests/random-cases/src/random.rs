@@ -5,7 +5,7 @@
 pub struct Random(pub u64);
 
 impl Random {
-    /// Numbers of their own for each case of a search.
+    /// Separate numbers for each case of a search.
     pub fn numbered(case: u64) -> Self {
         Self((case + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
     }

@@ -129,7 +129,7 @@ pub fn share_of_cases(count: u32) -> Config {
     Config { cases: portion(whole.cases, share), rng_seed: seed(whole.rng_seed, share), ..whole }
 }
 
-/// A share of so many random cases.
+/// A share of these random cases.
 fn portion(cases: u32, share: Share) -> u32 {
     let portion = u64::from(cases).div_ceil(share.of);
     u32::try_from(portion).unwrap_or(u32::MAX).max(FEWEST_CASES.min(cases))

@@ -122,7 +122,7 @@ pub fn with_board<M: Stepping, T>(
 }
 
 impl<'a, M: Stepping> Board<'a, M> {
-    /// The executor of G-code, of which a board has one.
+    /// The executor of G-code; a board has one.
     pub fn printer(&self) -> BoardPrinter<'_, 'a, M> {
         let clock = VirtualDelay(&self.clock);
         let mut printer = Printer::new(

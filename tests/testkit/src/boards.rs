@@ -132,7 +132,7 @@ impl BoardFacts {
 /// The pin of a name such as `B10`.
 ///
 /// # Panics
-/// It is no name of a pin.
+/// The text is not a pin's name.
 pub fn pin(name: &str) -> Pin {
     let (port, number) = name.split_at(1);
     (port.chars().next().unwrap(), number.parse().unwrap())

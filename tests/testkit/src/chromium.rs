@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// The browser: `FERROSTEP_CHROMIUM`, or the first of these on the path.
 ///
 /// # Panics
-/// There is none.
+/// Chromium is missing.
 pub fn chromium() -> PathBuf {
     if let Some(named) = std::env::var_os("FERROSTEP_CHROMIUM") {
         return named.into();

@@ -46,7 +46,7 @@ pub fn scratch() -> TempDir {
 /// Sends a process a signal, by its name without `SIG`. The shell does it, for a program `kill` is not everywhere.
 ///
 /// # Panics
-/// There is no such process.
+/// The process does not exist.
 #[track_caller]
 pub fn send_signal(name: &str, process: u32) {
     let sent = Command::new("sh").args(["-c", "kill -s \"$0\" \"$1\"", name, &process.to_string()]).status().unwrap();

@@ -28,7 +28,7 @@ pub fn compare(folder: &Path, arguments: &[&str]) -> Output {
 /// Text that a run has written to its standard error.
 ///
 /// # Panics
-/// It is no text.
+/// The bytes are not text.
 pub fn errors(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }

@@ -38,7 +38,7 @@ pub struct Edges {
     pub events: u64,
     /// Moments at which step pins changed.
     pub edges: u64,
-    /// The shortest time that a step pin stood at a level.
+    /// The shortest time for which a step pin kept a level.
     pub smallest_pulse_cycles: u64,
     /// The shortest time between two moments at which any step pins changed.
     pub smallest_gap_cycles: u64,

@@ -66,7 +66,7 @@ fn other_commands_keep_the_height_above_the_sheet() {
         // The coordinates' zero is another one.
         (&["G1 Z1", "G92 Z0", "G1 X20 Y180"][..], 1.0, 0.0),
         (&["G1 Z1", "M290 Z-0.2 P0", "G1 X20 Y180"], 0.8, 1.0),
-        // A print pauses and goes on: the nozzle is back above the sheet.
+        // A print pauses and continues: the nozzle is back above the sheet.
         (&["G1 Z1", "G91", "G1 X-20", "G1 X20", "G90"], 1.0, 1.0),
         (&["G1 Z1", "M18 E", "M400", "G1 X30"], 1.0, 1.0),
         // In relative coordinates.
@@ -79,7 +79,7 @@ fn other_commands_keep_the_height_above_the_sheet() {
         (&["M555 X20 Y20 W60 H80", "G29 P1", "G1 X60 Y60 Z1"], 1.0, 1.0),
         (&["BED_MESH_CALIBRATE MESH_MIN=20,20 MESH_MAX=90,90", "G1 X60 Y60 Z1"], 1.0, 1.0),
         (&["G1 Z1", "G29 O", "M400"], 1.0, 1.0),
-        // What probes a place follows the mesh again.
+        // The mesh is followed again after a probing command.
         (&["G30 X50 Y50", "G1 X160 Y160 Z1"], 1.0, 1.0),
         (&["M48 P4", "G1 X160 Y160 Z1"], 1.0, 1.0),
         // Homing forgets that Z followed, not the mesh.
@@ -147,7 +147,7 @@ fn g30_reports_one_place() {
     assert!(near(z, sheet_mm(&machine, [180.0, 30.0]) - home), "{z}");
     let [nozzle_x, nozzle_y, _] = done.place_mm();
     assert!(near(nozzle_x + PROBE_MM[0], 180.0) && near(nozzle_y + PROBE_MM[1], 30.0), "{:?}", done.place_mm());
-    // Where it is: at home.
+    // A place without words is the present one: home.
     assert!(near(run(&machine, ["G28", "G30"]).well().line("Bed X: 100.00 Y: 100.00 Z: ").parse().unwrap(), 0.0));
 }
 
@@ -159,7 +159,7 @@ fn the_sum_of_mesh_and_probe_offset_is_right() {
     for (lines, gap) in [
         (&["M851 Z-1.5", "G28", "G29", "G1 X30 Y180 Z1 F6000"][..], 0.7),
         (&["G28", "G29", "M851 Z-1.5", "G28", "M420 S1", "G1 X30 Y180 Z1 F6000"], 0.7),
-        // Not in force yet: Z was homed before.
+        // M851 has no effect yet: Z was homed before.
         (&["G28", "M851 Z-1.5", "G29", "G1 X30 Y180 Z1 F6000"], 1.0),
     ] {
         let done = run(&machine, lines.iter().copied()).well();
@@ -178,8 +178,8 @@ fn m421_sets_a_point() {
     }
 }
 
-/// A stop in mid-move leaves the correction where the motors are: Z's coordinate is that of the plan, and the next line goes on at
-/// its height above the sheet.
+/// A stop in mid-move leaves the correction where the motors are: Z's coordinate is that of the plan, and the next line
+/// continues at its height above the sheet.
 #[test]
 fn a_stop_in_mid_move_keeps_the_height() {
     let machine = profile(TILTED);

@@ -112,7 +112,7 @@ fn x_y_and_the_extruder_keep_their_steps() {
             vec!["G28", "G29", "M420 S0", "G1 X100 Y100 Z5 F6000", "M302 P1", "M83", "G90", on, "G1 Z5", "M400", "M17"];
         lines.extend(layer.iter().map(String::as_str));
         let done = run(&machine, lines).well();
-        // From the first push of the layer on, whose tick is 0.
+        // Steps from the first push of the layer on, whose tick is 0.
         let start = done.steps.iter().position(|step| step.pushes).unwrap();
         let tick = done.steps[start].tick;
         let rest = done.steps[start..]

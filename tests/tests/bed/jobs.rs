@@ -51,7 +51,7 @@ fn a_prepared_job_follows_no_mesh() {
             assert!(refused.starts_with("line 2: ") && refused.contains(says), "{line}: {refused}");
         }
     }
-    // Where nothing can be followed the lines are what they are for every other job.
+    // A job for a machine without a probe treats these lines as every other job does.
     let flat = ferrostep_profiles::load("cartesian").unwrap();
     assert!(prepared(&flat, "G28\nG29\nM420 S1\nG1 X10 F3000\n", Encoding::Compact).is_ok());
 }
@@ -72,7 +72,7 @@ fn an_estimate_takes_the_time_of_measuring() {
     assert!((printed / estimated - 1.0).abs() < 0.01, "{printed} s, estimated {estimated} s");
 }
 
-/// Each command of the bed has one fate without a probe: one remark, and the job goes on.
+/// Each command of the bed has one fate without a probe: one remark, and the job continues.
 #[test]
 fn without_a_probe_each_command_says_so_once() {
     let flat = ferrostep_profiles::load("cartesian").unwrap();

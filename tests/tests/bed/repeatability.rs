@@ -15,7 +15,7 @@ fn the_deviation_is_that_of_the_probe() {
     let words: Vec<f64> = done.line("Mean: ").split_whitespace().filter_map(|word| word.parse().ok()).collect();
     let [mean, least, most, range] = words[..] else { panic!("{words:?}") };
     assert!((most - least - range).abs() < 1e-4 && range <= 0.105 && range > 0.09, "{words:?}");
-    // Where Z was homed is one of these places.
+    // One of these places is that at which Z was homed.
     assert!(mean.abs() < 0.06 && least < mean && mean < most, "{words:?}");
 }
 

@@ -41,7 +41,7 @@ fn machine(mesh: &str, is_round: bool) -> Profile {
     for (from, to) in [
         ("[homing.x]", homing.as_str()),
         ("[homing.z]\nend = \"min\"\nsensor = \"end-stop\"", "[homing.z]\nend = \"min\"\nsensor = \"probe\""),
-        // So that the probe, which is 20 mm to the left and 10 mm behind, reaches all of the bed.
+        // Room for the probe, which is 20 mm to the left of and 10 mm behind the nozzle, to reach all of the bed.
         ("size_mm = { x = 200,", "size_mm = { x = 220,"),
         ("\nsteps_per_mm", "\nlower_end_mm = { x = 0, y = -10, z = 0 }\nsteps_per_mm"),
         (
@@ -75,7 +75,7 @@ pub struct Step {
     pub directions: u8,
 }
 
-/// Counts the motors' steps from where they truly stood.
+/// Counts the motors' steps from their true start.
 pub struct Nozzle {
     steps: [i64; 3],
     steps_per_mm: [f64; 3],

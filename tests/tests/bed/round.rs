@@ -24,7 +24,7 @@ fn only_the_circle_is_probed() {
     });
     // A rectangle's corners are probed, which this test would see.
     assert!(all.iter().any(|place| radius_mm(*place) > 130.0), "{all:?}");
-    // Of 7 by 7 points 29 are on the circle, each is approached twice.
+    // 29 of 7 by 7 points are on the circle, each is approached twice.
     assert!((50..=62).contains(&on_circle.len()), "{}", on_circle.len());
     assert!(on_circle.iter().all(|place| radius_mm(*place) < 100.02), "{on_circle:?}");
 }

@@ -1,4 +1,4 @@
-//! G34: several motors lift Z, and stand at different heights at the start.
+//! G34: several motors lift Z, and are at different heights at the start.
 
 use super::rig::{Done, profile, run};
 use ferrostep_printer::Profile;
@@ -59,7 +59,7 @@ fn a_tilt_that_the_motors_can_mend_is_mended() {
         // The bed is level everywhere, and at the height that it had where Z was homed.
         let heights = corners(&machine, &["G28", "G34"]);
         assert!(range(&heights) < 0.03 && heights.iter().all(|height| height.abs() < 0.03), "{heights:?}");
-        // Nothing is moved that is aligned already.
+        // A machine that is aligned already is not moved.
         let twice = run(&machine, ["G28", "G34", "G34"]).well();
         let moves = |done: &Done| done.said.iter().filter(|line| line.starts_with("echo:motor ")).count();
         assert_eq!(moves(&twice), moves(&done));
@@ -81,7 +81,7 @@ fn the_mesh_keeps_its_points_and_is_not_followed() {
     let done = run(&machine, ["G28", "G29", "G34", "M420 V"]).well();
     assert_eq!(done.said.iter().rfind(|line| line.starts_with("echo:Bed Leveling")).unwrap(), "echo:Bed Leveling OFF");
     assert!(done.said.iter().any(|line| line.starts_with("Bilinear Leveling Grid")), "{:#?}", done.said);
-    // Of an aligned machine the mesh is followed on.
+    // The mesh of an aligned machine is followed further.
     let done = run(&machine, ["G28", "G34", "G29", "G34", "M420"]).well();
     assert_eq!(done.said.iter().rfind(|line| line.starts_with("echo:Bed Leveling")).unwrap(), "echo:Bed Leveling ON");
 }
@@ -90,7 +90,7 @@ fn the_mesh_keeps_its_points_and_is_not_followed() {
 fn what_cannot_be_aligned_is_refused() {
     let usual = machine(THREE, [1.5, -1.0], "");
     let narrow = machine(THREE, [1.5, -1.0], "max_correction_mm = 1");
-    // What the probe finds is different each time.
+    // The probe finds another height each time.
     let scattered = with_scatter(machine(THREE, [0.0, 0.0], ""), 0.09);
     let says = |machine: &Profile, lines: &[&str]| {
         let done = run(machine, lines.iter().copied());

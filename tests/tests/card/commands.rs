@@ -491,7 +491,7 @@ fn commands_for_files_in_a_print_do_not_pause_it() {
     }
 }
 
-/// The next M24 goes on after a line that nothing mends.
+/// The next M24 continues after a line that nothing mends.
 #[test]
 fn a_line_that_nothing_mends_is_left_out() {
     for line in ["M28 A.GCO", "M790 S5", "G5 X1", "M104 S900"] {

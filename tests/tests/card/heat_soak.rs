@@ -26,7 +26,7 @@ fn switched_off(said: &[String]) -> bool {
     said.iter().any(|line| line.starts_with("echo:heaters switched off"))
 }
 
-/// Prints from the card; a pause goes on after 40 minutes.
+/// Prints from the card; a pause ends after 40 minutes.
 fn from_card(profile: Profile, text: &str) -> Vec<String> {
     let setup = Setup::new(profile, image());
     setup.put("SOAK.GCO", text.as_bytes());

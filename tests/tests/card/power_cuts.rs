@@ -1,4 +1,4 @@
-//! The power is cut while a card is printed, and the print goes on after the reset.
+//! The power is cut while a card is printed, and the print continues after the reset.
 //!
 //! What a cut leaves is the card, and the place of the motors: a printer that is switched on with a copy of the card knows nothing
 //! else.
@@ -164,7 +164,7 @@ fn a_print_goes_on_after_a_cut_at_any_instant_and_makes_the_steps_that_were_miss
     goes_on(profile("cartesian"), &program(14), 150);
 }
 
-/// The tools change every other layer: the print goes on with the one that it had, and its offset.
+/// The tools change every other layer: the print continues with the one that it had, and its offset.
 #[test]
 fn a_print_of_two_tools_goes_on_with_the_tool_that_it_had() {
     let text = String::from_utf8(program(14)).unwrap();
@@ -207,7 +207,7 @@ fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
             continue;
         };
         lines.push(line);
-        // What was executed, and no more, counts as printed.
+        // Moves that were executed, and no others, count as printed.
         let first_missing = end_of_line(&all, line);
         assert!(first_missing <= cut.events, "cut {index}: the motors had not come to line {line}");
         let offset = number_after(&said, "at byte ").unwrap() as usize;
@@ -220,7 +220,7 @@ fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
         // X, Y and Z: the very steps.
         let (made, wanted) = (steps(&events, 0b111), steps(missing, 0b111));
         let same = made.iter().rev().zip(wanted.iter().rev()).take_while(|(made, wanted)| made == wanted).count();
-        // Where a move was joined to the next one, its last steps come after the note of its end.
+        // The last steps of a move that was joined to the next one come after the note of its end.
         assert!(wanted.len() - same <= JOINED_STEPS, "cut {index}, line {line}: {same} of {} steps", wanted.len());
         assert!(made.len() > wanted.len(), "cut {index}: no approach");
         assert_eq!(setup.motor_steps()[..3], end[..3], "cut {index}, line {line}");
@@ -235,7 +235,7 @@ fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
     assert!((resumed > 40 && lines.len() > 10) || !Share::of_this_run().is_all(), "{resumed} {lines:?}");
 }
 
-/// A card whose print was cut in the middle, and the line after which it goes on.
+/// A card whose print was cut in the middle, and the line after which it continues.
 fn interrupted() -> (Vec<u8>, u32) {
     let filled = filled(&program(14));
     let mut seen = 0;
@@ -391,7 +391,7 @@ fn what_cannot_go_on_is_refused_with_its_reason() {
     assert_eq!(said.last().unwrap(), "Done printing file");
 }
 
-/// A paused print: the nozzle stands aside, and a person has moved it. The print goes on from the line at which it paused.
+/// A paused print: the nozzle is aside, and a person has moved it. The print continues from the line at which it paused.
 #[test]
 fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
     let text = program(14);
@@ -438,7 +438,7 @@ fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
     }
 }
 
-/// M112 and M999: the print can go on as after a power cut.
+/// M112 and M999: the print can continue as after a power cut.
 #[test]
 fn a_print_that_a_halt_has_ended_goes_on() {
     let text = program(14);

@@ -8,7 +8,7 @@ use super::tree::Tree;
 /// Crates of others whose items the book names.
 const FOREIGN: [&str; 6] = ["std", "core", "alloc", "cortex_m", "rtic_sync", "rtic_time"];
 
-/// Words in code spans that look like names of ours and are not.
+/// Words in code spans that look like Ferrostep's names and are not.
 const NOT_OURS: [&str; 0] = [];
 
 /// A stale name.

@@ -123,7 +123,7 @@ fn s_curves_over_several_blocks_gain_most_in_curves() {
             "{name}: trapezoid {trapezoid:.1} s, five segments {five:.1} s, block by block {alone:.1} s, \
              shared {shared:.1} s, table {table:.1} s"
         );
-        // At 300 000 mm/s^3 moves of a millimetre hardly reach their full acceleration.
+        // Moves of a millimetre hardly reach their full acceleration at 300 000 mm/s^3.
         assert!(alone < five * 1.001, "{name}: {alone} {five}");
         assert!(trapezoid < shared && shared <= alone * (1.0 - least), "{name}: {trapezoid} {shared} {alone}");
     }

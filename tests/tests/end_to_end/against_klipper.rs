@@ -43,7 +43,7 @@ fn the_books_rows_are_what_the_simulator_measures() {
         let (time_s, p99_um) = measure(&case, &job, Cell { plan, kind, off: FRAMES[frame] });
         let make = "FERROSTEP_REFRESH=1 cargo xtask against-klipper";
         let off = [time_s - written[0], p99_um - written[1 + frame]];
-        // As many digits as the book has; sine and exponential are the computer's own.
+        // The tolerance is the book's last digit; sine and exponential are the computer's own.
         assert!(off[0].abs() < 0.11 && off[1].abs() < 1.01, "{plan:?} {kind:?}: {time_s} {p99_um}; {make}");
     }
 }

@@ -21,7 +21,7 @@ fn position(summary: &Value) -> Value {
     json!([at["x"], at["y"], at["z"], at["e"]])
 }
 
-/// Prints [`PROLOGUE`], `line` and one more move; the job must end at `line` and the machine stand where it was.
+/// Prints [`PROLOGUE`], `line` and one more move; the job must end at `line` and the machine stay where it was.
 #[track_caller]
 fn stops_at(line: impl AsRef<[u8]>, says: &[&str]) {
     let line = line.as_ref();
@@ -121,7 +121,7 @@ fn lines_that_are_not_text_stop_the_job() {
     // Comments may hold anything, and be of any length.
     let directory = directory();
     let long = "x".repeat(100_000);
-    // The text of a message may, too.
+    // The text of a message may do so as well.
     let message = [b"M117 Gr\xfc\xdfe ", long.as_bytes(), b"\nM118 \xff\n"].concat();
     let comment = [PROLOGUE.as_bytes(), b"G1 X20 ; \xff\xfe", long.as_bytes(), b"\n", &message].concat();
     let outcome = print(&file(&directory, "comment.gcode", comment));

@@ -54,7 +54,7 @@ fn words_of_g29_that_mean_nothing_here_do_not_probe() {
     assert!(seconds(&summary) > seconds(&base) + 5.0, "{summary}");
 }
 
-/// The list of what may stand in a print's file.
+/// The list of lines that a print's file may contain.
 #[test]
 fn a_file_on_the_desk_says_what_has_no_effect_on_a_card() {
     for line in ["M21", "M22", "M26 S0", "M29", "M23 A.GCO", "M30 A.GCO", "M32 A.GCO", "M928 A.GCO"] {
@@ -130,7 +130,7 @@ fn the_text_of_m1_reaches_the_person() {
     assert!(!said.concat().contains("no effect"), "{said:?}");
 }
 
-/// Start code of some makers pushes filament alone after it has let the nozzle cool; Marlin goes on without it.
+/// Start code of some makers pushes filament alone after it has let the nozzle cool; Marlin continues without it.
 #[test]
 fn filament_that_moves_alone_stays_where_a_file_has_left_the_nozzle_cold() {
     let start = "G28\nM104 S140\nM83\nM109 S25\n";
@@ -144,7 +144,7 @@ fn filament_that_moves_alone_stays_where_a_file_has_left_the_nozzle_cold() {
     }
     assert_eq!(outcome.json()["position_mm"]["e"], 12.0, "E counts on");
 
-    // What would lay a line or moves an axis is not left out.
+    // A line that would lay filament or moves an axis is not left out.
     for line in ["M104 S100\nG1 X5 E1 F300", "M104 S100\nG1 Z5 E-1 F300", "G10"] {
         let outcome = print_on("cartesian", &format!("G28\nM83\n{line}\n"));
         assert_eq!(outcome.status, Some(1), "{line}: {outcome:#?}");

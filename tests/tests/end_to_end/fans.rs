@@ -94,7 +94,7 @@ fn lights_and_relays_are_as_the_profile_says_until_a_command() {
     assert_eq!(replies, (255, 200));
     say("M42 P1 S7");
     assert_eq!(say("M400"), (255, 7));
-    // What ends a print lets them be.
+    // Commands that end a print leave them unchanged.
     assert_eq!(say("M107"), (255, 7));
     assert_eq!(say("M84"), (255, 7));
 }
@@ -124,7 +124,7 @@ fn a_light_has_colours() {
     assert_eq!(say("M400"), [0, 0, 255]);
     assert_eq!(say("SET_PIN PIN=green VALUE=0.2"), [0, 51, 255]);
     assert_eq!(say("M150"), [0; 3]);
-    // A prepared job has it, too.
+    // A prepared job sets these colours as well.
     let job = "M302 P1\nG28\nM83\nM150 R9 U8 B7\nG1 X60 Y60 E1 F3000\n";
     let prepared = prepared(&profile, job.as_bytes(), Encoding::Compact).unwrap();
     assert_eq!(rehearse_from(&profile, 0, &mut &prepared[..]).fan_powers, [0, 0, 9, 7, 0, 8]);

@@ -124,7 +124,7 @@ fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
         let said_s = now_s(&machine);
         trial.say(&format!("G1 X{} E0.5 F900", 50 + 60 * (lines % 2)));
         if now_s(&machine) == said_s {
-            // It was refused; a host takes its time, too.
+            // The line was refused; a host takes its time nevertheless.
             trial.be_silent(1.0);
         }
     }
@@ -139,10 +139,10 @@ fn outcome(profile: &Profile, at: At, fault: Fault) -> String {
     if machine.signals().is_halted() {
         return halted(&mut trial, is_off);
     }
-    // It works, and a print goes on.
+    // It works, and a print continues.
     let off = trial.count("echo:heaters switched off: ") > 0;
     assert!(off || !is_off || !heated, "{at:?} {fault:?}: {:#?}", trial.said);
-    // A print that a person goes on with has heated up again already.
+    // A print that a person continues has heated up again already.
     let is_hot_again = off && !is_off;
     if at.is_hot() {
         trial.say("G1 X70 E0.5 F900");

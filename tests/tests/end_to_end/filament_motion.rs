@@ -102,7 +102,7 @@ fn a_jam_pauses_a_print_within_the_length_and_the_print_ends_as_if_there_had_bee
         assert_eq!(pauses(&print(&undisturbed, &lines, |_| {})), 0);
         for _ in 0..6 {
             let machine = machine(advance_s);
-            // The file's first extrusion is a prime line of its own.
+            // The file's first extrusion is a separate prime line.
             let jams_at_mm = 20.0 + random.below(60) as f64;
             let (mut furthest_mm, mut jammed_mm, mut noticed_mm) = (0.0_f64, None, None);
             let (mut noticed_ns, mut stood_ns, mut waits_ms) = (0, 0, 0);
@@ -136,8 +136,8 @@ fn a_jam_pauses_a_print_within_the_length_and_the_print_ends_as_if_there_had_bee
             assert!(said.iter().any(|line| line == text), "{said:?}");
             let unseen_mm = noticed_mm.unwrap() - jammed_mm.unwrap();
             assert!((0.0..DETECTION_MM + RESOLUTION_MM).contains(&unseen_mm), "{unseen_mm} mm after {jams_at_mm} mm");
-            // What is at hand when a person pauses takes 2.1 s (the book's page of hosts), the way up 4 s at this machine's speed of Z, and
-            // the way aside.
+            // The motion at hand when a person pauses takes 2.1 s (the book's page of hosts), the way up 4 s at this
+            // machine's speed of Z, and then comes the way aside.
             let stop_s = (stood_ns - noticed_ns) as f64 * 1e-9;
             assert!(stop_s < 10.0, "{stop_s} s");
             assert_eq!(extruder(&machine).steps, extruder(&undisturbed).steps);
@@ -242,7 +242,7 @@ fn what_is_counted_is_what_the_motor_has_pushed() {
                 [pushed.at_least, pushed.at_most].map(|pushed| i64::from(pushed.steps_since(Pushed::NONE)));
             // Between two looks, 2 ms, it may have been drawn back.
             let between = (0.2 * steps_per_mm) as i64;
-            // The queue's end is looked at with every eighth entry, at each of which the extruder may step once.
+            // The queue's end is checked with every eighth entry, and the extruder may step once at each entry.
             let range = least - between..=most + 8;
             assert!(range.contains(&furthest), "seed {seed}: {furthest} not in {range:?}");
             looks += 1;

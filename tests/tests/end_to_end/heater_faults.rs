@@ -116,7 +116,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             assert_eq!(replies[at + 1], KILLED);
             assert_eq!(replies.iter().filter(|reply| reply.starts_with("Error:")).count(), 2, "{replies:?}");
 
-            // All motors stand, all heaters are off, and the reported position is the motors'.
+            // All motors are at rest, all heaters are off, and the reported position is the motors'.
             let steps = machine.figures().motor_steps;
             let refused = conversation.say("G1 X5 F3000");
             assert!(refused[0].contains("M999") && refused[1] == KILLED, "{refused:?}");
@@ -129,7 +129,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             }
             assert_eq!(machine.heaters().fan_power(FanOutput::Part), 255);
 
-            // M999 has no effect while the thermistor is broken; once it is mended, the machine goes on, cold.
+            // M999 has no effect while the thermistor is broken; once it is mended, the machine continues, cold.
             let broken = matches!(failure, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted);
             if broken {
                 let again = conversation.say("M999");

@@ -358,7 +358,7 @@ fn bouncing_sensors_home_from_anywhere() {
     });
 }
 
-/// A missing sensor, too, is always triggered: inputs have pull-ups, and those of these machines trigger high.
+/// A missing sensor is always triggered as well: inputs have pull-ups, and those of these machines trigger high.
 #[test]
 fn an_absent_or_stuck_sensor_is_named_and_z_stays_up() {
     for axis in 0..3 {
@@ -395,10 +395,10 @@ fn swapped_sensors_of_x_and_y_are_named() {
             (true_10nm[axis] - homing.position_10nm) * if homing.end == HomeEnd::Max { 1 } else { -1 } >= 0
         });
         match outcome {
-            // Y stands at its switch: X seems to be stuck.
+            // Y is at its switch: X seems to be stuck.
             Err(CommandError::SensorStuck { axis: 0 }) if at_y => {}
             Err(CommandError::HomingFailed { axis: 0, swapped, .. }) => {
-                // A stall signal is gone when the motor stands; a switch can be looked at, unless it was triggered before.
+                // A stall signal is gone once the motor is at rest; a switch can be read, unless it was triggered before.
                 assert_eq!(swapped, (!stalls && !at_x).then_some(1), "{}", profile.name);
             }
             other => panic!("{}: {other:?}", profile.name),

@@ -212,7 +212,7 @@ fn damaged_lines_are_requested_again() {
     assert_eq!(conversation.position_mm()[0], 5.0);
 }
 
-/// Unreadable lines that arrived undamaged: a resend would repeat them for ever.
+/// Unreadable lines that arrived undamaged: a resend would repeat them endlessly.
 #[test]
 fn lines_that_can_never_be_read_are_refused_once() {
     let machine = machine(&profile("cartesian"));

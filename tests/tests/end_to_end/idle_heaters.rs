@@ -68,7 +68,7 @@ fn heaters_go_off_when_the_host_is_gone() {
         assert!(!machine.signals().is_halted(), "{name}");
         assert!(temperatures(&conversation.say("M105")[0]).iter().all(|sensor| sensor.2 == 0.0), "{name}");
 
-        // Off is off: no message follows, and the printer goes on where it was with the next line.
+        // Off is off: no message follows, and the printer continues where it was with the next line.
         assert_eq!(silence(&machine, 3600), []);
         assert!(conversation.say("G1 X30 E3")[0].contains("cold extrusion prevented"), "{name}");
         for line in ["M104 S205", "M109 S210", "G1 X30 E3", "M400"] {
@@ -103,7 +103,7 @@ fn heaters_stay_on_while_the_printer_is_used() {
     assert!(powers(&machine).iter().all(|power| *power > 0.0));
 }
 
-/// Motion that is only planned takes its time, too.
+/// Motion that is only planned takes its time as well.
 #[test]
 fn heaters_stay_on_in_an_estimated_long_move() {
     let profile = profile("cartesian");

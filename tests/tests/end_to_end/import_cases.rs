@@ -139,7 +139,7 @@ fn what_the_machine_is_is_assumed_by_permission_alone() {
     let assumed = ferrostep(["import".as_ref(), case.as_os_str(), "-o".as_ref(), out.as_os_str(), "--assume".as_ref()]);
     assert_eq!((assumed.status, out.exists()), (Some(3), true), "{assumed:#?}");
     assert!(assumed.stdout.starts_with("what the machine is, 1 parts, assumed by --assume:\n"), "{assumed:#?}");
-    // What was edited is not written over.
+    // A file that was edited is not overwritten.
     let text = std::fs::read_to_string(&out).unwrap().replace("steps_per_mm", "# mine\nsteps_per_mm");
     std::fs::write(&out, &text).unwrap();
     let again = ferrostep(["import".as_ref(), case.as_os_str(), "-o".as_ref(), out.as_os_str(), "--assume".as_ref()]);
@@ -147,7 +147,7 @@ fn what_the_machine_is_is_assumed_by_permission_alone() {
     assert!(again.stderr.contains("has been edited"), "{again:#?}");
 }
 
-/// The other kinds of a fault: what stands there and what the message says.
+/// The other kinds of a fault: the line with the fault, and the text of the message.
 #[test]
 fn what_cannot_be_told_is_refused_with_its_line() {
     let text = |case: &str, file: &str| {

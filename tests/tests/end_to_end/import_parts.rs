@@ -91,7 +91,7 @@ fn a_motion_sensor_is_kept() {
     says(&imported, "filament_switch.missing_is_low = true\n");
     assert!(lost(&imported, "[filament_switch_sensor toolhead] switch_pin").is_none());
     assert_eq!(lost(&imported, "[filament_motion_sensor encoder] extruder").unwrap(), "one extruder");
-    // One that pauses nothing is none; without a length the profile's default is Klipper's.
+    // A sensor that pauses nothing is left out; without a length the profile's default is Klipper's.
     let imported = klipper(&text.replace("^PC2", "^PC2\npause_on_runout = False"));
     says(&imported, "filament_sensor = { missing_is_low = true }\n");
     let imported = klipper(&text.replace("detection_length = 2.88\n", ""));
@@ -159,7 +159,7 @@ fn a_switched_supply_is_kept_and_other_outputs_are_named() {
 
 #[test]
 fn a_chamber_is_kept_with_its_thermometer_or_its_heater() {
-    // As most machines of this kind have it, whose bed warms their chamber.
+    // A thermometer alone, as most machines of this kind have it, whose bed warms their chamber.
     let imported = small_klipper(
         "[temperature_sensor chamber_temp]\nsensor_type: Generic 3950\nsensor_pin: PF5\nmin_temp: 0\nmax_temp: 100\n\
          gcode_id: C\n",

@@ -1,4 +1,4 @@
-//! `ferrostep import`: what is no configuration of a known machine, and any text.
+//! `ferrostep import`: texts that are not a configuration of a known machine, and any text.
 
 use ferrostep_import::{ImportError, of_text};
 use proptest::prelude::*;

@@ -56,7 +56,7 @@ fn chunked(body: &str) -> Vec<u8> {
     answer
 }
 
-/// Klipper's object of a configuration: its settings as they stand in the file, and as Klipper takes them.
+/// Klipper's object of a configuration: its settings as the file has them, and as Klipper takes them.
 fn configfile(text: &str) -> String {
     let mut sections: Vec<(String, Vec<(String, String)>)> = Vec::new();
     for line in text.lines().map(|line| line.split('#').next().unwrap().trim_end()).filter(|line| !line.is_empty()) {
@@ -353,7 +353,7 @@ fn a_running_marlins_numbers_hold_over_its_file() {
     let imported = outcome.json();
     says(&imported, NUMBERS);
     let of_file = import(&[file, "--json"]).json();
-    // What the machine is comes from the file.
+    // The keys that define the machine come from the file.
     for key in ["kinematics", "homing", "driver"] {
         let (both, alone) = (profile(&imported), profile(&of_file));
         let directions = |table: &toml::Table| table.get(key).cloned();

@@ -126,13 +126,13 @@ fn a_corexy_machine_of_klippers_becomes_a_profile() {
          nozzle.sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1770.0, 230.0] }\n\
          bed.sensor = { celsius = [25.0, 150.0, 250.0], ohm = [100000.0, 1641.9, 226.15] }\nfilament_sensor.missing_is_low = true\n",
     );
-    // Out of a profile's range: the nearest one stands there, and the reason is said.
+    // A value out of a profile's range is replaced by the nearest one, and the reason is said.
     says(&imported, "bed.max_celsius = 200");
     let rows = imported["rows"].as_array().unwrap();
     let limit = rows.iter().rfind(|row| row["key"] == "[heater_bed] max_temp").unwrap();
     assert_eq!((&limit["refused"], &limit["kept"]), (&true.into(), &"bed.max_celsius = 200.0".into()), "{limit}");
     assert!(limit["why"].as_str().unwrap().contains("expected 60 to 200"));
-    // There is no probe.
+    // The machine has no probe.
     assert!(lost(&imported, "[bed_mesh] mesh_min").unwrap().contains("corners that the probe reaches"));
     says(&imported, "z_motors.motors.z2.inverted = false");
     assert!(lost(&imported, "[stepper_z1] microsteps").unwrap().contains("all motors of Z make the same steps"));

@@ -100,7 +100,7 @@ fn a_job_is_prepared_from_standard_input_and_from_binary_gcode() {
     assert!(again.stderr.contains("error: standard input: this is a prepared job, and --compare takes G-code"));
 }
 
-/// The picture of binary G-code, which is in a block of its own, goes into the prepared job.
+/// The picture of binary G-code, which is in a separate block, goes into the prepared job.
 #[test]
 fn a_prepared_job_keeps_the_picture_of_binary_gcode() {
     let directory = directory();

@@ -137,7 +137,7 @@ fn print(machine: Machine, lines: &[String], plan: &[(f64, Interruption)], rando
     let (mut happened, mut pauses, mut number) = (0, 0, 0);
     let mut to_send: Vec<&str> = Vec::new();
     let mut host_waits = false;
-    // When a person comes to a paused print, and presses the button.
+    // Time at which a person comes to a paused print and presses the button.
     let mut comes_s: Option<f64> = None;
     let mut lines = lines.iter().map(String::as_str);
     while !machine.signals().is_halted() {

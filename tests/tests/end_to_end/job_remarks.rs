@@ -194,7 +194,7 @@ fn purge_lines_beside_the_bed_are_drawn_there() {
         let [x, y, z, _] = ended.logical_10nm.map(|length_10nm| length_10nm as f64 / 100_000.0);
         assert_eq!([x, y, z], end_mm, "{}", machine.name);
     }
-    // On a machine whose travel ends at the bed the line is drawn at its edge, and a remark says so.
+    // The line is drawn at the travel's edge on a machine whose travel ends at the bed, and a remark says so.
     let outcome = run("print", "G28\nG1 Y-3 F1000\nM84\n", &changed("cartesian", &[]), &[]);
     assert_eq!(kinds(&outcome.json()), ["soft_limit"], "{outcome:#?}");
 }

@@ -66,7 +66,7 @@ fn print(name: &str, machine: &str, profile: &ReferenceProfile, bounds: &Bounds)
     let pulse_mm = 1.0 / profile.steps_per_mm[0].to_f64();
     let path_pulses = report.largest_path_error_mm / pulse_mm;
     let off_steps = report.largest_deviation.iter().take(2).flatten().fold(0.0, |most, one| one.steps.max(most));
-    // For the book: `-- --nocapture`.
+    // Figures for the book: `-- --nocapture`.
     println!(
         "{} on {machine}: {path_pulses:.3} pulses, {} events, {off_steps:.3} steps off the law",
         bounds.method, report.step_events

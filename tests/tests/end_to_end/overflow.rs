@@ -81,7 +81,7 @@ fn a_broken_numbered_line_is_requested_again() {
     let lines: Vec<String> = (1..100).map(|number| numbered(number, &format!("G1 X{number} F600"))).collect();
     let (said, lost) = send(&machine, &lines, 30, 4, &mut random);
     assert!(lost > 0);
-    // From the first loss on, nothing but requests for the same line.
+    // Only requests for the same line follow the first loss.
     let first = said.iter().position(|reply| reply.starts_with("Error:")).unwrap();
     assert!(said[..first].iter().all(|reply| reply == "ok"), "{said:?}");
     let wanted = said.iter().find(|reply| reply.starts_with("Resend: ")).unwrap();

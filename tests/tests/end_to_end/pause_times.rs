@@ -172,7 +172,8 @@ fn pause_and_cancel_act_within_seconds() {
         ("`examples/cube.gcode`", example("cube.gcode"), 2.1, 0.9),
         ("`examples/supports.gcode.gz`", example("supports.gcode.gz"), 2.8, 1.6),
         ("`examples/vase.gcode.gz`", example("vase.gcode.gz"), 2.4, 0.8),
-        // What is certain, the move whose end speed the next one may change, and the one that the host has just sent.
+        // The limit: moves that are certain, the move whose end speed the next one may change, and the one that the
+        // host has just sent.
         ("moves of 180 mm at 50 mm/s", long_moves(), 0.6 + 2.0 * 3.7, 3.7),
     ] {
         let clicks = clicks(&profile, &commands(&text));

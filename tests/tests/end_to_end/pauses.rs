@@ -105,7 +105,7 @@ fn a_filament_change_goes_aside_waits_and_goes_back() {
     }
 }
 
-/// While Z follows a sheet that is tilted and bent, too: parked above it, back at its place, and Z follows it again.
+/// A pause while Z follows a sheet that is tilted and bent: parked above it, back at its place, and Z follows it again.
 #[test]
 fn a_pause_over_a_mesh_goes_back_to_its_place() {
     let text = ferrostep_profiles::builtin_text("prusa-mini").unwrap();
@@ -165,7 +165,7 @@ fn filament_is_drawn_out_and_pushed_in_by_the_lengths_of_m603() {
     near(moved_mm("M701"), 50.5);
     near(moved_mm("M702 U-20 Z10"), -20.0);
     near(moved_mm("M701 L33 Z3"), 33.0);
-    // Nothing is set by a word out of range, and cold filament does not move.
+    // A word out of range sets nothing, and cold filament does not move.
     let says = print.say("M603 U5 L2001");
     assert!(says[0].contains("L: 2001 is out of range, expected 0 to 2000"), "{says:?}");
     assert_eq!(print.say("M603")[0], "echo:M603 U400 L50.5");
@@ -253,7 +253,7 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
         let retraction_mm = out_mm - unload_mm;
         assert!((0.1..10.0).contains(&retraction_mm), "{line}: {out_mm} mm drawn out");
         assert_eq!(enabled & 0b1000 == 0, line.starts_with("M600"), "{line}: the extruder's motor");
-        // Where the print goes on, it lacks what was drawn out and not pushed in; E does not see it.
+        // The print that continues lacks the filament that was drawn out and not pushed in; E does not see it.
         print.conversation.finish();
         let [x, y, z, e] = machine.desk().motor_steps();
         assert_eq!([x, y, z], before.1[..3], "{line}");
@@ -349,7 +349,7 @@ fn a_host_that_pauses_by_itself_finds_the_print_where_it_was() {
     let [x, y, z, e] = machine.desk().motor_steps();
     assert_eq!(([x, y, z], e), ([before.1[0], before.1[1], before.1[2]], before.1[3] + 2 * 95));
 
-    // M24 does so, too; without a known home nothing goes back.
+    // M24 does so as well; without a known home nothing goes back.
     print.say("M25");
     assert_eq!(count(&print.conversation.say("M24"), "//action:resumed"), 1);
     assert_eq!(machine.desk().motor_steps(), [x, y, z, e]);
@@ -376,7 +376,7 @@ fn a_mode_that_comes_first_after_a_host_s_pause_is_the_print_s() {
         let [x, y, _] = print.stands_mm();
         [x, y]
     };
-    // At X20 Y30.
+    // The start is X20 Y30.
     assert_eq!(place_mm("G91", "G1 X1.5 Y-0.5"), [21.5, 29.5]);
     assert_eq!(place_mm("G92 X7 Y9", "G1 X8 Y8"), [21.0, 29.0]);
     assert_eq!(place_mm("G20", "G1 X1 Y2"), [25.4, 50.8]);

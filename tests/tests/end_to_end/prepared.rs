@@ -268,7 +268,7 @@ fn a_prepared_job_is_refused_while_z_is_shifted() {
     says(&outcome.stderr, "line 2: M290 shifts a print by hand and cannot be prepared");
 
     let machine = profile("cartesian");
-    // Without a homing of its own it goes on from where the machine stands; homing ends a shift.
+    // A job without G28 continues from the machine's place; homing ends a shift.
     for (text, is_refused) in [("G1 X10 Y10 Z2 F3000\n", true), ("G28\nG1 X10 Y10 Z2 F3000\n", false)] {
         let job = prepared(&machine, text.as_bytes(), Encoding::Compact).unwrap();
         let printed = rehearse_behind(&machine, &["G28", "M290 Z0.1", "M400"], &mut &job[..]);
@@ -311,7 +311,7 @@ fn impossible_plans_stop_where_they_begin() {
         &message(&moves),
         "line 4: the planned speed is too high: 100.1 mm/s, where corner and feeds allow 100.0 mm/s; prepare the job again",
     );
-    // From 100 mm/s within 1 mm to 1 mm/s.
+    // The move slows from 100 mm/s to 1 mm/s within 1 mm.
     let moves = [(40, EntrySpeed::Bound), (1, EntrySpeed::Bound), (40, given(1.0)), (20, EntrySpeed::Bound)];
     says(&message(&moves), "line 5: the planned speed is too low: 1.0 mm/s, where the move before slows down to ");
     // 40 mm belong to no move.
@@ -321,7 +321,7 @@ fn impossible_plans_stop_where_they_begin() {
     let moves = [(40, EntrySpeed::Bound), (400, EntrySpeed::Bound)];
     assert!(message(&moves).contains("X: outside the soft limits"), "{}", message(&moves));
 
-    // The sound part is executed; the machine stands on the path, and knows its position.
+    // The sound part is executed; the machine is on the path, and knows its position.
     let stopped = ended(&[(40, EntrySpeed::Bound), (1, EntrySpeed::Bound), (40, given(1.0)), (20, EntrySpeed::Bound)]);
     assert_eq!(stopped.logical_10nm[0], 4_100_000);
     assert_eq!(stopped.figures.underruns, 0);

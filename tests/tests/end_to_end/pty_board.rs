@@ -140,12 +140,12 @@ impl PtyBoard {
         self.shared.state.lock().unwrap().most = Some(bytes);
     }
 
-    /// Waits until it stands still.
+    /// Waits until the board is held.
     pub fn wait_until_held(&self) {
         self.wait_for(|state| state.most.is_some_and(|most| state.taken >= most));
     }
 
-    /// Lets it go on.
+    /// Lets the board continue.
     pub fn release(&self) {
         self.shared.state.lock().unwrap().most = None;
         self.shared.changed.notify_all();
@@ -304,7 +304,7 @@ fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
     let mut room = vec![0; JOB_BYTES];
     let mut buffer = [0; 64];
     loop {
-        // What was sent before the end is there.
+        // Bytes that were sent before the end are there.
         let has_ended = port.has_ended();
         let length = port.read(&mut buffer, Duration::from_millis(100));
         if length == 0 && has_ended {

@@ -31,7 +31,7 @@ const LINES: &[&str] = &[
     "N3 G1 X20*x",
     "G",
     "G1.5 X1",
-    // Cannot be executed as it stands.
+    // The line cannot be executed alone.
     "G2 X20 Y20",
     "G2 X20 Y20 I1 J0",
     "G2 X20 Y20 R1",
@@ -309,7 +309,7 @@ fn files(page: &mut String) {
     let job = fs::read(repository().join("examples/cube.bgcode")).unwrap();
     for (what, from_end, bits) in BINARY {
         let mut changed = job.clone();
-        // The version stands after the four letters.
+        // The version follows the four letters.
         let place = changed.len().checked_sub(*from_end).unwrap_or(4);
         changed[place] ^= bits;
         if *bits == 0 {

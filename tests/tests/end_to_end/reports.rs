@@ -137,7 +137,7 @@ fn end_stop_report() {
         conversation.say(if name == "prusa-mini" { "G28" } else { "G28 X Z" });
         conversation.say("G1 Z0 F300");
         conversation.say("M400");
-        // A stall is over when the motor stands.
+        // A stall is over when the motor is at rest.
         let x = if name == "prusa-mini" { "open" } else { "TRIGGERED" };
         assert_eq!(conversation.say("M119"), expect([x, "open", "TRIGGERED"]), "{name}");
         conversation.say("G1 Z2 F300");

@@ -102,7 +102,7 @@ fn packets_are_refused() {
 fn the_fallback_is_printed_if_the_board_refuses_the_job() {
     let directory = directory();
     let job = job(&directory, "part.gpre", "corexy", &part());
-    // As slicers and people write it: comments, blank lines, letters of old code pages; packed.
+    // G-code as slicers and people write it: comments, blank lines, letters of old code pages; packed.
     let text = [part().as_bytes(), b"\n; caf\xe9\nM117 \xc2\xb5 \n"].concat();
     let plain = file(&directory, "part.gcode", text);
     let packed = file(&directory, "part.gcode.gz", gzip(part().as_bytes()));

@@ -75,7 +75,7 @@ fn a_job_its_trace_and_its_prepared_form_measure_alike() {
 #[test]
 fn klippers_rules_stand_beside_and_a_shaper_lessens_ringing() {
     let folder = directory();
-    // At the file's own 1000 mm/s^2 a fifth of what rings is the steps' own.
+    // A fifth of the ringing at the file's own 1000 mm/s^2 is the steps' own.
     let job = file(&folder, "square.gcode", JOB.replace("M104 S210\n", "M201 X5000 Y5000\nM204 P5000 T5000\n"));
     let plot = folder.path().join("square.svg");
     let (job, plot) = (job.to_str().unwrap(), plot.to_str().unwrap());

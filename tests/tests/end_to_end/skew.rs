@@ -134,7 +134,7 @@ fn the_limits_are_those_of_the_axes() {
     );
 }
 
-/// No skew is no other machine: the same steps to the bit, also where it is written, set and taken back.
+/// A machine without skew is unchanged: the same steps to the bit, also where no skew is written, set and taken back.
 #[test]
 fn no_skew_is_as_ever() {
     let digest = |keys: &str, before: &str| {

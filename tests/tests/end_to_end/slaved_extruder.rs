@@ -39,7 +39,7 @@ fn an_extruder_slaved_to_the_master_is_farther_from_lambda_s() {
         let found = print(name);
         let Extrusion { blocks, own_steps, slaved_steps, own, slaved, .. } = found;
         assert!(blocks > least_blocks && found.led_by_the_extruder < blocks / 100, "{name}: {found:?}");
-        // Both stand on the same step at each block's end.
+        // Both are on the same step at each block's end.
         assert_eq!(own_steps, slaved_steps, "{name}");
         assert!(own.largest_steps <= 1.0, "{name}: {found:?}");
         assert!(own.mean_steps() < slaved.mean_steps(), "{name}: {found:?}");

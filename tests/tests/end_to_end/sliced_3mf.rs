@@ -158,7 +158,7 @@ fn damaged_and_malicious_archives_are_refused_before_a_line_is_executed() {
     is_refused(&print(&archive(&[twice, twice]), &[]), "plate 1 is in it twice");
     let bomb = vec![b'\n'; 20 << 20];
     is_refused(&print(&plate(&bomb, Packed::Deflated), &[]), "more than a job can be");
-    // An archive within an archive is no job.
+    // An archive within an archive is not a job.
     is_refused(&print(&plate(&plate(gcode, Packed::Stored), Packed::Stored), &[]), "not a text file");
     is_refused(&print(&plate(b"", Packed::Stored), &[]), "the file is empty");
     // Cut off anywhere, or with any byte changed: an error or the same job, never another one.

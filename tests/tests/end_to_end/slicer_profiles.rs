@@ -111,7 +111,7 @@ fn fates() -> BTreeMap<&'static str, Fate> {
 
 /// Runs a set as a file.
 fn as_a_file(set: &Set) -> Result<(), (String, String)> {
-    // At home, whatever moves come first in alphabetical order.
+    // Starts at home, whatever moves come first in alphabetical order.
     let text = format!("G28\n{}", set.commands.join("\n"));
     match rehearse(&profile("cartesian"), LOOK_AHEAD_BLOCKS, &mut text.as_bytes()).outcome {
         Ok(()) => Ok(()),
@@ -153,7 +153,7 @@ fn tables(fates: &BTreeMap<&str, Fate>) -> Tables {
     tables
 }
 
-/// The effect of a command in the firmware that it is for, for commands that no table of ours has.
+/// The effect of a command in the firmware that it is for, for commands that no table of Ferrostep's has.
 const MACROS: [(&str, &str); 4] = [
     ("T?", "select the extruder that the person chooses (Prusa's multi-material unit)"),
     ("Tc", "load filament to the nozzle (Prusa's multi-material unit)"),

@@ -75,8 +75,8 @@ fn an_axis_at_its_end_homes() {
 #[test]
 fn a_wrong_stall_threshold_shows() {
     let profile = profile("prusa-mini");
-    // At 250 a motor in free motion seems to stall as soon as its load can be measured: far from the end, and the second
-    // approach elsewhere than the first.
+    // A motor in free motion seems to stall at 250 as soon as its load can be measured: far from the end, and the
+    // second approach elsewhere than the first.
     let too_sensitive = machine(&profile);
     let replies = say(&too_sensitive, &mut too_sensitive.printer(), &["M914 X250", "G28 X"]);
     assert!(

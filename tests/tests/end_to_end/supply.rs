@@ -43,7 +43,7 @@ fn without_the_profile_s_table_there_is_none() {
     }
     assert!(host.say("M115").iter().any(|line| line.contains("Cap:SOFTWARE_POWER:0")));
     is_ok(&host.say("M104 S60"));
-    // M112 leaves nothing behind that M999 would not end.
+    // M112 leaves no state that M999 would not end.
     host.say("M112");
     assert_eq!(host.say("M81"), ["ok"], "all that it switches off is off");
     is_refused(&host.say("M104 S60"), "M999 restarts it");
@@ -91,7 +91,7 @@ fn m81_ends_motion_heat_and_fans_first_and_m80_begins_anew() {
     ] {
         is_refused(&host.say(line), OFF);
     }
-    // What switches off, asks or sets numbers has its effect.
+    // Commands that switch off, ask or set numbers have their effect.
     for line in ["M104 S0", "M140 S0", "M107", "M84", "M105", "M114", "M204 P500", "G90", "M81", "TURN_OFF_HEATERS"] {
         let replies = host.say(line);
         assert!(replies.last().is_some_and(|line| line.starts_with("ok")), "{line}: {replies:?}");

@@ -116,7 +116,7 @@ fn a_budget_is_kept_on_the_simulated_frame_and_time_falls_with_it() {
     let packed = fs::read(repository().join("examples/gyroid.gcode.gz")).unwrap();
     let gyroid = String::from_utf8(ferrostep_oracle::gcode_text(&packed).unwrap()).unwrap();
     let lines: Vec<&str> = gyroid.lines().take(12_000).collect();
-    // What the job sets itself would hold over what follows from the budget.
+    // Settings of the job itself would override those that follow from the budget.
     let job = file(&directory, "job.gcode", format!("M220 S400\nM201 X9000 Y9000\nM593 F20\n{}\n", lines.join("\n")));
     let own = file(&directory, "own.toml", measured_profile());
     let [job, own] = [&job, &own].map(|path| path.to_str().unwrap());

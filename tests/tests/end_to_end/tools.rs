@@ -176,7 +176,7 @@ fn two_colours_are_two_prints_of_one_tool_each() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(12))]
 
-    /// Whatever the changes: each extruder makes the steps of its own filament, and carriage and coordinates stay together.
+    /// After any changes each extruder makes the steps of its own filament, and carriage and coordinates stay together.
     #[test]
     fn random_changes_lose_no_step(
         changes in proptest::collection::vec((0u8..2, -2_000i32..4_000, 40i32..120, 40i32..120, any::<bool>()), 1..25),
@@ -197,7 +197,7 @@ proptest! {
         let (_, extruders) = steps(&machine);
         for ((made, um), steps_per_mm) in extruders.into_iter().zip(filament_um).zip([95.0, 80.0]) {
             let wanted = um as f64 / 1e3 * steps_per_mm;
-            // What is left of a step stays where the extruder was changed.
+            // Fractions of a step stay where the extruder was changed.
             prop_assert!((made as f64 - wanted).abs() <= 13.0, "{extruders:?} {filament_um:?}");
         }
     }
@@ -275,7 +275,7 @@ fn m218_sets_the_offset_and_m500_keeps_it() {
     assert!(host.say("M218").contains(&"echo:  M218 T1 X24.5 Y-0.75 Z-0.3 ; (mm)".to_owned()));
     run(&mut host, "M218 T1 X20 Z0.1\nT1");
     assert!(near(carriage_mm(&machine), [40.0, 50.75, 4.9]));
-    // Of the selected tool: the carriage stays.
+    // M218 of the selected tool leaves the carriage where it is.
     run(&mut host, "M218 X21");
     assert!(near(carriage_mm(&machine), [40.0, 50.75, 4.9]));
     assert_eq!(host.position_mm(), [61.0, 50.0, 5.0, 0.0]);
@@ -335,7 +335,7 @@ fn a_second_nozzle_has_its_own_heat() {
     assert!(said.iter().any(|line| line.contains(" T0:") && line.contains(" T1:")), "{said:?}");
     let celsius = [Heater::Nozzle, Heater::Nozzle1].map(|heater| machine.heaters().true_celsius(heater));
     assert!((170.0..190.0).contains(&celsius[1]) && celsius[0] < 70.0, "{celsius:?}");
-    // As Marlin has it: first the selected one's, then each.
+    // Marlin's order: first the selected one's, then each.
     let said = host.say("M105").concat();
     assert!(said.starts_with("ok T:") && said.contains(" /60.00 B:") && said.contains(" /180.00 @:"), "{said}");
     assert!(said.contains(" @0:") && said.contains(" @1:"), "{said}");
@@ -494,7 +494,7 @@ fn macros_come_before_and_after_a_change() {
     // The same tool again, and changes without moves, have none.
     assert_eq!(marks(&run(&mut host, "T1")), ["echo:Active Extruder: 1"]);
     assert_eq!(marks(&run(&mut host, "T0 S1")), ["echo:Active Extruder: 0"]);
-    // Within a macro, too.
+    // Within a macro they run as well.
     let said = run(&mut host, "BOTH");
     assert_eq!(marks(&said), [&to_second[..], &["#between"], &to_first[..], &["#end"]].concat());
     assert_eq!(said.iter().filter(|line| *line == "ok").count(), 1, "{said:?}");

@@ -80,7 +80,7 @@ fn an_emergency_stop_ends_a_dwell_and_motion() {
     }
 }
 
-/// M112 in its turn: the position is where the motors stand, and `kill() called` is said.
+/// M112 in its turn: the position is the motors', and `kill() called` is said.
 #[test]
 fn m112_in_its_turn_halts() {
     let machine = machine(&profile("cartesian"));

@@ -54,7 +54,7 @@ fn read(text: &str, pulse_ns: Option<u64>) -> BTreeMap<String, Signal> {
             ("$", _) => {}
             (value @ ("0" | "1"), id) => {
                 let (name, high) = (names[id], value == "1");
-                // Where pulses step, their beginning counts.
+                // The beginning of a pulse counts if pulses step.
                 if let Some(motor) = name.strip_prefix("step_").filter(|_| high || pulse_ns.is_none()) {
                     let turned_ns = signals[&format!("direction_{motor}")].changed_ns;
                     let step = signals.get_mut(name).unwrap();
@@ -161,7 +161,7 @@ fn a_part_of_the_waveform_is_cut_out_of_it() {
     assert!(outcome.stderr.contains("--to 2: the waveform ends before it begins"), "{outcome:#?}");
 }
 
-/// Lines and layers are parts of the waveform, too: a line's has its steps, one after the other they make up the whole.
+/// Lines and layers are parts of the waveform as well: a line's part has its steps, one after the other they make up the whole.
 #[test]
 fn a_part_of_the_waveform_is_told_by_lines_or_layers() {
     let directory = directory();

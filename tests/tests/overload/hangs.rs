@@ -168,7 +168,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         }
         match kind {
             Kind::Stop if line.starts_with("G4") => (after(at, LOOK_MS + ANSWER_MS), false),
-            // Its wait goes on as before, its motion does not.
+            // Its wait continues as before, its motion does not.
             Kind::QuickStop if line.starts_with("G4") => (after(own_end, ANSWER_MS), false),
             Kind::Stop | Kind::QuickStop => (after(at, ANSWER_MS), false),
             Kind::EndWait | Kind::HostGoes => (own_end, true),

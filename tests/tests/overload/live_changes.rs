@@ -91,7 +91,7 @@ fn print(host: impl FnOnce(JobHost) -> JobHost, after: &[&str]) -> Print {
     })
 }
 
-/// The machine stands still at the position that it reports.
+/// The machine is at rest at the position that it reports.
 #[track_caller]
 fn keeps_its_place(board: &Board<'_, Pulses>, printer: &BoardPrinter<'_, '_, Pulses>) {
     let profile = profile();
@@ -163,7 +163,7 @@ fn a_flow_percentage_scales_the_remaining_filament() {
     for percent in [50, 130] {
         let print = print(|host| host.says(MIDDLE, &numbered(1, &format!("M221 S{percent}"))), &[]);
         is_whole(&print);
-        // So many moves came before it, the others have their part.
+        // The moves before M221 have all their filament, the others a part of it.
         let scaled_100pm = FILAMENT_100PM * percent / 100;
         let more_100pm = print.filament_100pm - i64::from(MOVES) * scaled_100pm;
         let before = more_100pm / (FILAMENT_100PM - scaled_100pm);
@@ -221,10 +221,10 @@ fn instants(count: u64, end: u64) -> impl Iterator<Item = u64> {
     })
 }
 
-/// A stop in the middle acts as its line arrives: no motor steps after it, and the machine knows where they stand.
+/// A stop in the middle acts as its line arrives: no motor steps after it, and the machine knows their positions.
 #[track_caller]
 fn stops_at_once(line: &str, after: &[&str]) -> Vec<Print> {
-    // From the first moves on; in the last seconds all of the job has been taken, and the machine comes to its end.
+    // Instants from the first moves on; in the last seconds all of the job has been taken, and the machine comes to its end.
     let begin = 2 * CYCLES_PER_S;
     instants(24, undisturbed().idle_at - CYCLES_PER_S - begin)
         .map(|after_begin| begin + after_begin)

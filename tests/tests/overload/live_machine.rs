@@ -74,7 +74,7 @@ fn e_is_exact_after_a_stop_in_an_arc() {
     assert!(stopped > 20, "{stopped}");
 }
 
-/// A firmware retraction is no part of E, however far it was when the machine was stopped.
+/// A firmware retraction does not count in E, however far it was when the machine was stopped.
 #[test]
 fn e_is_exact_after_a_stop_in_a_firmware_retraction() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();

@@ -9,7 +9,7 @@ const PIECES: u32 = 60_000;
 
 #[test]
 fn a_ring_of_128_is_as_fast_as_an_unlimited_one() {
-    // With three decimals corners of rounding limit the feed, with five the file's feed does.
+    // Corners of rounding limit the feed at three decimals; at five the file's feed is reached.
     for (decimals, least_feed) in [(3, 0.5), (5, 0.85)] {
         let text = stress_file(PIECES, decimals);
         let whole = Speeds { look_ahead: PIECES as usize + 10, ..Speeds::ample() };

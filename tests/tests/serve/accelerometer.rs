@@ -51,7 +51,7 @@ fn shake(host: &mut Host, axis: usize) -> String {
     say("M956 P0 S65535 A1");
     for half_hz in -36..=50 {
         let frequency_hz = middle_hz + f64::from(half_hz) / 2.0;
-        // From rest to rest over a length L at an acceleration a takes 2 (L/a)^0.5, half of a period.
+        // A move from rest to rest over a length L at an acceleration a takes 2 (L/a)^0.5, half of a period.
         let acceleration = 100.0 * frequency_hz;
         let length_mm = acceleration / (16.0 * frequency_hz * frequency_hz);
         say(&format!("M204 T{acceleration}"));
@@ -62,7 +62,7 @@ fn shake(host: &mut Host, axis: usize) -> String {
     }
     say("M400");
     say("M956 S0");
-    // What the port says after the last answer comes before the next one.
+    // Lines that the port sends after the last answer come before the next one.
     say("M400");
     said.join("\n")
 }

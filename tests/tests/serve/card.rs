@@ -95,7 +95,7 @@ fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
     let mut host = printer.connect();
     host.say("M32 !My parts/First layers.gcode#");
     let said = host.hear_until(|line| line == "//action:paused");
-    // Whether a read was under way at that moment decides how the card is missed.
+    // The message depends on whether a read was under way at that moment.
     let is_told = |line: &String| {
         line.starts_with("echo:card: ") && line.ends_with("the print is paused, put the card back and send M24")
     };
@@ -112,7 +112,7 @@ fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
 }
 
 /// A print from a card with this filament sensor, which `faults` disturb: the sensor stops it with `says`, and M412 reports `missing`. After
-/// `mended_s`, when `present` is reported if it is given, the print goes on to its end without another pause.
+/// `mended_s`, when `present` is reported if it is given, the print continues to its end without another pause.
 fn a_sensor_pauses_the_print(
     sensor: &str,
     faults: [&str; 2],
@@ -171,7 +171,7 @@ fn filament_that_is_jammed_pauses_the_print_until_it_is_free() {
         "echo:The filament does not move",
         "echo:Filament runout ON; distance: 3 mm; filament: missing",
         90,
-        // It moves again only when the print goes on.
+        // It moves again only when the print continues.
         None,
     );
 }

@@ -162,7 +162,7 @@ fn time_passes_at_its_speed() {
     assert!(took_s > 1.9, "{took_s}");
 }
 
-/// M114 counts the steps that a motor has made, in the middle of a move of ten seconds, too.
+/// M114 counts the steps that a motor has made, even in the middle of a move of ten seconds.
 #[test]
 fn motors_are_counted_where_they_are() {
     let printer = Printer::at_pty(&["--speed", "1"]);

@@ -113,7 +113,7 @@ fn a_print_from_the_page_makes_the_steps_of_print_whoever_asks_meanwhile() {
                 let mut left_s = f64::INFINITY;
                 while !is_over.load(Ordering::Relaxed) {
                     let state = page.state();
-                    // What is left is known from the lines, and only falls.
+                    // The remaining time is known from the lines, and only falls.
                     if state["activity"] == "printing" {
                         let now_s = state["job"]["remaining_s"].as_f64().unwrap();
                         assert!(now_s <= left_s, "{now_s} s left after {left_s} s");
@@ -200,7 +200,7 @@ fn a_job_pauses_goes_on_and_is_cancelled_with_its_heaters_off() {
     let state = page.look_until(|state| state["activity"] == "idle");
     assert!(says(&state, "cancelled after line ") && says(&state, "the printer has ended: waits (M108)"), "{state:#}");
     page.look_until(|state| state["heat"]["bed_target_celsius"] == 0.0);
-    // In a pause, too; and the printer is free for the next one.
+    // A cancel in a pause works as well; and the printer is free for the next print.
     page.wish("/start", b"");
     page.look_until(|state| state["job"]["line"].as_u64() > Some(20));
     page.wish("/pause", b"");

@@ -202,7 +202,7 @@ fn ctrl_c_ends_waits_motion_and_heat() {
     let job = file(&folder, "M302 P1\nM140 S60\nG1 E900 F300\nM109 S200 Q1\nG1 X1 F600\n");
     let mut command = Command::new(program());
     command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
-    // A word without effect is reported as its line begins: the printer waits for heat, behind a move of three minutes.
+    // A word without effect is reported as its line begins: the printer waits for heat, after a move of three minutes.
     let output = interrupted(&mut command, "M109 S200 Q1");
     says(&output, 1, "error: after line 3 of the file: stopped by Ctrl-C");
     says(

@@ -57,7 +57,7 @@ fn settings_are_there_when_the_printer_is_switched_on_again() {
     assert_eq!(reported(&mut host), changed);
     assert_eq!(host.say("M502"), ["echo:Hardcoded Default Settings Loaded", "ok"]);
     assert_eq!(reported(&mut host), of_profile);
-    // With a heater on nothing is stored.
+    // Nothing is stored while a heater is on.
     host.say("M140 S40");
     assert!(host.say("M500")[0].starts_with("echo:M500: nothing is stored while heaters are on"));
     host.say("M140 S0");
@@ -97,7 +97,7 @@ fn a_mesh_is_there_when_the_printer_is_switched_on_again() {
     assert_eq!(host.say("M420"), ["echo:Bed Leveling OFF", "echo:Fade Height 7.00", "ok"]);
     assert_eq!(host.say("M420 S1"), ["echo:Bed Leveling ON", "echo:Fade Height 7.00", "ok"]);
     assert_eq!(mesh_of(&mut host), measured);
-    // What it has printed and how it moved is stored beside the mesh, and leaves it.
+    // Statistics of the print and its motion are stored beside the mesh, and leave it unchanged.
     host.say("M84");
     assert_eq!(host.say("M502"), ["echo:Hardcoded Default Settings Loaded", "ok"]);
     assert!(host.say("G28").contains(&"ok".to_owned()));

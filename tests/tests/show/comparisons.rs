@@ -41,7 +41,7 @@ fn one_job_with_another_setting_is_compared() {
     assert!(page.starts_with("<!doctype html><!-- ferrostep show -->"));
     assert_eq!(page.matches("<iframe ").count(), 2);
     assert!(page.contains("acceleration_mm_per_s2.print = 300"));
-    // Nothing of a page within the page ends its frame.
+    // The pages within the page do not end its frames.
     assert_eq!(page.matches("</iframe>").count(), 2);
     assert_eq!(page.matches("<script").count(), 0);
     // Without the keys the job's own acceleration holds.

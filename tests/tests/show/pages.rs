@@ -55,7 +55,7 @@ fn a_page_is_one_file_that_fetches_nothing() {
     let print_time_s = said["job"]["print_time_s"].as_f64().unwrap();
     // Twice and four times the acceleration win, half of it loses.
     assert!(time(1) < time(0) && time(0) < print_time_s && print_time_s < time(2), "{chances:?}");
-    // Once more: the older page is ours.
+    // Once more: the older page is Ferrostep's.
     assert!(show(folder.path(), [cube.as_os_str()]).status.success());
 }
 
@@ -66,7 +66,7 @@ fn a_job_that_stops_has_its_page_up_to_there() {
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("job.gcode: line 14"), "{}", errors(&output));
     let page = std::fs::read_to_string(folder.path().join("job.html")).unwrap();
-    // What the job says cannot become a part of the page.
+    // Text of the job cannot become a part of the page.
     assert_eq!(page.matches("</script>").count(), 4);
     assert!(!page.contains("<b>"));
     let said = description(&page);
@@ -185,7 +185,7 @@ fn a_million_retractions_have_a_page() {
     assert!(said["left_out"].as_u64().unwrap() > 1_000_000);
 }
 
-/// A disk that is full in the middle of the page, which here a limit of the file's size stands for.
+/// A disk that is full in the middle of the page: here a limit of the file's size does the same.
 #[cfg(unix)]
 #[test]
 fn a_page_that_does_not_fit_leaves_nothing() {

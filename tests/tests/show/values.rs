@@ -37,7 +37,7 @@ fn check(print: Print) {
                 place.position_mm
             );
         }
-        // Where speed rises or falls the middle of the window has more or less than its mean.
+        // The middle of the window has more or less than its mean where speed rises or falls.
         let middles = [-0.75, -0.25, 0.25, 0.75].map(|part| at(nodes, middle_s + part * WINDOW_S).1);
         let mean = middles.iter().sum::<f64>() / 4.0;
         let off = (mean - place.speed_mm_per_s).abs();

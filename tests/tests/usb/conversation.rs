@@ -157,7 +157,7 @@ fn a_garbled_line_is_requested_again() {
     assert_eq!(conversation.say(numbered(1, "G21").as_bytes()), ["ok"]);
     let replies = conversation.say(b"N2 G90*1\n");
     assert_eq!(replies, ["Error:checksum mismatch, Last Line: 1", "Resend: 2", "ok"]);
-    // A byte that marks breaks inside is no break.
+    // A byte that marks breaks inside does not count as a break.
     let replies = conversation.say(b"N2 G9\xff0*1\n");
     assert_eq!(replies, ["Error:checksum mismatch, Last Line: 1", "Resend: 2", "ok"]);
     assert_eq!(conversation.say(numbered(2, "G90").as_bytes()), ["ok"]);

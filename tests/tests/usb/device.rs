@@ -51,7 +51,7 @@ impl Buffers for Interrupt {
     }
 }
 
-/// Leaks a value, because a device lives for ever.
+/// Leaks a value, because a device lives until the end of the test.
 fn forever<T>(value: T) -> &'static mut T {
     Box::leak(Box::new(value))
 }

@@ -44,7 +44,7 @@ fn descriptors_match_the_specification() {
     let device = Device::new();
     let mut host = device.host();
     host.reset();
-    // As hosts begin: the first bytes, for the size of control packets.
+    // Hosts begin like this: the first bytes, for the size of control packets.
     assert_eq!(host.descriptor(1, 0, 8).unwrap(), DEVICE[..8]);
     host.reset();
     host.set_address();
@@ -55,7 +55,7 @@ fn descriptors_match_the_specification() {
     assert_eq!(host.descriptor(3, 0, 255).unwrap(), [4, 3, 0x09, 0x04]);
     let string = |index| text(&host.descriptor(3, index, 255).unwrap());
     assert_eq!([string(1), string(2), string(3)], ["Ferrostep", PRODUCT, "003000413436511030323532"]);
-    // None such, as a device that is at full speed only.
+    // A device at full speed only has none of these.
     assert_eq!(host.descriptor(3, 9, 255), Err(Stalled));
     assert_eq!(host.descriptor(6, 0, 10), Err(Stalled));
     assert_eq!(host.descriptor(1, 0, 18).unwrap(), DEVICE, "a refusal ends with the next request");

@@ -71,7 +71,7 @@ impl<'a> Host<'a> {
         self.device.interrupt();
     }
 
-    /// Asks again while the device says NAK; a device may not do so for ever.
+    /// Asks again while the device says NAK; a device may not do so endlessly.
     fn insist(&self, mut transaction: impl FnMut() -> Answer) -> Answer {
         for _ in 0..10 {
             let answer = transaction();

@@ -53,7 +53,7 @@ impl Arc {
         if self.start == self.end {
             angle = if self.clockwise { -TAU } else { TAU };
         }
-        // A chord of angle p stands off r*(1 - cos(p/2)), most where the radius is larger.
+        // A chord of angle p is r*(1 - cos(p/2)) off the arc, most where the radius is larger.
         let widest = 2.0 * (1.0 - CHORD_TOLERANCE_10NM / radius.max(end_radius)).max(0.0).acos();
         let chords = (angle.abs() / widest).ceil().clamp(1.0, CHORDS_MAX);
         let mut points = Vec::new();

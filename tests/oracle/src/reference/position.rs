@@ -14,7 +14,7 @@ pub struct MotorScale {
 /// The extruder's motor as a fraction of steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExtruderSteps {
-    /// The step nearest to it, half away from zero: where the motor must stand.
+    /// The step nearest to it, half away from zero: the motor's right position.
     pub rounded: i64,
     /// The exact position to f64's precision, in steps.
     pub exact: f64,

@@ -49,7 +49,7 @@ impl Kinematics {
         }
     }
 
-    /// Twice the position of the tool at which three motors stand.
+    /// Twice the position of the tool at these positions of the three motors.
     pub fn twice_the_tool<T: Copy + Add<Output = T> + Sub<Output = T>>(self, [a, b, c]: [T; 3]) -> [T; 3] {
         match self {
             Self::Cartesian => [a + a, b + b, c + c],

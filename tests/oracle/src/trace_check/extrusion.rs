@@ -91,13 +91,13 @@ impl Extrusion {
             let steps = |event: &super::law::MotorEvent| i64::from(event.steps[motor].unsigned_abs());
             block.events.iter().map(steps).sum()
         });
-        // Of motors that step alike, any is the leading one.
+        // Any of the motors that step alike is the leading one.
         let leader = (0..EXTRUDER).max_by_key(|motor| totals[*motor]).unwrap_or(0);
         let (start, end) = (block.ideal_start[EXTRUDER], block.ideal_end[EXTRUDER]);
         if start == end || totals[leader] == 0 {
             return;
         }
-        // From one rounded position to the next.
+        // Steps of the slaved extruder: from one rounded position to the next.
         let mut slaved = start.round() as i64;
         let due = end.round() as i64 - slaved;
         if due.abs() > totals[leader] {

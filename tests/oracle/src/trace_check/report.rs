@@ -5,7 +5,7 @@ use super::deviation::Deviation;
 use super::extrusion::Extrusion;
 use std::fmt;
 
-/// Names of the motors in reports; A and B of CoreXY stand under x and y.
+/// Names of the motors in reports; A and B of CoreXY are listed under x and y.
 pub const MOTOR_NAMES: [&str; 4] = ["x", "y", "z", "e"];
 
 /// A move that takes another time than planned.
@@ -65,7 +65,7 @@ pub enum Finding {
         /// Line of the move after it.
         line: u32,
     },
-    /// A motor stands elsewhere at a move's end.
+    /// A motor is at a wrong position at a move's end.
     WrongPosition {
         /// The move's source line.
         line: u32,

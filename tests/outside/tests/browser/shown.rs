@@ -30,7 +30,7 @@ fn loads(print: Print) {
     assert_eq!(seen["errors"], json!([]), "{seen:#}");
     assert_eq!(seen["requests"], json!([]), "{seen:#}");
 
-    // What colours the path at ten places is what the steps do there.
+    // The values that colour the path at ten places are those of the steps there.
     for (place, shown) in places.iter().zip(seen["places"].as_array().unwrap()) {
         assert_eq!(shown["line"], place.line);
         let (speed, expected) = (number(&shown["speed"]), place.speed_mm_per_s);
@@ -50,7 +50,7 @@ fn loads(print: Print) {
         }
         assert!(number(&drawn["colours"]) >= 5.0, "{way}: {drawn}");
         assert_eq!(drawn["turned"], true, "{way}: {drawn}");
-        // Where WebGL is computed, a coarse picture is drawn while it moves; at rest the whole one is there again.
+        // A coarse picture is drawn during movement where WebGL is computed; at rest the whole one is there again.
         assert!(way != "WebGL" || drawn["coarse"] == true, "{way}: {drawn}");
         assert!((number(&drawn["turned_back"]) / share - 1.0).abs() < 0.005, "{way}: {drawn}");
     }

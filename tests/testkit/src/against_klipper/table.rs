@@ -211,7 +211,7 @@ pub fn write_job(case: &Case, folder: &Path) -> PathBuf {
     path
 }
 
-/// The table in Markdown, made by so many threads.
+/// The table in Markdown, made by `threads` threads.
 ///
 /// # Panics
 /// A profile or a job cannot be read.

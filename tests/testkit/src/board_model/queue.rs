@@ -12,7 +12,7 @@ use super::time::Costs;
 /// Cycles before and after a call, in which an interrupt may come.
 const CALL: u64 = 20;
 
-/// Queue of a board; the interrupts go on while it is filled.
+/// Queue of a board; the interrupts continue while it is filled.
 pub struct Queue<'a, M> {
     feeder: StepFeeder<'a, M, 1, STEP_QUEUE_SLOTS>,
     interrupts: &'a Interrupts<'a, M>,

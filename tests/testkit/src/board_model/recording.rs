@@ -10,7 +10,7 @@ use ferrostep_planner::kinematics::UNITS_PER_MM;
 
 use super::time::{CYCLES_A_MS, CYCLES_A_US};
 
-/// X and Y stand still when they have not stepped for this long.
+/// Time without a step after which X and Y are at rest.
 const STANDSTILL_CYCLES: u64 = 5 * CYCLES_A_MS;
 
 /// Steps nearer than this do not end a deceleration: at the accelerations here the last two steps before standstill are twice

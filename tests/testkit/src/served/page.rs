@@ -24,7 +24,7 @@ impl Page {
     /// The page with this address.
     ///
     /// # Panics
-    /// It is no page's.
+    /// The address is not a page's.
     pub fn at(url: &str) -> Self {
         let (address, token) = url.strip_prefix("http://").and_then(|rest| rest.split_once("/#")).unwrap();
         Self { url: url.to_owned(), address: address.to_owned(), token: token.to_owned() }
@@ -46,7 +46,7 @@ impl Page {
     /// Sends bytes; the whole answer. The server may answer, and close, before it has all of them.
     ///
     /// # Panics
-    /// There is no answer.
+    /// The server does not answer.
     pub fn raw(&self, bytes: &[u8]) -> String {
         let mut stream = TcpStream::connect(&self.address).unwrap();
         let _ = stream.write_all(bytes);
@@ -59,7 +59,7 @@ impl Page {
     /// Asks with the token; status and body.
     ///
     /// # Panics
-    /// There is no answer.
+    /// The server does not answer.
     pub fn ask(&self, method: &str, path: &str, body: &[u8]) -> (u16, String) {
         let Self { address, token, .. } = self;
         let length = body.len();

@@ -154,7 +154,7 @@ impl Printer {
 }
 
 impl Drop for Printer {
-    /// A test that failed leaves no printer behind.
+    /// A test that failed ends its printer.
     fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();

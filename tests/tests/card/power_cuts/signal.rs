@@ -85,7 +85,7 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
             continue;
         };
         assert!(said[told + 1].contains("kill() called"), "{said:?}");
-        // What was done up to the failure is the beginning of the undisturbed print.
+        // The steps up to the failure are the beginning of the undisturbed print.
         let mut done = steps(&failure.events, 0b111);
         if rises && said[told] == KEPT {
             let risen = done.split_off(done.len() - rise_steps);
@@ -131,7 +131,7 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
     assert!(resumed > 40 || !Share::of_this_run().is_all(), "{resumed}");
 }
 
-/// Fails at a wait for heat and while paused, is right again, and the print goes on without a reset.
+/// Fails at a wait for heat and while paused, is right again, and the print continues without a reset.
 #[test]
 fn after_a_dip_the_print_goes_on_with_m999() {
     let filled = filled(&program(14));
@@ -175,7 +175,7 @@ fn without_a_print_from_the_card_the_machine_halts() {
     let (setup, _) = logged(filled(&program(1)), 0);
     let mut printer = setup.printer();
     setup.fail_supply();
-    // What it says from the start may be a missing wire.
+    // A signal that is there from the start may be a missing wire.
     let said = setup.converse(&mut printer, &["M21", "G28", "G4 P50", "M413"], &mut nothing);
     assert!(said.contains(&"echo:Power-loss recovery ON; the supply fails by its signal".to_owned()), "{said:?}");
     assert_eq!(said.last().unwrap(), "ok", "{said:?}");

@@ -49,7 +49,7 @@ fn card(text: &str) -> Card {
     card
 }
 
-/// The card, and a person who puts it back when the print has been paused for a while, and goes on.
+/// The card, and a person who puts it back when the print has been paused for a while, and continues the print.
 struct Person<'a> {
     machine: &'a Machine,
     card: &'a Card,
@@ -95,7 +95,7 @@ impl HostLines for Person<'_> {
     fn tell_all(&mut self) {}
 
     async fn wait(&mut self, _idle: bool) {
-        // Nothing but a paused print waits here.
+        // Only a paused print waits here.
         self.paused_s.get_or_insert(now_s(self.machine));
         let mut clock = VirtualDelay(self.machine.clock());
         clock.delay_ms(100).await;

@@ -13,7 +13,7 @@ use crate::end_to_end::refusals::Collector;
 
 type Machine = LiveSession<Collector>;
 
-/// The person who goes on with a paused print, and the jam, which is mended in the print's own pause.
+/// The person who continues a paused print, and the jam, which is mended in the print's own pause.
 struct Person {
     jams_at_s: f64,
     paused_s: Option<f64>,

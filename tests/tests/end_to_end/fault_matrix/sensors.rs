@@ -1,4 +1,4 @@
-//! Sensors of homing that fail at each time: what the next G28 does, and that no print goes on before one has worked.
+//! Sensors of homing that fail at each time: the effect on the next G28, and that no print continues before one has worked.
 
 use ferrostep_printer::Profile;
 use ferrostep_profiles::{builtin_text, parse};
@@ -100,7 +100,7 @@ pub fn outcome(sensors: Sensors, at: At, axis: usize, failure: EndStopFailure) -
     assert!(trial.said.iter().any(|line| line.contains("home it (G28)")), "{case}: {:#?}", trial.said);
     assert!(!machine.signals().is_halted(), "{case}");
 
-    // Mended and homed, the print goes on.
+    // The sensor is mended and G28 done: the print continues.
     machine.set_end_stop_failure(axis, None);
     trial.said.clear();
     say(&mut trial, &profile, "G28");

@@ -66,7 +66,7 @@ impl<'a> Trial<'a> {
         self.at_s == f64::INFINITY
     }
 
-    /// Sends a line of the print. The fault happens when its time has come, and a person goes on with a paused print.
+    /// Sends a line of the print. The fault happens when its time has come, and a person continues a paused print.
     pub fn say(&mut self, line: &str) {
         self.number += 1;
         let text = format!("{}\n", numbered(self.number, line));

@@ -74,7 +74,7 @@ impl State {
         Self { work, ..self }
     }
 
-    /// Returns true if E is what was pushed: a firmware retraction is no part of E, and a job has G92.
+    /// Returns true if E is what was pushed: a firmware retraction does not count in E, and a job has G92.
     pub fn tells_filament(&self) -> bool {
         matches!(&self.work, Work::Lines(lines) if !lines.iter().any(|line| line == "G10"))
     }

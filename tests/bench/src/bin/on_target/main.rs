@@ -206,7 +206,7 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
         // Each step is a slot. Both looks together, or a step would come in between.
         let (played, now) = critical_section::with(|_| (queue.played(), motion_clock.now_ticks()));
         if played == 0 {
-            // The idle timer's gap before the first step is no step's.
+            // The idle timer's gap before the first step does not belong to a step.
             continue;
         }
         let (first, from) = *began.get_or_insert((played, now));
@@ -278,12 +278,12 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     while motion_clock.now_ticks().wrapping_sub(began) < TIMED_S * clock.slow_timers.raw() {
         steps(&mut queue)?;
         cortex_m::peripheral::NVIC::pend(Interrupt::OTG_FS);
-        // What comes goes back: packets both ways, as many as the computer sends.
+        // Echo: packets both ways, as many as the computer sends.
         while let Some(byte) = to_read.dequeue() {
             bytes += 1;
             let _ = to_write.enqueue(byte);
         }
-        // As a signal or the log does, and longer.
+        // A critical section like a signal's or the log's, and longer.
         critical_section::with(|_| cortex_m::asm::delay(1_000));
     }
     switch.set(false);
