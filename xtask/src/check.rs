@@ -18,7 +18,7 @@ use crate::{DESK, FIRMWARE_VARIABLE, HOSTS_VARIABLE, budget, cost, mutants, poli
 /// Proptest cases a property in `ci`; the default of 256 serves `test`.
 const CI_PROPTEST_CASES: &str = "4096";
 
-/// Package of the image tests, most of which take turns.
+/// Package of the image tests; most of these take turns.
 const MAINBOARD: &str = "ferrostep-mainboard";
 
 /// Number of checks in a row, one of which runs the on-target tests.

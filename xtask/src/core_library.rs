@@ -9,8 +9,9 @@ use crate::system;
 /// The processor of every supported board: Cortex-M4 with its floating-point unit.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Makes sure of the core library's source, from which it is compiled with every image: with the image's own levels of optimisation and flags it takes
-/// a twentieth of the flash less than the library that rustup has for the target.
+/// Installs the core library's source if it is missing. The library is compiled with every image: with the image's own
+/// levels of optimisation and flags it takes a twentieth of the flash less than the library that rustup has for the
+/// target.
 ///
 /// # Errors
 /// The toolchain lacks the source, and rustup cannot add it.
@@ -74,8 +75,8 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
 pub enum FailedCheck {
     /// It calls the program's panic handler with a text: for programs that a debugger watches.
     Panics,
-    /// It executes an undefined instruction in its place, which the core answers with a hard fault. The address tells the place, and the calls
-    /// and texts of panics would take 23 KB of an image.
+    /// It executes an undefined instruction in place, which the core answers with a hard fault. The address tells the
+    /// place, and the calls and texts of panics would take 23 KB of an image.
     Traps,
 }
 
@@ -93,7 +94,8 @@ pub fn apply(command: &mut Command, failed_check: FailedCheck) {
     // The arithmetic of f64 is software: at level "z" an input shaper takes half as much again.
     command.args(["--config", "profile.image.package.compiler_builtins.opt-level=\"s\""]);
     let flags: &[&str] = match failed_check {
-        // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come tables of Unicode: 4 KB.
+        // No text of an image shows a value as `Debug` does, but errors that cannot happen would, and with them come
+        // tables of Unicode: 4 KB.
         // A panic reports its file only: with lines, every check would need a separate place.
         FailedCheck::Panics => &["-Zfmt-debug=none", "-Zlocation-detail=file"],
         FailedCheck::Traps => {

@@ -1,4 +1,5 @@
-//! Hosts for the tests: OctoPrint and printcore, and Playwright, which drives a browser, from PyPI, in a Python environment of their own.
+//! Hosts for the tests, in a separate Python environment: OctoPrint, printcore, and Playwright, which drives a browser,
+//! from PyPI.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

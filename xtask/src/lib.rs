@@ -1,7 +1,8 @@
 //! Build, test, bench, flash: the same commands for CI and for a person.
 //!
-//! Each command is a list of steps that run one after the other; the first that fails ends the run. Commands that need Ferrostep's own
-//! crates are in a program of their own, the [`workbench`], which uses this library for steps and for other programs.
+//! Each command is a list of steps that run one after the other; the first that fails ends the run. Commands that need
+//! Ferrostep's own crates are in a separate program, the [`workbench`], which uses this library for steps and for other
+//! programs.
 #![forbid(unsafe_code)]
 
 pub mod budget;

@@ -1,6 +1,6 @@
 //! The parts of a print on its way to the step queue, one at a time.
 //!
-//! Each has a planner of its own on the stack, and leaves it before the next: they are not inlined into one function,
+//! Each has a separate planner on the stack, and leaves it before the next: they are not inlined into one function,
 //! whose planners would not all fit.
 
 use core::cell::RefCell;

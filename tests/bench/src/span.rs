@@ -80,8 +80,8 @@ impl Counter {
     }
 
     /// Pends an interrupt that is enabled and more urgent than the caller: from the first instruction of the vectored
-    /// function to its return inclusive. Where the clock counts instructions, the processor's own entry and exit are none;
-    /// where it counts cycles they are in.
+    /// function to its return inclusive. The processor's own entry and exit count if the clock counts cycles, and not
+    /// if it counts instructions.
     pub fn count_handler(&self, interrupt: Interrupt) -> u32 {
         self.pend(interrupt).saturating_sub(self.pending_overhead)
     }

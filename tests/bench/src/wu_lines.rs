@@ -99,7 +99,7 @@ fn cost<M: Stepping>(
     Ok(LineCost { instructions, entries: tally.entries, decisions: decisions as u32 })
 }
 
-/// Equal steps; `None` if there are none.
+/// Equal steps; `None` for no steps.
 #[inline(always)]
 fn run(count: u32, axes: u8) -> Option<StepEntry> {
     StepEntry::stair(INTERVAL_TICKS, count as u16, axes, 0)

@@ -59,7 +59,7 @@ impl Graph {
         for (number, group) in groups.iter().enumerate() {
             group.iter().for_each(|&node| group_of[node] = number);
         }
-        // Groups in an order in which those that follow a group come before it.
+        // The groups are sorted: those that follow a group come before it.
         let mut most = vec![0; groups.len()];
         let mut has_loop = false;
         for (number, group) in groups.iter().enumerate() {

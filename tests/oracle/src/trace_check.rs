@@ -1,11 +1,11 @@
 //! A step trace against the G-code and the profile it came from.
 //!
-//! Four things are checked: the digests are computed again; at each end of a move every motor must stand exactly where
-//! the definitions put it; within a block no motor may leave the time law of the reference plan by more than a step;
-//! and events keep their distance and axes their limits, in corners too.
+//! Four things are checked: the digests are computed again; at each end of a move every motor must be exactly at the
+//! position of the definitions; within a block no motor may leave the time law of the reference plan by more than a
+//! step; and events keep their distance and axes their limits, in corners as well.
 //!
-//! A block is what lies between two ends of moves. Where that is not one straight move (an arc, a firmware retraction)
-//! its law is not checked, its end position is.
+//! A block is the part between two ends of moves. If it is not one straight move (an arc, a firmware retraction), its
+//! end position is checked, but not its law.
 
 mod axis_limits;
 mod corners;
@@ -281,8 +281,8 @@ impl Checker<'_> {
         self.events.clear();
     }
 
-    /// Windows of speed do not reach over a change of limits. A retraction leaves no record of its own, so that limits
-    /// may change between two records.
+    /// Chooses the limits for the next moves. Windows of speed do not reach over a change of limits. A retraction
+    /// leaves no record, so that limits may change between two records.
     fn choose_limits(&mut self) {
         let rest = self.job.moves.get(self.next_move..).unwrap_or_default();
         let group = rest.split_inclusive(|one| one.kind.ends_with_a_record()).next().unwrap_or_default();

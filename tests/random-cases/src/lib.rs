@@ -1,11 +1,11 @@
-//! Number of cases that the tests of all crates try: random cases of a property, and a run's share of a long sweep. And what
-//! searches beyond properties draw from: [`Random`] numbers, and [`SlicerBlocks`] made of them.
+//! Number of cases that the tests of all crates try: random cases of a property, and a run's share of a long sweep.
+//! Also the sources for searches beyond properties: [`Random`] numbers, and [`SlicerBlocks`] made of them.
 //!
-//! A property without a number of its own tries proptest's 256 cases, or as many as `PROPTEST_CASES` says. A number that a
-//! test sets itself would win over the variable; [`cases`] lets the variable scale it instead, so that a cheap property
+//! A property that sets no number tries proptest's 256 cases, or the number in `PROPTEST_CASES`. A number that a test
+//! sets itself would win over the variable; [`cases`] lets the variable scale it instead, so that a cheap property
 //! keeps trying more than an expensive one.
 //!
-//! A sweep too long for every run goes over [`share_of`] its cases: `FERROSTEP_SHARE` says which share.
+//! A sweep too long for every run tries [`share_of`] its cases: `FERROSTEP_SHARE` says which share.
 #![forbid(unsafe_code)]
 
 mod random;
@@ -18,7 +18,7 @@ pub use slicer_blocks::{SlicerBlock, SlicerBlocks};
 
 use proptest::test_runner::Config;
 
-/// Cases of a property without a number of its own, unless `PROPTEST_CASES` is set.
+/// Cases of a property that sets no number, unless `PROPTEST_CASES` is set.
 const USUAL: u64 = 256;
 
 /// Proptest's configuration with `count` cases, times `PROPTEST_CASES` / 256 where that is set. The seed is that of

@@ -19,7 +19,7 @@ pub struct SlicerBlock {
     pub corner_mm_per_s: f64,
 }
 
-/// Blocks as slicers make them: stretches of alike ones, of which some differ, with corners of all kinds.
+/// Blocks as slicers make them: stretches of equal ones with some that differ, and corners of all kinds.
 #[derive(Clone, Debug)]
 pub struct SlicerBlocks {
     length_mm: f64,

@@ -35,7 +35,7 @@ pub struct BoardFacts {
     pub enable: [&'static str; 4],
     /// Enable pins of the other sockets.
     pub spare: &'static [&'static str],
-    /// True if each driver has a line of its own, at any pin.
+    /// True if each driver has a separate line, at any pin.
     pub own_lines: bool,
     /// Heaters; high = on. Those of nozzle and bed are the first.
     pub heaters: &'static [&'static str],

@@ -32,7 +32,7 @@ pub struct PortBuffers {
 }
 
 impl Default for PortBuffers {
-    /// Empty, with room for everything.
+    /// Starts empty, with room for everything.
     fn default() -> Self {
         Self { bytes: VecDeque::new(), room: usize::MAX, emergencies: Vec::new(), reports: Vec::new() }
     }

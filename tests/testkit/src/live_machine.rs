@@ -1,8 +1,8 @@
 //! Any bytes as a conversation with the board in virtual time: nasty but grammatical lines, raw bytes, silences, and
 //! M108, M112 and M410 at any moment.
 //!
-//! For any input the printer must answer, nothing may panic, and the motors must stand where the machine and the G-code believe
-//! them to.
+//! The printer must answer any input without a panic, and the motors must be where the machine and the G-code believe
+//! them to be.
 
 use arbitrary::Unstructured;
 use ferrostep_gcode::{Command, Emergency, EmergencyScanner, LineReader, parse};

@@ -29,7 +29,7 @@ const TURNS: f64 = 7.0;
 const FILAMENT_PER_MM: f64 = 0.4 * 0.2 / (TAU / 8.0 * 1.75 * 1.75);
 
 /// The file with this many moves: in each line an absolute position with this many decimals, and filament with five. A preamble
-/// lets it be printed cold, from where the machine stands.
+/// lets it be printed cold, from the machine's present place.
 ///
 /// With three decimals, as slicers write them, rounding makes corners of a hundredth of a radian between such pieces, and no
 /// planner that rounds corners within the pieces takes them at full speed. With five decimals it does.

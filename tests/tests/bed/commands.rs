@@ -215,8 +215,8 @@ fn z_stays_below_its_upper_end() {
     assert!(done.place_mm()[2] - sheet_mm(&machine, [100.0, 100.0]) <= top, "{:?}", done.place_mm());
 }
 
-/// A machine whose axes are skew: the mesh is measured and followed where its axes go, also where the skew is set after it was measured. G30
-/// goes to a place of the G-code and reports that.
+/// A machine whose axes are skew: the mesh is measured and followed along its axes, also after the skew was set later.
+/// G30 goes to a place of the G-code and reports that.
 #[test]
 fn a_skew_machine_follows_its_bed() {
     let skew = "[skew]\nxy.factor = 0.05\nyz.factor = -0.02\n";

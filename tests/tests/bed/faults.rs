@@ -66,7 +66,7 @@ fn a_mesh_that_is_missing_is_told() {
     }
 }
 
-/// A probe that does not trigger, one that is triggered at once, one that scatters: by name and place, and there is no mesh then.
+/// Probes that do not trigger, are triggered at once, or scatter: each is reported by name and place, and leaves no mesh.
 #[test]
 fn a_probe_that_fails() {
     for (sheet, says, place) in [

@@ -378,8 +378,8 @@ fn names_are_told() {
     );
 }
 
-/// A filament change in a file: reading the card stops until a person goes on, by M24, M602, M108 or the prompt's button; the
-/// print goes on where it was.
+/// A filament change in a file: reading the card stops until a person continues the print, by M24, M602, M108 or the
+/// prompt's button; it continues where it was.
 #[test]
 fn a_file_that_pauses_waits_for_a_person() {
     for (pause, resume) in [("M600", "M24"), ("M601", "M602"), ("M25", "M108"), ("M0", "M876 S0"), ("M600", "M876 S0")]

@@ -186,8 +186,8 @@ fn a_print_of_two_tools_goes_on_with_the_tool_that_it_had() {
     goes_on(two, &changed.replace("M109 S205", "M109 T1 S200\nM109 T0 S205").into_bytes(), 150);
 }
 
-/// Cuts at about this many random looks at the hosts' lines, and a print that goes on after each of this run's share of them; always
-/// after the first, the last, and one in the middle.
+/// Cuts at about this many random looks at the hosts' lines, and a print that continues after each of this run's share
+/// of them; always after the first, the last, and one in the middle.
 fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
     let mut state = 7;
     let filled = filled(text);

@@ -7,8 +7,8 @@ use ferrostep_virtual_board::{CardFault, VirtualCard};
 use crate::card::prints::printed;
 use crate::card::setup::{Setup, image, nothing, profile};
 
-/// A program of many short moves, in which every line matters. Without homing a pause leaves the nozzle in place, and makes no
-/// step of its own.
+/// A program of many short moves, in which every line matters. Without homing a pause leaves the nozzle in place, and
+/// makes no steps.
 fn program(is_homed: bool) -> Vec<u8> {
     let mut text = String::from(if is_homed { "G28\nG1 Z5 F600\nG90\n" } else { "G90\n" });
     for step in 0..120_u32 {
@@ -21,7 +21,7 @@ fn program(is_homed: bool) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Prints in which a card is pulled out a thousand times, of which a run makes its share.
+/// Number of prints in which a card is pulled out a thousand times; a run makes its share.
 const PRINTS: u64 = 300;
 
 /// SplitMix64.

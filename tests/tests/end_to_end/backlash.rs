@@ -116,7 +116,7 @@ fn a_machine_that_shares_motors_has_no_play_of_one_axis() {
     assert!(outcome.stderr.contains("backlash.play_mm.x"), "{outcome:#?}");
 }
 
-/// Marlin's own part of the play is none, until M425 F or its definition says more.
+/// Marlin takes up no part of the play until M425 F or its definition says more.
 #[test]
 fn marlins_play_is_kept() {
     let play =

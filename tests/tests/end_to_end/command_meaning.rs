@@ -54,7 +54,7 @@ fn words_of_g29_that_mean_nothing_here_do_not_probe() {
     assert!(seconds(&summary) > seconds(&base) + 5.0, "{summary}");
 }
 
-/// The list of lines that a print's file may contain.
+/// Commands that manage a card have no effect in a file on the desk, and a remark says so.
 #[test]
 fn a_file_on_the_desk_says_what_has_no_effect_on_a_card() {
     for line in ["M21", "M22", "M26 S0", "M29", "M23 A.GCO", "M30 A.GCO", "M32 A.GCO", "M928 A.GCO"] {

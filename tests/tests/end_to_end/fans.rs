@@ -99,7 +99,7 @@ fn lights_and_relays_are_as_the_profile_says_until_a_command() {
     assert_eq!(say("M84"), (255, 7));
 }
 
-/// A strip of which one colour hangs elsewhere than the others.
+/// A strip of light, one colour of which is at another place than the others.
 #[test]
 fn a_light_has_colours() {
     let colors = [("fan2", "red"), ("fan5", "green"), ("fan3", "blue")].map(|(output, color)| {

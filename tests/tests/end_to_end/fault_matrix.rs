@@ -212,7 +212,8 @@ fn each_fault_at_each_time_is_in_the_book() {
         }
         let cells = TIMES.map(|(_, at)| outcome(&machine, at, fault));
         for ((_, at), cell) in TIMES.iter().zip(&cells) {
-            // A broken thermistor is noticed cold or hot, a heater that fails wherever it should heat: the bed is cold while the nozzle heats.
+            // A broken thermistor is noticed cold or hot, a heater that fails only where it should heat: the bed is
+            // cold while the nozzle heats.
             let must_halt = match fault {
                 Fault::EmergencyStop | Fault::SupplyFails | Fault::Driver(_) => true,
                 Fault::Heater(_, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted) => true,

@@ -24,7 +24,7 @@ use crate::end_to_end::desk::profile;
 
 const MM: i64 = 100_000;
 
-/// Places a scenario and machine, of which a run tries its share.
+/// Number of places for each scenario and machine; a run tries its share.
 const PLACES: u64 = 10_000;
 
 /// The promise: how far the nozzle presses into the bed at most, mm.

@@ -1,5 +1,5 @@
-//! `ferrostep import`: configurations each of which has one thing that is easily taken for another machine's. A folder of
-//! `tests/cases/import` has a configuration and `expect.json`: what must come out of it.
+//! `ferrostep import`: configurations, each with one thing that is easily taken for another machine's. A folder of
+//! `tests/cases/import` has a configuration and `expect.json`: the expected result.
 
 use std::path::{Path, PathBuf};
 
@@ -291,7 +291,8 @@ fn what_cannot_be_kept_takes_no_identity_with_it() {
     assert!(row.kept.is_none() && row.why.starts_with("no probe is defined"), "{row:#?}");
 }
 
-/// Marlin's numbers of sensors, at temperatures of its own tables: the reading there is a degree off at most, where a hot end or a bed is used.
+/// Marlin's numbers of sensors, at temperatures of its own tables: the reading there is a degree off at most, within
+/// the range that a hot end or a bed uses.
 #[test]
 fn marlins_sensors_read_as_its_tables_do() {
     let marlin = ferrostep_testkit::program::repository().join("tests/cases/import/m24-control-plain/Configuration.h");

@@ -52,7 +52,7 @@ pub(super) fn lost(imported: &Value, key: &str) -> Option<String> {
     row["kept"].is_null().then(|| row["why"].as_str().unwrap().to_owned())
 }
 
-/// Lines of a file with a setting, each of which must have a row.
+/// Checks that each line of a file with a setting has a row.
 #[track_caller]
 fn every_line_has_a_row(imported: &Value, name: &str, is_setting: fn(&str) -> bool) {
     let path = ferrostep_testkit::program::repository().join("tests/configurations").join(name);

@@ -14,7 +14,7 @@ use crate::end_to_end::hosts::Conversation;
 use crate::end_to_end::refusals::Collector;
 use crate::end_to_end::repeats::Seeded;
 
-/// Interruptions of all prints together, of which a run makes its share.
+/// Number of interruptions of all prints together; a run makes its share.
 const INTERRUPTIONS: usize = 1000;
 const PRINTS: u64 = 80;
 
@@ -227,8 +227,8 @@ struct Difference {
     aside_mm3: f64,
 }
 
-/// Follows the undisturbed print's path in the interrupted one. Leaves it out where the nozzle goes aside: from where it leaves the path until it
-/// is back at the same place.
+/// Follows the undisturbed print's path in the interrupted one. Leaves out each way of the nozzle aside: from the place
+/// where it leaves the path until it is back there.
 fn follow(
     undisturbed: &[Point],
     interrupted: &[Point],

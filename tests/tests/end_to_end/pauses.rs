@@ -263,8 +263,8 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
     }
 }
 
-/// The second button of M600's prompt pushes the new filament in, and more each time it is pressed; what is pushed is not pushed again
-/// when the print goes on, and E does not see it. M601's prompt has no such button.
+/// The second button of M600's prompt pushes the new filament in, and more each time it is pressed; filament that was
+/// pushed is not pushed again when the print continues, and E does not see it. M601's prompt has no such button.
 #[test]
 fn more_filament_is_pushed_by_a_button() {
     let mut profile = profile("cartesian");

@@ -304,7 +304,7 @@ fn impossible_plans_stop_where_they_begin() {
     let sound = ended(&[(40, EntrySpeed::Bound), (40, given(50.0)), (1, EntrySpeed::Falling), (20, EntrySpeed::Bound)]);
     assert!(sound.outcome.is_ok(), "{:?}", sound.outcome);
 
-    // Faster than the feed; there is no corner, because the path continues straight.
+    // A planned speed above the feed; there is no corner, because the path continues straight.
     let moves = [(40, EntrySpeed::Bound), (40, given(100.1)), (20, EntrySpeed::Bound)];
     assert!(message(&moves).starts_with("frame 3"), "{}", message(&moves));
     says(

@@ -17,7 +17,7 @@ What `ferrostep print` answers to bad input; a board sends the same words over i
 before it are finished, and the job ends there. A test compares this page with the command, word for word.
 ";
 
-/// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines of which the last is refused.
+/// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines, the last of which is refused.
 const LINES: &[&str] = &[
     // Cannot be read.
     "G1 X20 Y1.2.3",
@@ -31,7 +31,7 @@ const LINES: &[&str] = &[
     "N3 G1 X20*x",
     "G",
     "G1.5 X1",
-    // The line cannot be executed alone.
+    // The line can be read, but not executed.
     "G2 X20 Y20",
     "G2 X20 Y20 I1 J0",
     "G2 X20 Y20 R1",

@@ -10,8 +10,9 @@ use crate::end_to_end::command::{directory, ferrostep, file, repository};
 const SIDE_MM: f64 = 150.0;
 const CORNERS_MM: [[f64; 2]; 4] = [[20.0, 20.0], [20.0, 170.0], [170.0, 170.0], [170.0, 20.0]];
 
-/// Machines: by which angles, degrees, Y leans towards +X, Z towards +X, and Z towards +Y. Where the first two are both large, what is measured
-/// of Y and Z contains their product, which the makers' formula does not know: at 1 degree each that is 0.03 %.
+/// Angles of the machines, degrees, by which Y leans towards +X, Z towards +X, and Z towards +Y. If the first two are
+/// both large, the measurements of Y and Z contain their product, which the makers' formula does not know: at 1 degree
+/// each that is 0.03 %.
 const LEANS_DEGREES: [[f64; 3]; 4] = [[0.15, 0.0, 0.0], [-0.8, 0.0, 0.0], [0.3, 0.2, -0.25], [1.0, 0.0, 1.2]];
 
 /// A machine as it is: unit vectors of its axes in a space with right angles. Nothing of this is the firmware's.

@@ -176,7 +176,7 @@ fn two_colours_are_two_prints_of_one_tool_each() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(12))]
 
-    /// After any changes each extruder makes the steps of its own filament, and carriage and coordinates stay together.
+    /// Each extruder makes the steps of its own filament after any changes, and carriage and coordinates stay together.
     #[test]
     fn random_changes_lose_no_step(
         changes in proptest::collection::vec((0u8..2, -2_000i32..4_000, 40i32..120, 40i32..120, any::<bool>()), 1..25),

@@ -1,7 +1,7 @@
 //! Imports between the files of a package: which file names something that another one defines.
 //!
-//! Read are `use` lines and paths that begin with `crate::` or `super::`. A name that a file passes on (`pub use`) counts as that of the file
-//! which defines it. Modules of tests are left out.
+//! `use` lines and paths that begin with `crate::` or `super::` are read. A name that a file passes on (`pub use`)
+//! counts as that of the file which defines it. Modules of tests are left out.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

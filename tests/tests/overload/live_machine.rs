@@ -20,7 +20,7 @@ fn bytes(seed: u64, length: usize) -> Vec<u8> {
     .collect()
 }
 
-/// Sixty seeds, of which a run tries its share; `FERROSTEP_SEEDS=60-1000` tries others.
+/// Sixty seeds: a run tries its share; `FERROSTEP_SEEDS=60-1000` tries others.
 #[test]
 fn hostile_conversations_are_answered_and_positions_stay_exact() {
     let seeds = std::env::var("FERROSTEP_SEEDS").ok();

@@ -100,7 +100,7 @@ fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
         line.starts_with("echo:card: ") && line.ends_with("the print is paused, put the card back and send M24")
     };
     assert!(said.iter().any(is_told), "{said:?}");
-    // The printer's time stands still for a host that sends again and again, but not for a dwell: then the card is back.
+    // The printer's time stops for a host that sends again and again, but not for a dwell: then the card is back.
     host.say("G4 S3");
     let said = host.say("M24");
     assert!(said.contains(&"//action:resumed".to_owned()), "{said:?}");

@@ -57,7 +57,7 @@ fn settings_are_there_when_the_printer_is_switched_on_again() {
     assert_eq!(reported(&mut host), changed);
     assert_eq!(host.say("M502"), ["echo:Hardcoded Default Settings Loaded", "ok"]);
     assert_eq!(reported(&mut host), of_profile);
-    // Nothing is stored while a heater is on.
+    // M500 stores nothing while a heater is on.
     host.say("M140 S40");
     assert!(host.say("M500")[0].starts_with("echo:M500: nothing is stored while heaters are on"));
     host.say("M140 S0");

@@ -354,7 +354,7 @@ fn lint_command(target: &Target, targets: &[&str]) -> Command {
 fn build_command(program: Program, target: &Target) -> Result<Command, Failure> {
     let mut command = cargo_in(program.folder(), target);
     command.args(["build", "--locked", "--message-format", "json-render-diagnostics"]);
-    // The chip of the board in the place of the default's.
+    // The chip of the board instead of the default's.
     command.args(["--no-default-features", "--features", target.board.chip.feature]);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     match program {
@@ -392,7 +392,8 @@ fn names_no_folder(elf: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Cargo's key by which the compiler calls folders by these names. `table`: where cargo's flags for the compiler stand, `build` or a target's.
+/// Cargo's key by which the compiler calls folders by these names. `table`: place of cargo's flags for the compiler,
+/// `build` or a target's.
 ///
 /// # Errors
 /// A folder's name is not text.

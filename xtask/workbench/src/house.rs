@@ -1,7 +1,8 @@
-//! The book's drawing of the packages: who depends on whom, from the manifests.
+//! The book's drawing of the packages and their dependencies, from the manifests.
 //!
-//! A package stands below all that depend on it. An arrow leads from a package to one that it needs itself; where that is needed
-//! by another of its dependencies, too, the arrow is left out. Tests and tools use what they need and stand in the last row.
+//! A package is drawn below all that depend on it. An arrow leads from a package to one that it needs itself; the arrow
+//! is left out if another of its dependencies needs that one as well. Tests and tools use what they need and are in the
+//! last row.
 
 mod layout;
 

@@ -95,8 +95,8 @@ impl Flash {
     }
 }
 
-/// The folder of a board's image. An image with another offset has a folder of its own, so that neither is flashed in the
-/// other's place.
+/// The folder of a board's image. An image with another offset has a separate folder, so that neither is flashed
+/// instead of the other.
 pub fn folder_of(board: &Board, is_elsewhere: bool) -> PathBuf {
     let place = if is_elsewhere { format!("-at-{:#010x}", board.image_address()) } else { String::new() };
     images().join(format!("{}{place}", board.name))

@@ -49,8 +49,8 @@ pub struct Options {
     more: Vec<String>,
 }
 
-/// Boards whose images print in turn, with the line that each prints over: each line once at least. The bench has no sensors
-/// and no drivers of its own.
+/// Boards whose images print in turn, with the line that each prints over: each line once at least. The bench has
+/// neither sensors nor drivers.
 const PRINTS: [(&str, &str); 3] = [("prusa-buddy", "usb"), ("btt-octopus-1.1", "uart"), ("bench", "uart")];
 const PRINTED: &str = "examples/cube.gcode";
 const LAYERS: usize = 2;

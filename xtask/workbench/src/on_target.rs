@@ -85,7 +85,7 @@ fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     run.step("on-target tests on the virtual mainboard", || {
         let bytes = std::fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))?;
         let tests = tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))?;
-        // Each has a machine of its own and one thread: two of them take longer than all others together.
+        // Each test has a separate machine and one thread: two of them take longer than all others together.
         let outcomes: Vec<Result<String, Failure>> = std::thread::scope(|scope| {
             let running: Vec<_> = tests.iter().map(|test| scope.spawn(|| outcome(mainboard, &image, test))).collect();
             let ended = running.into_iter().map(|test| test.join());

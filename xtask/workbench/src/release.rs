@@ -1,7 +1,8 @@
-//! A release: a folder with all files that users get, and what they need to check them.
+//! A release: a folder with all files that users get and need to check them.
 //!
-//! Images of all boards, the `ferrostep` command for this machine with its completions and manual pages, an archive of these, a parts list (SBOM, CycloneDX) and the notices of others
-//! for each, the licence texts, this version's part of the changelog, and the SHA-256 of every file.
+//! Images of all boards, the `ferrostep` command for this machine with its completions and manual pages, an archive of
+//! these, a parts list (SBOM, CycloneDX) and the notices of others for each, the licence texts, this version's part of
+//! the changelog, and the SHA-256 of every file.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -111,7 +112,8 @@ const TOOL: [&str; 8] = [
     "ferrostep-cli.cdx.json",
 ];
 
-/// Packs the desktop tool with its completions, pages, licences and notices, the same bytes each time: by tar and gzip, where they are GNU's.
+/// Packs the desktop tool with its completions, pages, licences and notices, the same bytes each time: by tar and gzip,
+/// if they are GNU's.
 fn write_archive(folder: &Path, version: &str) -> Result<(), Failure> {
     if !cfg!(target_os = "linux") {
         eprintln!("    an archive is made on Linux only");

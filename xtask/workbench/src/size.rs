@@ -58,7 +58,7 @@ impl Sizes {
     /// Sizes of the sections of an ELF file that are in memory when it runs.
     ///
     /// # Errors
-    /// The reader's error when the bytes are no ELF file.
+    /// The reader's error if the bytes are not an ELF file.
     pub fn of_elf(bytes: &[u8]) -> Result<Self, object::Error> {
         let file = object::File::parse(bytes)?;
         let mut sizes = Self::default();

@@ -23,7 +23,7 @@ pub struct OutOfRange;
 
 impl Decimal {
     /// Reads the longest decimal number at the start of `text`: sign, digits, point, digits. No exponent: in G-code
-    /// `E` begins the next word. `None` if there is no digit.
+    /// `E` begins the next word. `None` without a digit.
     ///
     /// # Errors
     /// `OutOfRange` if the integer part exceeds 10^9.

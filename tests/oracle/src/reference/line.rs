@@ -16,7 +16,7 @@ pub struct Command<'a> {
 
 impl<'a> Command<'a> {
     /// Reads a line without its line end. `None` for a line without a command, and for commands with a sub-code
-    /// (`G92.1`), none of which this interpreter executes.
+    /// (`G92.1`): this interpreter executes none of them.
     pub fn parse(line: &'a [u8]) -> Option<Self> {
         let line = cut_at(line, b';');
         let mut rest = line.trim_ascii();

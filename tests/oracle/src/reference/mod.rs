@@ -1,7 +1,7 @@
 //! A second opinion on every job: G-code in, exact positions and a plain f64 plan out.
 //!
 //! [`interpret`] reads the text, [`plan`] gives each move its speeds with unlimited look-ahead (or a window), and
-//! [`MotorScale`] says where the motors stand. Written from the definitions alone, for clarity and not for speed.
+//! [`MotorScale`] gives the motors' positions. Written from the definitions alone, for clarity and not for speed.
 
 mod arc;
 mod decimal;

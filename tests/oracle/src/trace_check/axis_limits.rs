@@ -1,8 +1,8 @@
 //! Speed and acceleration of axes over sliding windows.
 //!
-//! Positions are in half steps, in which CoreXY's axes are whole numbers too: x = A + B, y = A - B. Each may be off by
-//! one step of each motor, two half steps, so that a distance is known to four. What is compared with a limit is the
-//! least value the window can stand for.
+//! Positions are in half steps, in which CoreXY's axes are whole numbers as well: x = A + B, y = A - B. Each may be off
+//! by one step of each motor, two half steps, so that a distance is known to four. The least value that fits the window
+//! is compared with a limit.
 
 use super::law::MotorEvent;
 use crate::reference::{Kinematics, Limits, ReferenceProfile};

@@ -1,7 +1,7 @@
 //! Jumps of the speed of each axis from one move to the next.
 //!
-//! Twice: by the reference plan, whose speeds the steps were compared with, for the table of all corners; and by the steps
-//! themselves, without any plan, as the least jump that they can stand for.
+//! Both by the reference plan, whose speeds the steps were compared with, for the table of all corners, and by the
+//! steps themselves, without any plan, as the least jump that fits them.
 
 use super::law::MotorEvent;
 use crate::reference::{

@@ -90,7 +90,7 @@ impl Printer {
     /// The page of a printer that is served with `--web`. The next message of the printer, which is said at its start.
     ///
     /// # Panics
-    /// There is none.
+    /// The printer's next message is not a page's address.
     pub fn page(&mut self) -> Page {
         let mut said = String::new();
         self.messages.read_line(&mut said).unwrap();
@@ -154,7 +154,7 @@ impl Printer {
 }
 
 impl Drop for Printer {
-    /// A test that failed ends its printer.
+    /// Ends the printer, also after a test that failed.
     fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();
@@ -222,7 +222,7 @@ impl Host {
     /// Sends a line and hears its answer, up to `ok`.
     ///
     /// # Panics
-    /// There is none in time.
+    /// The answer does not come in time.
     #[track_caller]
     pub fn say(&mut self, line: &str) -> Vec<String> {
         self.send(&format!("{line}\n"));
@@ -232,7 +232,7 @@ impl Host {
     /// Sends a line with number and checksum, and hears its answer.
     ///
     /// # Panics
-    /// There is none in time.
+    /// The answer does not come in time.
     #[track_caller]
     pub fn say_numbered(&mut self, text: &str) -> Vec<String> {
         let line = numbered(self.number, text);

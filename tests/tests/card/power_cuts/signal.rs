@@ -69,7 +69,7 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
     let (mut resumed, mut before, mut most) = (0, 0, 0);
     let rise_mm = 3;
     let rise_steps = (rise_mm as f64 * profile(0).steps_per_mm[2].to_f64()).round() as usize;
-    // Sixty instants, of which a run tries its share, and always the first, the last, and two in the middle.
+    // Sixty instants: a run tries its share of them, and always the first, the last, and two in the middle.
     let instants: Vec<u32> = (10..looks).step_by(looks as usize / 60).collect();
     let (middle, last) = (instants.len() / 2, instants.len() - 1);
     let always = [0, middle, middle + 1, last];

@@ -9,8 +9,8 @@ use ferrostep_session::JobReplies;
 use ferrostep_session::gpre::{self, Target};
 use ferrostep_testkit::board_model::LOOK_AHEAD_BLOCKS;
 
-/// Width of the machines, mm: small, so that homing does not take most of the test's time, and wide enough for moves from where
-/// the motors stand when they are switched on.
+/// Width of the machines, mm: small, so that homing does not take most of the test's time, and wide enough for moves
+/// from the motors' place at power-on.
 const SIZE_MM: i64 = 95;
 
 /// The board's work.

@@ -28,7 +28,7 @@ pub struct Change {
     pub key: String,
     /// The committed count; `None` if there was none.
     pub before: Option<f64>,
-    /// The current count; `None` if it is no longer counted.
+    /// The current count; `None` if it is not counted any more.
     pub now: Option<f64>,
 }
 
@@ -136,7 +136,7 @@ pub fn changes(baseline: &Value, figures: &Value) -> Vec<Change> {
     kept.chain(added).filter(|change| change.before != change.now).collect()
 }
 
-/// Says what changed; an error when something grew too much or is no longer counted.
+/// Prints the changes; fails if something grew too much or is not counted any more.
 pub fn check(baseline: &Value, figures: &Value) -> Result<(), Failure> {
     let changes = changes(baseline, figures);
     for change in &changes {

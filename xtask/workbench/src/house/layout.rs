@@ -238,7 +238,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// The row of each package: below all that use it, with at most [`MAX_ROOMS`] in each, those left out that stand in the last one.
+/// The row of each package: below all that use it, with at most [`MAX_ROOMS`] in each, without those of the last row.
 fn rows(uses: &[BTreeSet<usize>], is_last: &[bool]) -> Vec<usize> {
     // Number of rows that a package needs below it: the deepest are placed first.
     fn depth(uses: &[BTreeSet<usize>], package: usize, known: &mut [Option<usize>]) -> usize {
