@@ -111,8 +111,9 @@ fn a_card_that_is_pulled_out_pauses_the_print_until_it_is_back() {
     }
 }
 
-/// A print from a card with this filament sensor, which `faults` disturb: the sensor stops it with `says`, and M412 reports `missing`. After
-/// `mended_s`, when `present` is reported if it is given, the print continues to its end without another pause.
+/// A print from a card with this filament sensor, which `faults` disturb: the sensor stops it with `says`, and M412
+/// reports `missing`. After `mended_s`, when `present` is reported if it is given, the print continues to its end
+/// without another pause.
 fn a_sensor_pauses_the_print(
     sensor: &str,
     faults: [&str; 2],

@@ -26,7 +26,7 @@ const RATES: [u64; 6] = [20_000, 10_000, 3_000, 1_000, 300, 100];
 /// Factors by which the planner is made slower.
 const SLOWNESS: [u64; 6] = [1, 4, 8, 16, 32, 64];
 
-/// Factor that is fast enough for everything.
+/// Line rate that is fast enough for everything, lines/s.
 const AMPLE: u64 = 1_000_000;
 
 /// Draws both pictures.
