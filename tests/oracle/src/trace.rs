@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::fmt;
 use std::io::{self, BufRead, BufReader, Read};
 
-/// Length of a record without what may follow it, bytes.
+/// Length of a record without the positions that may follow it, bytes.
 pub const RECORD_BYTES: usize = 12;
 
 /// Longest header accepted, bytes: enough for any, and bounded for a file that is not a trace.
@@ -64,11 +64,11 @@ pub enum TraceError {
     Io(io::Error),
     /// No line end within the first 64 KiB.
     NoHeader,
-    /// The first line is not the JSON object it should be.
+    /// The first line is not a JSON object.
     HeaderJson(serde_json::Error),
     /// A value of the header is missing, of another type, or not supported; the key's name.
     Header(&'static str),
-    /// The trace ends inside a record, or inside what follows one.
+    /// The trace ends inside a record, or inside the positions after one.
     Truncated {
         /// Start of the record, counted in bytes from the end of the header line.
         offset: u64,

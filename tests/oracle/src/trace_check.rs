@@ -104,7 +104,7 @@ impl fmt::Display for TraceCheckError {
 
 impl std::error::Error for TraceCheckError {}
 
-/// Checks a whole trace. Findings are in the report, errors are for what cannot be checked at all.
+/// Checks a whole trace. Findings are in the report; an error means that the trace cannot be checked at all.
 ///
 /// # Errors
 /// [`TraceCheckError`] if the trace or the G-code cannot be read or the trace is of another machine.
@@ -187,7 +187,7 @@ struct Checker<'a> {
     event_interval_ticks: f64,
     axis_limits: AxisLimits,
     corners: Corners,
-    /// The loosest of those that apply up to the next end of a move.
+    /// The loosest of the limits that apply up to the next end of a move.
     limits_in_force: Option<Limits>,
     order_digest: Fnv1a64,
     step_digest: Fnv1a64,

@@ -27,7 +27,7 @@ pub struct Ends {
     pub moves: u64,
     /// Ends at which a motor is at the wrong step, and ends that are missing or have another line.
     pub wrong: u64,
-    /// The first of them with a motor.
+    /// The first wrong end with a motor.
     pub first: Option<WrongEnd>,
 }
 

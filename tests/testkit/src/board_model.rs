@@ -45,7 +45,7 @@ pub const LOOK_AHEAD_BLOCKS: usize = 128;
 /// Slots in the step queue, as in the firmware.
 const STEP_QUEUE_SLOTS: usize = 2048;
 
-/// The planner task looks at the step queue this often, as in the firmware.
+/// Interval at which the planner task looks at the step queue, cycles, as in the firmware.
 const PLANNER_INTERVAL: u64 = 2 * CYCLES_A_MS;
 
 /// Silence after which the waiting moves are executed at standstill, cycles, as in the firmware.
@@ -76,7 +76,7 @@ pub struct Board<'a, M> {
     stop_reports: RefCell<Vec<StopReport>>,
 }
 
-/// The machine's belief right after it has followed a stop, and the truth.
+/// Positions right after the machine has followed a stop: as it believes, and as its signals say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopReport {
     /// Positions of the motors as the machine believes them, steps.
@@ -137,12 +137,12 @@ impl<'a, M: Stepping> Board<'a, M> {
         printer
     }
 
-    /// Now, cycles since the start.
+    /// Present time, cycles since the start.
     pub fn now(&self) -> u64 {
         self.interrupts.now()
     }
 
-    /// The planner task, once.
+    /// Runs the planner task once.
     fn plan(&self) {
         let may_flush = self.awaits_since.get().is_some_and(|since| self.now() - since >= FLUSH_AFTER);
         let silence = Silence { may_release: true, may_flush };
@@ -151,8 +151,8 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.clock.advance_to(to_ns(self.now()));
     }
 
-    /// A portion of the planner's work; returns whether there is more. The machine's belief after a stop is noted before anything
-    /// else happens.
+    /// Does a portion of the planner's work; returns whether there is more. The positions after a stop are noted before
+    /// anything else happens.
     fn work(&self, silence: Silence) -> bool {
         let mut machine = self.machine.borrow_mut();
         let stops = machine.stops();
@@ -168,7 +168,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         more
     }
 
-    /// Lets time pass up to a cycle, in which the executor has nothing to do.
+    /// Lets time pass up to a cycle; the executor is idle.
     fn pass_to(&self, cycle: u64) {
         while self.next_plan.get() <= cycle {
             self.interrupts.pass_to(self.next_plan.get());
@@ -178,7 +178,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.clock.advance_to(to_ns(self.now()));
     }
 
-    /// The executor works for this many cycles; the planner task's time is added.
+    /// Lets the executor work for this many cycles; the planner task's time is added.
     fn work_for(&self, cycles: u64) {
         let mut end = self.now() + cycles;
         while self.next_plan.get() <= end {
@@ -190,14 +190,14 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.pass_to(end);
     }
 
-    /// The executor waits for a line that comes at a cycle.
+    /// Lets the executor wait for a line that comes at a cycle.
     pub fn wait_for_line(&self, cycle: u64) {
         self.awaits_since.set(Some(self.now()));
         self.pass_to(cycle);
         self.awaits_since.set(None);
     }
 
-    /// The host is silent for this long.
+    /// Keeps the host silent for `milliseconds`.
     pub fn stay_silent(&self, milliseconds: u64) {
         self.wait_for_line(self.now() + milliseconds * CYCLES_A_MS);
     }
@@ -205,7 +205,7 @@ impl<'a, M: Stepping> Board<'a, M> {
     /// Executes a line.
     ///
     /// # Errors
-    /// As the printer refuses it.
+    /// The printer refuses the line.
     pub fn execute(&self, printer: &mut BoardPrinter<'_, 'a, M>, number: u32, text: &str) -> Result<(), Failure> {
         self.work_for(self.costs.line);
         self.poll(printer.execute_for_host(number, text, true))
@@ -248,7 +248,7 @@ impl<'a, M: Stepping> Board<'a, M> {
     /// Prints the lines of a text as they arrive, then waits in silence until all motion has ended, as after a host's file.
     ///
     /// # Errors
-    /// The number of the line that was refused, and why.
+    /// The number of the line that was refused, with the reason.
     pub fn print(&self, text: &str, host: &mut HostLine) -> Result<(), (u32, Failure)> {
         let mut printer = self.printer();
         for (number, line) in (1..).zip(text.lines()) {
@@ -263,8 +263,8 @@ impl<'a, M: Stepping> Board<'a, M> {
         Ok(())
     }
 
-    /// M108, M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks do. The caller sends the
-    /// line itself.
+    /// Lets M108, M112 or M410 come at a cycle; the interrupt that receives it acts on it, whatever the tasks do. The
+    /// caller sends the line itself.
     pub fn act_at(&self, cycle: u64, emergency: Emergency) {
         self.interrupts.act_at(cycle, emergency);
     }
@@ -309,7 +309,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.interrupts.port().port().events()
     }
 
-    /// The shortest time between two of them, cycles.
+    /// The shortest time between two such moments, cycles.
     pub fn shortest_interval(&self) -> u64 {
         self.interrupts.port().port().shortest_cycles()
     }

@@ -13,7 +13,7 @@ pub struct BoardFacts {
     pub profile: &'static str,
     /// Start of the board's image.
     pub image_address: u32,
-    /// The flash for an image ends here; settings are kept in what follows.
+    /// End of the flash for an image; settings are kept after it.
     pub flash_end: u32,
     /// File name of the plain bytes.
     pub bytes_file: &'static str,

@@ -1,7 +1,7 @@
-//! Programs that no slicer writes: moves of half a micrometre to a third of a millimetre, in lines and curves, at
-//! all speeds, on machines of any resolution.
+//! Programs that no slicer writes: moves of half a micrometre to a third of a millimetre, in lines and curves, at all
+//! speeds, on machines of any resolution.
 //!
-//! Made from a number, so that a program that once failed can be made again. Nothing here knows the planner.
+//! Each is made from a number, so that a program that once failed can be made again. This module does not use the planner.
 
 use std::fmt::Write as _;
 
@@ -39,7 +39,7 @@ impl Random {
         least * (most / least).powf(self.share())
     }
 
-    /// One of these.
+    /// Returns one of these.
     pub fn one_of<T: Copy>(&mut self, all: &[T]) -> T {
         all[self.below(all.len() as u64) as usize]
     }
@@ -183,7 +183,7 @@ impl Writer {
         }
     }
 
-    /// Any direction and length, each with its own feed.
+    /// Moves of any direction and length, each with its own feed.
     fn scattered(&mut self) {
         for _ in 0..1 + self.random.below(30) {
             let (angle, length) = (self.angle(), self.random.magnitude(0.0005, 3.0));
@@ -198,7 +198,7 @@ impl Writer {
         self.random.magnitude(0.0005, 0.3)
     }
 
-    /// Along an axis, along a diagonal, or any.
+    /// Direction along an axis, along a diagonal, or any.
     fn angle(&mut self) -> f64 {
         let eighth = core::f64::consts::FRAC_PI_4;
         if self.random.below(2) == 0 {

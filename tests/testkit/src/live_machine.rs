@@ -37,7 +37,7 @@ const SMALL: Bounds = Bounds { lines: 16, patience_ms: 40, homing_patience_ms: 6
 /// Greatest difference between filament and the extruder's steps.
 const EXTRUDER_STEPS: f64 = 1.0;
 
-/// The board, and what belongs to its host.
+/// The board and its host's state.
 struct Talk<'b, 'a, M: Stepping> {
     board: &'b Board<'a, M>,
     profile: &'b Profile,
@@ -75,7 +75,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         }
     }
 
-    /// Bytes come; all lines that end in them are answered.
+    /// Sends bytes; all lines that end in them are answered.
     fn say(&mut self, mut bytes: &[u8]) {
         self.said.push(String::from_utf8_lossy(bytes).into_owned());
         let mut acted = None;
@@ -103,12 +103,12 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         }
         self.reader = reader;
         if let Some(Emergency::QuickStop | Emergency::Stop) = acted {
-            // Its own line may have been asked for again, for want of the right number.
+            // The board may have asked for its own line again, since the number was wrong.
             self.settle();
         }
     }
 
-    /// The remaining lines of a host that has stopped the machine, and the checks after them.
+    /// Sends the remaining lines of a host that has stopped the machine, and checks them.
     fn settle(&mut self) {
         self.board.stay_silent(3);
         let lines: &[&str] = if self.board.is_halted() { &["M112", "M999"] } else { &["M410"] };
@@ -123,7 +123,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         self.check();
     }
 
-    /// M410 or M112 comes after this many cycles.
+    /// Lets M410 or M112 come after this many cycles.
     fn stop_after(&mut self, cycles: u64, emergency: Emergency) {
         if self.stops_at.is_none() {
             let at = self.board.now() + cycles;
@@ -132,7 +132,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         }
     }
 
-    /// The line of an M410 or M112 that has acted, in its turn.
+    /// Answers the line of an M410 or M112 that has acted, in its turn.
     fn answer_stop(&mut self) {
         if let Some((at, emergency)) = self.stops_at
             && at <= self.board.now()
@@ -143,7 +143,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         }
     }
 
-    /// Ends all motion, by a stop if need be; then everything must agree.
+    /// Ends all motion, by a stop if needed; then everything must agree.
     fn finish(&mut self) {
         if let Some((at, _)) = self.stops_at {
             self.board.wait_for_line(at);
@@ -175,7 +175,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         counted
     }
 
-    /// Motors, machine and G-code agree.
+    /// Checks that motors, machine and G-code agree.
     fn check(&mut self) {
         assert!(self.board.is_idle(), "at rest\n{}", self.told());
         for report in self.board.take_stop_reports() {
@@ -228,7 +228,7 @@ fn talk<M: Stepping>(profile: &Profile, bounds: Bounds, look_ahead: usize, bytes
         // The half of a line that may be left.
         talk.say(b"\nM112\nM999\n");
         talk.check();
-        // In the end it still goes where it is sent.
+        // The machine still goes where it is sent in the end.
         talk.say(b"G90\nG21\nM211 S0\nM220 S100\nM201 X500 Y500 Z100\nM203 X100 Y100 Z10\nM204 S500\nM205 J0.05\n");
         talk.say(b"G92 X0 Y0 Z0 E0\nG1 X1 Y2 Z0.1 F3000\nM400\n");
         talk.check();
@@ -255,8 +255,8 @@ pub fn small_machine(profile: &Profile, bytes: &[u8]) {
 /// Edge of a small machine, units of 10 nm: 20 mm.
 const SMALL_10NM: i64 = 2_000_000;
 
-/// A tenth of this machine in size, a sixteenth in steps/mm, and far faster, so that whatever it does takes milliseconds and few
-/// steps.
+/// Makes a machine a tenth of this one in size, a sixteenth in steps/mm, and far faster, so that every action takes
+/// milliseconds and few steps.
 pub fn small(profile: &Profile) -> Profile {
     let mut small = *profile;
     small.size_10nm = [SMALL_10NM; 3];

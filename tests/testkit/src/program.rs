@@ -43,7 +43,8 @@ pub fn scratch() -> TempDir {
     tempfile::tempdir_in(folder).unwrap()
 }
 
-/// Sends a process a signal, by its name without `SIG`. The shell does it, for a program `kill` is not everywhere.
+/// Sends a signal, by its name without `SIG`, to a process. The shell does it, because a program `kill` does not exist
+/// everywhere.
 ///
 /// # Panics
 /// The process does not exist.

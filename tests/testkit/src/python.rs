@@ -23,7 +23,7 @@ fn python() -> &'static Path {
     })
 }
 
-/// Runs a script of `tests/hosts/`; what it has seen, the last line of its output.
+/// Runs a script of `tests/hosts/`; returns the last line of its output.
 ///
 /// # Panics
 /// It cannot be run, or fails.

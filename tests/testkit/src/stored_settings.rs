@@ -41,7 +41,7 @@ impl Replies for Said {
     }
 }
 
-/// A flash with these bytes; or, where the first is odd, with a record of values that are in them, most by names that exist.
+/// A flash with these bytes; or, if the first is odd, with a record of values that are in them, most by names that exist.
 fn memory(profile: &Profile, bytes: &[u8]) -> Memory {
     let mut flash = vec![0xff; BYTES];
     let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
@@ -54,7 +54,7 @@ fn memory(profile: &Profile, bytes: &[u8]) -> Memory {
     let mut record = RecordWriter::new(profile.name);
     for [name, index, value @ ..] in rest.as_chunks::<6>().0 {
         let id = names.get(usize::from(*name)).map_or(u16::from(*name), |name| id_of(name));
-        // Few bits are many values: of both signs, all magnitudes, infinite and none.
+        // A few bits give many values: of both signs, of all magnitudes, infinite, and not a number.
         let value = f64::from(f32::from_le_bytes(*value));
         record.add(Entry { id, index: *index, value });
     }
@@ -62,11 +62,11 @@ fn memory(profile: &Profile, bytes: &[u8]) -> Memory {
     memory
 }
 
-/// A machine is switched on with any bytes in its memory. Whatever they are, its settings are such as commands set: what M503 reports
-/// is accepted when it is sent back, and changes nothing; and M500 stores them so that they are the same again.
+/// Switches a machine on with any bytes in its memory. Its settings are always such as commands set: M503's report is
+/// accepted when it is sent back, and changes nothing; and M500 stores the settings so that they are the same again.
 ///
 /// # Panics
-/// Otherwise.
+/// One of these does not hold.
 pub fn any_memory(profile: &Profile, bytes: &[u8]) {
     let memory = memory(profile, bytes);
     let session = Session::estimate(*profile, LOOK_AHEAD, Said::default());

@@ -97,7 +97,7 @@ impl File {
     }
 }
 
-/// The radius at an angle, and by how much it grows a radian, mm.
+/// The radius at an angle, mm, and its growth a radian, mm.
 fn spiral(angle: f64) -> (f64, f64) {
     let (first, a_turn) = RADIUS_MM;
     (first + a_turn * angle / TAU, a_turn / TAU)

@@ -97,7 +97,7 @@ struct Retraction {
     recover_feed_mm_per_s: f64,
 }
 
-/// A target for motion: machine X, Y, Z without lift, the extruder's total.
+/// Target of a motion: machine X, Y, Z without lift, and the extruder's total.
 struct Target {
     position_10nm: [i64; 3],
     extruder_total: i128,

@@ -1,4 +1,4 @@
-//! The plain planner: junction speeds, reverse pass, forward pass, trapezoids. Everything f64, nothing clever.
+//! The plain planner: junction speeds, reverse pass, forward pass, trapezoids, all in f64.
 
 use super::decimal::UNITS_PER_MM;
 use super::job::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Limits, Move, MoveKind};
@@ -153,7 +153,7 @@ fn junction_speed_squared(before: &Segment, after: &Segment, deviation_mm: f64) 
     (acceleration * arc_mm.min(fitting_mm)).min(nominal * nominal)
 }
 
-/// Squared speed at which the axis that jumps farthest at a corner, for what it may, jumps just so far.
+/// Squared speed at which the axis with the largest jump at a corner, relative to its limit, just keeps that limit.
 fn jump_speed_squared(before: &Segment, after: &Segment, limits_mm_per_s: &[f64; 4]) -> f64 {
     let jumps = before.shares.iter().zip(after.shares).map(|(before, after)| (after - before).abs());
     let speeds = jumps.zip(limits_mm_per_s).filter(|(jump, _)| *jump > 0.0).map(|(jump, limit)| limit / jump);

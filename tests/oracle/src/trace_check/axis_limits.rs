@@ -42,7 +42,7 @@ pub struct AxisLimits {
     kinematics: Kinematics,
     half_steps_per_mm: [f64; 4],
     tick_hz: f64,
-    /// Two events may each have moved by this.
+    /// Ticks by which each of two events may have moved.
     slack_ticks: f64,
     recent: [VecDeque<Sample>; 4],
 }

@@ -19,7 +19,7 @@ const SLACK_STEPS: f64 = 1.0;
 pub struct Jumps {
     /// 99th percentile: 99 of 100 corners have no larger jump.
     pub p99_mm_per_s: f64,
-    /// The largest.
+    /// Largest jump.
     pub largest_mm_per_s: f64,
 }
 
@@ -119,12 +119,12 @@ impl Corners {
         }
     }
 
-    /// The next move does not follow a corner: something unchecked lies between.
+    /// Forgets the move before: the next one does not follow a corner, since something unchecked lies between.
     pub fn forget(&mut self) {
         self.before = None;
     }
 
-    /// Passes a move; the axes that jumped too far at its start.
+    /// Passes a move; returns the axes that jumped too far at its start.
     pub fn pass(&mut self, traced: &Traced<'_>) -> Vec<TooLarge> {
         let [start, end] = traced.ticks;
         let window = ((WINDOW_S * self.tick_hz) as u64).min(end.saturating_sub(start));

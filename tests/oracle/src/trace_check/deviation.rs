@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// A motor away from where the time law puts it.
+/// Deviation of a motor from its position by the time law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
     /// Distance from the law, in steps.

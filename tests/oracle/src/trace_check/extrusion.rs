@@ -1,9 +1,9 @@
 //! The extruder against lambda s(t): as the trace has it, and as it would be if it stepped with the leading motor.
 //!
-//! The second is what most firmware does, here as a baseline: a block's extruder steps are those from one rounded
-//! position to the next, and Bresenham's classic algorithm picks the steps of the block's leading motor with which they are
-//! made. It is made from the same trace, at the leading motor's own step times, so that both are of the same blocks and are
-//! held against the same law.
+//! Most firmware does the second; here it is a baseline. A block's extruder steps are those from one rounded position
+//! to the next, and Bresenham's classic algorithm picks the steps of the block's leading motor at which they are made.
+//! The baseline is made from the same trace, at the leading motor's own step times, so that both are of the same blocks
+//! and are compared with the same law.
 
 use super::law::TracedBlock;
 use std::fmt;
@@ -41,7 +41,7 @@ impl Distances {
     }
 }
 
-/// Both, over all blocks that push or draw filament on their way.
+/// Distances of both extruders, over all blocks that push or draw filament on their way.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Extrusion {
     /// Blocks that were looked at.
@@ -58,8 +58,8 @@ pub struct Extrusion {
     pub slaved: Distances,
 }
 
-/// Bresenham's classic algorithm as step interrupts run it: called at each of the leading motor's steps, it says whether
-/// the follower steps too.
+/// Bresenham's classic algorithm as step interrupts run it: called at each of the leading motor's steps, it says
+/// whether the follower steps as well.
 #[derive(Clone, Copy, Debug)]
 pub struct Slave {
     leader_steps: i64,
@@ -85,7 +85,7 @@ impl Slave {
 }
 
 impl Extrusion {
-    /// Looks at a block.
+    /// Adds a block.
     pub fn block(&mut self, block: &TracedBlock<'_>) {
         let totals: [i64; 4] = [0, 1, 2, 3].map(|motor| {
             let steps = |event: &super::law::MotorEvent| i64::from(event.steps[motor].unsigned_abs());

@@ -45,8 +45,8 @@ impl TracedBlock<'_> {
         (position_mm / self.law.length_mm, speed_mm_per_s * seconds_per_tick / self.law.length_mm)
     }
 
-    /// The deviation of each motor that is largest by its excess. A motor's place changes at its steps only and the
-    /// law is monotone, so that before and after each step are the places to look.
+    /// Deviation of each motor with the largest excess. A motor's position changes at its steps only and the law is
+    /// monotone, so that only the moments before and after each step need a look.
     pub fn deviations(&self) -> [Option<Deviation>; 4] {
         let mut largest: [Option<Deviation>; 4] = [None; 4];
         let mut motors = self.start;

@@ -121,7 +121,7 @@ pub struct TraceReport {
     pub motor_steps: [u64; 4],
     /// Records of kind 2.
     pub moves: u64,
-    /// Moves whose steps were held against their time law.
+    /// Moves whose steps were compared with their time law.
     pub laws_checked: u64,
     /// FNV-1a-64 over (axes, directions) of the step events.
     pub order_digest: u64,
@@ -154,7 +154,7 @@ pub struct TraceReport {
     pub acceleration_ratio: [f64; 4],
     /// Number of findings.
     pub finding_count: u64,
-    /// The first of them.
+    /// The first findings.
     pub findings: Vec<Finding>,
 }
 

@@ -1,5 +1,5 @@
-//! Traces made from a plan, for the tests of the checks: every motor steps where the law carries it past the middle
-//! between two steps.
+//! Traces made from a plan, for the tests of the checks: every motor steps at the moment at which the law passes the
+//! middle between two steps.
 #![allow(clippy::expect_used)]
 
 use crate::reference::{InterpretOptions, MotorScale, Move, ReferenceProfile, Trapezoid, interpret, plan};
@@ -8,7 +8,7 @@ use crate::trace::{Record, StepEvent};
 /// Ticks a second of the traces made here.
 pub const TICK_HZ: u64 = 84_000_000;
 
-/// Two microseconds.
+/// Minimum interval of events, ticks: two microseconds.
 const EVENT_INTERVAL_TICKS: u64 = 168;
 
 /// The header line a profile's trace has.

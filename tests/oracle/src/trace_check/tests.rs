@@ -1,4 +1,4 @@
-//! A trace as it should be passes; each way of being wrong is caught.
+//! A right trace passes, and each kind of error is found.
 #![allow(clippy::unwrap_used)]
 
 use super::synthetic::{TICK_HZ, bytes, records};
@@ -16,7 +16,7 @@ fn check(profile: &ReferenceProfile, records: &[Record]) -> TraceReport {
     check_trace(bytes(profile, records).as_slice(), JOB.as_bytes(), profile, &TraceCheckOptions::default()).unwrap()
 }
 
-/// Makes the trace wrong and returns what is found then.
+/// Makes the trace wrong and returns the findings.
 fn findings_after(spoil: impl FnOnce(&mut Vec<Record>)) -> Vec<Finding> {
     let profile = cartesian();
     let mut records = records(JOB, &profile);

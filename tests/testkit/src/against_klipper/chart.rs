@@ -20,7 +20,7 @@ const FILES: [&str; 5] = ["cube", "gyroid", "Benchy", "arcs", "supports"];
 const PLANS: [(&str, &str, &str); 2] =
     [("Ferrostep", "#0072b2", "Ferrostep"), ("Klipper", "#d55e00", "Klipper's rules")];
 
-/// The row that the others are held against.
+/// The row with which the others are compared.
 const SHIPPED: (&str, &str) = ("Klipper", "`mzv`");
 
 /// A row of the tables.
@@ -30,14 +30,14 @@ struct Row {
     plan: String,
     filter: String,
     time_s: f64,
-    /// The worst of f, -5 % and +5 %, um.
+    /// Error, um: the worst of f, -5 % and +5 %.
     error_um: f64,
 }
 
 /// Compares the page's chart with its tables, or draws it.
 ///
 /// # Errors
-/// What to do.
+/// The chart is not that of the tables; the error says how to draw it.
 pub fn keep_current(root: &Path) -> Result<(), String> {
     let text = std::fs::read_to_string(root.join("docs/src/against-klipper.md")).map_err(|error| error.to_string())?;
     let drawn = draw(&rows(&text));

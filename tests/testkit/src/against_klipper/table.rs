@@ -116,7 +116,7 @@ impl Plan {
 /// The filters, in the order of the rows.
 pub const KINDS: [ShaperKind; 2] = [ShaperKind::Zv, ShaperKind::Mzv];
 
-/// A frame beside the one that the filters are made for: by how many per cent it is off, and whether it has a second mode.
+/// A frame beside the one that the filters are made for: its difference in per cent, and whether it has a second mode.
 pub type Off = (f64, bool);
 
 /// The frames, in the order of the columns.
@@ -125,7 +125,7 @@ pub const FRAMES: [Off; 6] = [(0.0, false), (-5.0, false), (5.0, false), (-10.0,
 /// A measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
-    /// Whose plan.
+    /// Plan of the row.
     pub plan: Plan,
     /// The filter of X and Y.
     pub kind: ShaperKind,

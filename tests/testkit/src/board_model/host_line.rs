@@ -7,7 +7,7 @@ use super::time::CYCLES_PER_S;
 pub struct HostLine {
     lines_per_s: u64,
     burst: u64,
-    /// Silences: before which line, counted from 0, and for how long, cycles.
+    /// Silences: the line before which each comes, counted from 0, and its length, cycles.
     silences: Vec<(u64, u64)>,
     taken: u64,
     /// Cycle at which the present burst began.
@@ -15,12 +15,12 @@ pub struct HostLine {
 }
 
 impl HostLine {
-    /// This many lines a second, at even intervals.
+    /// A host with this many lines a second, at even intervals.
     pub fn steady(lines_per_s: u64) -> Self {
         Self::bursts(lines_per_s, 1)
     }
 
-    /// This many lines a second, sent in bursts of this many.
+    /// A host with this many lines a second, sent in bursts of this many.
     pub fn bursts(lines_per_s: u64, burst: u64) -> Self {
         Self { lines_per_s: lines_per_s.max(1), burst: burst.max(1), silences: Vec::new(), taken: 0, began: 0 }
     }

@@ -28,10 +28,10 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.interrupts.act(emergency);
     }
 
-    /// Answers a line of a host that waits for this many ms and then says M108, then M410, then M112.
+    /// Answers a line of a host that waits for `patience_ms` and then says M108, then M410, then M112.
     ///
     /// # Panics
-    /// A line without an answer after all of these.
+    /// A line has no answer after all of these.
     pub fn answer(
         &self,
         (printer, host): (&mut BoardPrinter<'_, 'a, M>, &mut Host),

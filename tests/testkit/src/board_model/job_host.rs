@@ -19,10 +19,10 @@ use super::{Board, BoardPrinter, LONGEST_COMMAND};
 /// A line of 115,200 baud: ten bits a byte.
 const CYCLES_A_BYTE: u64 = CYCLES_PER_S / 11_520;
 
-/// A host that is silent for this long while the board waits for it is given up.
+/// Silence of the host, s, after which a waiting board gives it up.
 pub const JOB_SILENCE_S: u16 = 30;
 
-/// A host asks after this long without an answer.
+/// Time without an answer after which a host asks, cycles.
 const ASK_CYCLES: u64 = 250 * CYCLES_A_MS;
 
 /// Time for which the firmware waits for bytes, and the longest portion of it here, ms.

@@ -1,4 +1,4 @@
-//! The printer's ports, as the firmware's.
+//! The printer's ports, like the firmware's.
 
 use std::cell::{Cell, RefCell};
 

@@ -29,7 +29,7 @@ impl<'a, M: Stepping> Queue<'a, M> {
         Self { feeder, interrupts, costs, digests: StepDigests::default() }
     }
 
-    /// The planner task works for this many cycles, multiplied by its present slowness.
+    /// Lets the planner task work for this many cycles, multiplied by its present slowness.
     fn plan_for(&self, cycles: u64) {
         self.interrupts.pass(cycles * self.costs.slowness_at(self.interrupts.now()));
     }

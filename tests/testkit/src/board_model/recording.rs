@@ -17,7 +17,7 @@ const STANDSTILL_CYCLES: u64 = 5 * CYCLES_A_MS;
 /// as far apart.
 const AT_SPEED_CYCLES: u64 = 250 * CYCLES_A_US;
 
-/// A feed is the distance covered in this time.
+/// Time over which the distance of a feed is measured, ms.
 const FEED_WINDOW_MS: usize = 5;
 
 /// The port, observed.

@@ -190,7 +190,7 @@ pub(super) enum Said {
     Silence(u64),
     /// M400, and a check of all positions.
     Finish,
-    /// These act after this many cycles, regardless of what the board does.
+    /// An emergency command that acts after this many cycles, regardless of what the board does.
     Emergency(Emergency, u64),
 }
 
@@ -200,7 +200,7 @@ fn line(bytes: &mut Unstructured<'_>) -> arbitrary::Result<String> {
     for _ in 0..bytes.int_in_range(0..=5)? {
         let letter = char::from(*bytes.choose(LETTERS)?);
         let number = if bytes.ratio(1, 3)? {
-            // Anywhere on a machine, to a thousandth.
+            // A place anywhere on a machine, to a thousandth.
             let thousandths = bytes.int_in_range(-20_000..=320_000i32)?;
             format!("{}", f64::from(thousandths) / 1000.0)
         } else {

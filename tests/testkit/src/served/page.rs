@@ -43,7 +43,7 @@ impl Page {
         &self.url
     }
 
-    /// Sends bytes; the whole answer. The server may answer, and close, before it has all of them.
+    /// Sends bytes; returns the whole answer. The server may answer, and close, before it has all of them.
     ///
     /// # Panics
     /// The server does not answer.
@@ -56,7 +56,7 @@ impl Page {
         String::from_utf8(answer).unwrap()
     }
 
-    /// Asks with the token; status and body.
+    /// Asks with the token; returns status and body.
     ///
     /// # Panics
     /// The server does not answer.
@@ -91,10 +91,10 @@ impl Page {
         serde_json::from_str(&body).unwrap()
     }
 
-    /// Looks until something is so.
+    /// Asks for the state until it fits; returns it.
     ///
     /// # Panics
-    /// It does not become so.
+    /// It does not fit in time.
     #[track_caller]
     pub fn look_until(&self, is_so: impl Fn(&Value) -> bool) -> Value {
         let end = Instant::now() + PATIENCE;

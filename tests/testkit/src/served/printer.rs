@@ -71,7 +71,7 @@ impl Printer {
         Self::run(folder, PathBuf::new(), Command::new(program()).args(arguments))
     }
 
-    /// Ctrl-C of a page in front of a port; what it says then.
+    /// Ends a page in front of a port by Ctrl-C; returns its last messages.
     ///
     /// # Panics
     /// It does not end well.
@@ -87,10 +87,10 @@ impl Printer {
         send_signal("INT", self.process.id());
     }
 
-    /// The page of a printer that is served with `--web`. The next message of the printer, which is said at its start.
+    /// The page of a printer that is served with `--web`, from the printer's next message, which comes at its start.
     ///
     /// # Panics
-    /// The printer's next message is not a page's address.
+    /// The message is not a page's address.
     pub fn page(&mut self) -> Page {
         let mut said = String::new();
         self.messages.read_line(&mut said).unwrap();
@@ -121,12 +121,12 @@ impl Printer {
     /// TCP address of the printer.
     ///
     /// # Panics
-    /// It has none.
+    /// It has no TCP port.
     pub fn address(&self) -> &str {
         self.first_line.split(" on ").nth(1).unwrap().split(',').next().unwrap()
     }
 
-    /// A host opens its port.
+    /// Connects a host to the printer's port.
     ///
     /// # Panics
     /// It cannot be opened.
@@ -137,7 +137,7 @@ impl Printer {
         Host::new(File::from(OwnedFd::from(TcpStream::connect(self.address()).unwrap())))
     }
 
-    /// Ctrl-C; what it prints then.
+    /// Ends the printer by Ctrl-C; returns its report.
     ///
     /// # Panics
     /// It does not end well.
@@ -201,7 +201,7 @@ impl Host {
         }
     }
 
-    /// Hears lines up to one that is `expected`; all of them.
+    /// Hears lines up to one that is `expected`; returns all of them.
     ///
     /// # Panics
     /// It does not come in time.
@@ -243,7 +243,7 @@ impl Host {
     /// Value that M797 reports for a name.
     ///
     /// # Panics
-    /// It says nothing of it.
+    /// The name is missing in the report.
     #[track_caller]
     pub fn figure(&mut self, name: &str) -> String {
         let said = self.say("M797").join(" ");

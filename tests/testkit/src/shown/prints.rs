@@ -134,7 +134,7 @@ impl Place {
     }
 }
 
-/// The moves that take long: line, tick of their start and their end.
+/// The moves that take long: line, and ticks of their start and their end.
 #[derive(Default)]
 struct Ends {
     last_tick: u64,

@@ -1,4 +1,4 @@
-//! M201 to M205, M207, M208 and M220: what holds for the moves to come.
+//! M201 to M205, M207, M208 and M220: settings for the moves to come.
 
 use super::{AXES, State};
 use crate::reference::decimal::{Decimal, OutOfRange};
