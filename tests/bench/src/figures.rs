@@ -32,7 +32,7 @@ impl Mean {
         self.instructions
     }
 
-    /// Both, each once for the units of the first.
+    /// Adds another mean's instructions to this one, each once for this one's units.
     pub fn plus(self, other: Self) -> Self {
         Self { instructions: self.instructions + other.instructions, ..self }
     }
@@ -61,9 +61,9 @@ impl fmt::Display for OrNull {
 /// The step interrupt's events inside a stair, and the one that ends a stair and fetches the next.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Events {
-    /// Inside: most of them.
+    /// Most events inside a stair.
     pub within: Option<u32>,
-    /// Inside: the one with most to do.
+    /// The event inside a stair with most to do.
     pub most_within: Option<u32>,
     /// The event with the fetch.
     pub new: Option<u32>,

@@ -93,7 +93,7 @@ pub fn moves_to_blocks(
     Ok(mean)
 }
 
-/// The move of a line with X, Y and E, by as little as that takes; E counts from the line before.
+/// The move of a line with X, Y and E, read by the shortest code; E counts from the line before.
 fn relative(extruded_100pm: &mut i64, text: &str) -> Result<Move, &'static str> {
     let (mut target_10nm, mut filament_100pm) = ([0; 3], 0);
     for word in text.split(' ').skip(1) {

@@ -28,7 +28,7 @@ const WIDE: &[u8] = include_bytes!("gyroid/wide.gpre");
 /// Moves before anything is counted: the look-ahead ring is then full, as in a long print.
 const WARM_UP_MOVES: u32 = 160;
 
-/// Ways of the same moves.
+/// Instructions for the same moves, on two ways.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ways {
     /// The way to a block with its speeds.
@@ -37,7 +37,7 @@ pub struct Ways {
     pub to_queue: Mean,
 }
 
-/// All three.
+/// Instructions of all three sources.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Prepared {
     /// The compact encoding.

@@ -1,4 +1,4 @@
-//! The step queue and its far end, the interrupt: all that the bench knows of either.
+//! The step queue and its far end, the interrupt, as the bench uses them.
 
 use core::sync::atomic::{AtomicU16, Ordering};
 
@@ -72,7 +72,7 @@ pub type PrintQueue = BenchQueue<StepSignals, 1, STEP_QUEUE_SLOTS>;
 /// A queue that lines are drawn to, which no interrupt plays.
 pub type LineQueue<M> = BenchQueue<M, 1, LINE_QUEUE_SLOTS>;
 
-/// One of each kind.
+/// One queue of each kind.
 pub struct LineQueues {
     /// Queue for drivers that step at both edges.
     pub edges: LineQueue<BothEdges>,
@@ -137,7 +137,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
         self.queue.waiting()
     }
 
-    /// Lets the interrupt take slots: the instructions of what it begins with.
+    /// Lets the interrupt take slots; returns the instructions of its start.
     pub fn start(&mut self, counter: &Counter) -> u32 {
         PLAYING.store(self.interrupt as u16, Ordering::Relaxed);
         // The queue calls it, masked; and once more where it is counted.
@@ -161,7 +161,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
         Event { instructions, is_new: self.queue.played() != before }
     }
 
-    /// Adds entries as they are made.
+    /// Adds entries while they are made.
     #[inline(always)]
     pub fn extend(&mut self, entries: impl Iterator<Item = StepEntry>) {
         if cfg!(feature = "tally") {

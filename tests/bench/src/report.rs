@@ -73,7 +73,7 @@ impl SlopeLine {
     }
 }
 
-/// All lines, ways and figures: memory that the stack has not got.
+/// All lines, ways and figures: memory for which the stack has no room.
 #[derive(Debug)]
 pub struct Lines {
     /// Wu's, for drivers that step at both edges.
@@ -108,7 +108,7 @@ pub struct Print {
     pub moves: u32,
 }
 
-/// Everything.
+/// All figures.
 #[derive(Clone, Debug)]
 pub struct Report<'a> {
     /// The step interrupt.

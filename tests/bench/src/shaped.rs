@@ -1,4 +1,4 @@
-//! Motion through filters: what a step costs, a breakpoint, and a line.
+//! Motion through filters: costs of a step, a breakpoint, and a line.
 
 use core::fmt;
 
@@ -31,8 +31,8 @@ const X_MM: i64 = 16;
 const Y_MM: i64 = 12;
 const FILAMENT_MM: f64 = 0.5;
 
-/// Steps/mm of X and Y, and of the filament; and with both twice as many. Twice the steps in the same windows tell apart what
-/// either costs.
+/// Steps/mm of X and Y, and of the filament; both are doubled for a second count. Twice the steps in the same windows
+/// tell the costs of steps and windows apart.
 const STEPS_PER_MM: f64 = 80.0;
 const FILAMENT_STEPS_PER_MM: f64 = 100.0;
 

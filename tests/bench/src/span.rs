@@ -41,7 +41,7 @@ impl Count {
     }
 }
 
-/// Counts what runs between two readings.
+/// Counter of the code between two readings.
 #[derive(Clone, Copy, Debug)]
 pub struct Counter {
     clock: Count,
@@ -70,7 +70,7 @@ impl Counter {
         now
     }
 
-    /// Runs a piece; how much the clock counted, and its result.
+    /// Runs a piece; returns its count and its result.
     #[inline]
     pub fn count<T>(&self, piece: impl FnOnce() -> T) -> (u32, T) {
         let start = self.now();

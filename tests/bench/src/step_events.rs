@@ -40,8 +40,8 @@ pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
     Ok(StepEvents { one_axis, four_axes, single, start_of_motion, end_of_motion, ..StepEvents::default() })
 }
 
-/// Stairs of one kind, once the run is under way. Should the events inside a stair not all cost the same, the least of
-/// them is taken for that of most.
+/// Stairs of one kind, once the run is under way. If the events inside a stair do not all cost the same, the least of
+/// them is taken as that of most.
 pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
     queue: &mut BenchQueue<M, PORTS, N>,
@@ -96,13 +96,13 @@ fn push<M: Stepping, const PORTS: usize, const N: usize>(
     Ok(())
 }
 
-/// Plays what waits in the queue but for the last slots.
+/// Plays the slots that wait in the queue, except for the last ones.
 pub fn play_waiting<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
     queue: &mut BenchQueue<M, PORTS, N>,
     report: &mut StepEvents,
 ) {
-    // In a motion that plays already this would be its end.
+    // Starting a motion that plays already would end it.
     if !queue.is_running() {
         queue.start(counter);
     }

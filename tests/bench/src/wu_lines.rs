@@ -37,7 +37,7 @@ type Told = Counted;
 #[cfg(not(feature = "tally"))]
 type Told = Uncounted;
 
-/// A way to draw a line; how many decisions it took.
+/// Function that draws a line; returns the number of its decisions.
 type Draw<M> = fn(Slope, &mut LineQueue<M>) -> u64;
 
 /// All lines, all ways. The queues are empty before and after.

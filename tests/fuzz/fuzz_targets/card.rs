@@ -59,7 +59,7 @@ fn read(card: &Card, path: &str) {
     panic!("the file does not end");
 }
 
-// Four bytes are a change: where among the first 512 KiB, and what is there then.
+// Four bytes are a change: the place among the first 512 KiB, and the new byte.
 fuzz_target!(|bytes: &[u8]| {
     let mut image = sound().to_vec();
     for change in bytes.chunks_exact(4) {

@@ -1,4 +1,4 @@
-//! Follows a function's address in a register: it is called and nothing else, or it may be kept.
+//! Follows a function's address in a register: tells whether it is only called, or may be kept.
 
 use std::collections::BTreeSet;
 
@@ -23,9 +23,10 @@ enum Use {
 /// Registers that a call may read and that it leaves changed.
 const OF_CALLS: [&str; 5] = ["r0", "r1", "r2", "r3", "ip"];
 
-/// Follows the value that an instruction has put in a register, and returns `true` if it is called on some way and neither read nor
-/// returned on any. The compiler calls a function so that it calls often, since that is shorter. An outlined function is followed as part
-/// of its caller; `back` is where it returns to, if the instruction is in one.
+/// Follows the value that an instruction has put in a register, and returns `true` if it is called on some path and
+/// neither read nor returned on any. The compiler calls a function in this way if it calls it often, since that is
+/// shorter. An outlined function is followed as part of its caller; `back` is its return address, if the instruction is
+/// in one.
 pub fn is_only_called(code: &Code, setting: &Instruction, register: &str, back: Option<u32>) -> bool {
     let (mut pending, mut seen, mut is_called) =
         (vec![(setting.next(), register.to_owned(), back)], BTreeSet::new(), false);

@@ -1,4 +1,4 @@
-//! The instructions of a firmware image, as its symbols tell them apart from data.
+//! The instructions of a firmware image; its symbols tell them apart from data.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -36,7 +36,7 @@ impl Instruction {
         self.address + self.length
     }
 
-    /// The last operand, if it is a constant: where a branch leads to.
+    /// The last operand, if it is a constant: the target of a branch.
     pub fn target(&self) -> Option<u32> {
         let constant = self.operands.rsplit([' ', ',']).next()?.strip_prefix('#')?;
         match constant.strip_prefix("0x") {
@@ -174,7 +174,7 @@ impl Code {
         }
     }
 
-    /// Every word that the image has as a constant in its tables and in what RAM is filled with; but for the table of handlers.
+    /// Every word of the image's constants and of the bytes that RAM is filled with, without the table of handlers.
     pub fn constants(&self) -> BTreeSet<u32> {
         self.constants.iter().flat_map(|(_, bytes)| words(bytes)).collect()
     }
@@ -198,7 +198,7 @@ impl Code {
     /// The instruction at an address.
     ///
     /// # Errors
-    /// No instruction, or none of this processor.
+    /// The bytes are not an instruction of this processor.
     pub fn instruction(&self, address: u32) -> Result<Instruction, String> {
         let in_section = |(start, bytes): &(u32, Vec<u8>)| {
             let offset = address.checked_sub(*start)? as usize;
@@ -268,7 +268,7 @@ impl Code {
     }
 }
 
-/// The words that bytes are, without those that are left over.
+/// The words of these bytes, without a rest of less than four.
 fn words(bytes: &[u8]) -> impl Iterator<Item = u32> + use<'_> {
     bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word))
 }

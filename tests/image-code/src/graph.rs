@@ -1,6 +1,6 @@
 //! The longest way through a graph whose nodes have costs.
 
-/// Nodes by their number: what each costs, and which ones follow it.
+/// Nodes by their number: the cost of each, and the nodes that follow it.
 #[derive(Debug, Default)]
 pub struct Graph {
     costs: Vec<u32>,
@@ -24,7 +24,7 @@ impl Graph {
         self.costs.len() - 1
     }
 
-    /// States what a node costs.
+    /// Sets the cost of a node.
     pub fn set_cost(&mut self, node: usize, cost: u32) {
         self.costs[node] = cost;
     }
@@ -50,7 +50,7 @@ impl Graph {
         leads
     }
 
-    /// The longest way from node 0 to one of the ends; `None` if none leads there.
+    /// The longest path from node 0 to one of the ends; `None` if no path leads there.
     pub fn longest(&self, ends: &[usize]) -> Option<Longest> {
         let leads = self.leading_to(ends);
         leads.first().filter(|leads| **leads)?;
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(ways.longest(&[4]), Some(Longest { cost: 1116, has_loop: true }));
         let itself = graph(&[1, 2, 4], &[(0, 1), (1, 1), (1, 2)]);
         assert_eq!(itself.longest(&[2]), Some(Longest { cost: 7, has_loop: true }));
-        // A loop that leads to no end is on no way.
+        // A loop that leads to no end is not on a path.
         let beside = graph(&[1, 2, 4], &[(0, 1), (1, 1), (0, 2)]);
         assert_eq!(beside.longest(&[2]), Some(Longest { cost: 5, has_loop: false }));
     }

@@ -1,9 +1,10 @@
 //! Sections in which an image's code masks interrupts, and their maximum duration.
 //!
-//! A section begins with the instruction that raises BASEPRI, or sets PRIMASK or FAULTMASK, and ends with the one that puts it
-//! back. All paths between the two are followed, through branches, tables and calls; what ends in a trap does not come back
-//! and does not count. Cycles are the most that instructions take from the flash's cache (`cycles`), without what
-//! interrupts take that are not masked. A loop's instructions count once, and the section says that it has one.
+//! A section begins with the instruction that raises BASEPRI, or sets PRIMASK or FAULTMASK, and ends with the one that
+//! puts it back. All paths between the two are followed, through branches, tables and calls; a path that ends in a trap
+//! does not come back and does not count. Cycles are the most that instructions take from the flash's cache (`cycles`),
+//! without the time of interrupts that are not masked. A loop's instructions count once, and the section says that it
+//! has one.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +13,7 @@ use crate::cycles::cycles;
 use crate::flow::{Flow, flow};
 use crate::graph::Graph;
 
-/// Sections within each other that are counted.
+/// Maximum depth of sections within each other that is counted.
 const MAX_DEPTH: i32 = 4;
 
 /// Interrupts that a section masks, in rising order.
@@ -31,7 +32,7 @@ pub enum Mask {
 pub struct Section {
     /// The instruction that begins it: one that masks, or the call of a function that returns with interrupts masked.
     pub address: u32,
-    /// The function that this is in.
+    /// Name of the function that contains this instruction.
     pub function: String,
     /// Interrupts that it masks.
     pub mask: Mask,

@@ -14,7 +14,7 @@ use crate::code::{Code, Instruction};
 /// them (ARMv7-M Architecture Reference Manual, B1.5.6 and B1.5.7).
 pub const EXCEPTION_BYTES: u32 = 4 * (8 + 18 + 1);
 
-/// A text whose arguments are texts with arguments, and so on, nested this deep.
+/// Maximum depth of a text whose arguments are texts with arguments, and so on.
 ///
 /// The longest chain: a reply, the refusal in it, the error in that, a driver's report, its error, a number.
 const NESTED_TEXTS: u32 = 6;
@@ -57,7 +57,7 @@ pub struct StackUse<'a> {
 pub struct Deepest {
     /// Bytes.
     pub bytes: u32,
-    /// The functions on the way, each with its frame.
+    /// The functions on the deepest path, each with its frame.
     pub way: Vec<(u32, u32)>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> StackUse<'a> {
         let mut functions = BTreeMap::<u32, Function>::new();
         let mut pointers = code.constants();
         let mut literals = code.literals();
-        // Those that are loaded to be called and for nothing else: by each, whether that holds for all that load it.
+        // Constants that are only loaded to be called: for each, whether that holds for all instructions that load it.
         let mut only_called = BTreeMap::<u32, bool>::new();
         let mut lower_halves = BTreeMap::new();
         let mut current = None;
@@ -304,7 +304,7 @@ fn taken_bytes(instruction: &Instruction) -> Option<u32> {
     match (name.as_str(), instruction.target()) {
         ("sub" | "subw", bytes) => bytes,
         ("add" | "addw", Some(_)) => Some(0),
-        // The start, which sets it where it begins.
+        // The start code sets the stack pointer to its first value.
         ("mov", None) if operands == "sp, r1" => Some(0),
         _ => None,
     }

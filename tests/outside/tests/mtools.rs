@@ -11,7 +11,7 @@ use ferrostep_virtual_board::VirtualCard;
 
 type Card = LocalCard<VirtualCard<Vec<u8>>>;
 
-/// The cards, and where their volumes begin: mtools' name for it, and bytes.
+/// The cards, and the starts of their volumes: mtools' name for them, and bytes.
 const IMAGES: [(&str, &str, usize); 2] = [("fat16", "", 0), ("fat32", "@@1M", 1 << 20)];
 
 fn ask(card: &Card, request: Request) -> Result<Answer, CardFailure> {
@@ -53,7 +53,7 @@ fn run(program: &str, package: &str, arguments: &[&str]) -> Output {
     run.unwrap_or_else(|error| panic!("{program}: {error}; install it (Debian: apt-get install {package})"))
 }
 
-/// fsck.fat, which the path of a person who is not root does not lead to.
+/// Path of fsck.fat, which is not on the path of a person who is not root.
 fn fsck() -> &'static str {
     ["/usr/sbin/fsck.fat", "/sbin/fsck.fat"].into_iter().find(|at| Path::new(at).is_file()).unwrap_or("fsck.fat")
 }
@@ -67,7 +67,7 @@ fn what_is_written_is_read_by_mtools_and_leaves_a_sound_volume() {
         write(&card, "NEW.GCO", &long);
         write(&card, "/PARTS/new2.g", b"G28\n");
         write(&card, "MANY/EMPTY.GCO", b"");
-        // In place of the one before, then again.
+        // Replaces the file that was written first.
         write(&card, "NEW.GCO", &long[..700]);
         assert_eq!(ask(&card, Request::Delete(path("MANY/GAPS.GCO"))), Ok(Answer::Done));
         assert_eq!(ask(&card, Request::Release), Ok(Answer::Done));

@@ -10,7 +10,7 @@ use ferrostep_testkit::program::{program, scratch};
 use ferrostep_testkit::slicers::{MACHINES, bundle, definition, folder};
 use serde_json::Value;
 
-/// Runs a slicer; what it says.
+/// Runs a slicer; returns its output.
 #[track_caller]
 fn run(slicer: &mut Command, package: &str) -> String {
     let output = slicer.output().unwrap_or_else(|error| {
@@ -95,7 +95,7 @@ fn prusa_slicer_slices_a_cube_for_every_machine_and_it_prints() {
     }
 }
 
-/// The folder above Cura's definitions: what `FERROSTEP_CURA` names, or where Debian's package puts it.
+/// The folder above Cura's definitions: that of `FERROSTEP_CURA`, or the one of Debian's package.
 fn cura_resources() -> PathBuf {
     let folder = std::env::var_os("FERROSTEP_CURA").map_or_else(|| "/usr/share/cura/resources".into(), PathBuf::from);
     assert!(

@@ -15,7 +15,7 @@ pub struct SlicerBlock {
     pub nominal_mm_per_s: f64,
     /// Acceleration.
     pub acceleration_mm_per_s2: f64,
-    /// The most that the corner before it allows; infinite where the path goes straight on.
+    /// Speed limit of the corner before it; infinity if the path continues straight.
     pub corner_mm_per_s: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Pictures of the page, kept in the book and beside the tests: what is drawn now has their structure.
+//! Pictures of the page, kept in the book and beside the tests: pictures drawn now have their structure.
 //!
 //! `FERROSTEP_REFRESH=1` takes them anew. Pixels differ with the browser and its fonts, so they are not compared.
 

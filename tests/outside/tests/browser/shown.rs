@@ -81,7 +81,7 @@ fn chromium_shows_arcs_on_corexy() {
     loads(ARCS);
 }
 
-/// Two prints on one page: each draws its own, and what is done in one leaves the other alone.
+/// Two prints on one page: each draws its own, and actions in one leave the other alone.
 #[test]
 fn chromium_shows_two_prints_beside_each_other() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();

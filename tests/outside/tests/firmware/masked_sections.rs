@@ -122,7 +122,7 @@ fn page() -> PathBuf {
     repository().join("docs/src/firmware.md")
 }
 
-/// A section that is not in the book's list fails the test, and one that has become longer than its bound there.
+/// A section fails the test if it is not in the book's list, or has become longer than its bound there.
 #[test]
 fn every_masked_section_is_in_the_books_list() {
     let places = places();

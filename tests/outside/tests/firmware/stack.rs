@@ -1,4 +1,4 @@
-//! Each image's stack holds what its tasks need, however they interrupt each other.
+//! Each image's stack is large enough for its tasks, however they interrupt each other.
 
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::stack_need::StackNeed;

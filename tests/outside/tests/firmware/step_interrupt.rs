@@ -12,7 +12,7 @@ use ferrostep_virtual_board::CYCLES_A_TICK;
 
 use crate::firmware::image::{image, image_of};
 
-/// TIM1_BRK_TIM9's number: what the step interrupt calls for the end of a motion, and the planner task for its start.
+/// TIM1_BRK_TIM9's number: the step interrupt calls it for the end of a motion, and the planner task for its start.
 const START_OR_END: u32 = 24;
 
 /// Reason for which an instruction has no place in the step interrupt.
@@ -163,7 +163,7 @@ fn the_step_handlers_are_alone_at_their_priority() {
     );
 }
 
-/// While M798 measures, the vector leads here.
+/// The vector leads here while M798 measures.
 #[test]
 fn the_measured_step_interrupt_calls_only_its_handler() {
     let code = Code::of(image()).unwrap();

@@ -5,10 +5,10 @@ use ferrostep_stm32f4_board::motion_clock::MotionClock;
 
 use ferrostep_bench::span::{Count, Counter, UNANSWERED};
 
-/// A counter of executed instructions.
+/// Starts a counter of executed instructions.
 ///
 /// # Errors
-/// It counts something else than the length of a handler that is known.
+/// It does not count the known length of a handler.
 pub fn start(clock: MotionClock) -> Result<Counter, &'static str> {
     let counter = Counter::new(Count::Instructions(clock));
     // SAFETY: nothing relies on its being masked, and its handler touches nothing.
@@ -18,7 +18,7 @@ pub fn start(clock: MotionClock) -> Result<Counter, &'static str> {
     if known == KNOWN_INSTRUCTIONS { Ok(counter) } else { Err("a handler of known length is counted wrongly") }
 }
 
-/// Ten NOPs and the return.
+/// Instructions of the handler: ten NOPs and the return.
 const KNOWN_INSTRUCTIONS: u32 = 11;
 
 /// A handler of known length, of [`UNANSWERED`].

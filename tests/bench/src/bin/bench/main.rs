@@ -109,7 +109,7 @@ mod app {
         cx.shared.one_port.update();
     }
 
-    /// These with motors on two ports.
+    /// The same with motors on two ports.
     #[task(binds = TIM3, priority = 16, shared = [two_ports])]
     fn two_ports(cx: two_ports::Context) {
         cx.shared.two_ports.update();
@@ -141,7 +141,7 @@ mod app {
     }
 }
 
-/// The firmware's queue; those of drivers that step at both edges, with motors on one port, two, and three; and the lines'.
+/// Queues: the firmware's; those of drivers that step at both edges, with motors on one port, two, and three; and the lines'.
 pub struct Queues {
     print: PrintQueue,
     of_one: BenchQueue<BothEdges, 1, SHORT_QUEUE_SLOTS>,
@@ -150,7 +150,7 @@ pub struct Queues {
     lines: LineQueues,
 }
 
-/// Measures, says what, and ends the emulator.
+/// Measures, prints the result, and ends the emulator.
 fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot], lines: &mut Lines) -> ! {
     let outcome = counter::start(clock).and_then(|counter| {
         if cfg!(feature = "tally") {
@@ -167,7 +167,7 @@ fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot], lines: &mut L
     halt()
 }
 
-/// Every piece, then all of them together.
+/// Measures every piece, then all of them together.
 fn measure<'a>(
     counter: &Counter,
     queues: &mut Queues,

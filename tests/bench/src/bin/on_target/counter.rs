@@ -5,7 +5,7 @@ use ferrostep_stm32f4_board::motion_clock::MotionClock;
 
 use ferrostep_bench::span::{Count, Counter};
 
-/// The core's counter; in an emulator, whose core counts nothing, the motion clock stands in.
+/// The core's counter; an emulator's core counts nothing, and the motion clock is read instead.
 #[derive(Clone, Copy, Debug)]
 pub struct Cycles {
     stand_in: Option<MotionClock>,
@@ -27,7 +27,7 @@ impl Cycles {
     }
 }
 
-/// A counter of these. The second one is kept: everything is then in the flash's cache, as it is in what is counted.
+/// Makes a counter of these. The second one is kept: everything is then in the flash's cache, as it is in what is counted.
 pub fn start(cycles: Cycles) -> Counter {
     let count = cycles.stand_in.map_or(Count::Cycles, Count::Ticks);
     Counter::new(count);

@@ -31,7 +31,7 @@ impl<T> Handler<T> {
         Self(UnsafeCell::new(None))
     }
 
-    /// Hands over what the interrupt works with, and unmasks it.
+    /// Hands over the handler's data to its interrupt, and unmasks it.
     ///
     /// # Safety
     /// The interrupt is the one whose handler uses this, is masked, and its priority is not below that of critical
@@ -58,7 +58,7 @@ impl<T> Handler<T> {
 
 /// The step interrupt as the tests call it, of drivers that step at both edges.
 static EDGES: Handler<StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>> = Handler::new();
-/// The one that the timer calls.
+/// The step interrupt that the timer calls.
 static STEPS: Handler<StepTimer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS>> = Handler::new();
 /// The same in pulses, whatever the profile's drivers ask for.
 static PULSES: Handler<StepTimer<Pulses, MOTOR_PORTS, TIMED_QUEUE_SLOTS>> = Handler::new();

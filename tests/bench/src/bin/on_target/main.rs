@@ -1,7 +1,7 @@
 //! Tests on the board itself, over a debug probe: `cargo xtask on-target --board NAME`.
 //!
-//! They count cycles where `cargo xtask bench` counts instructions, and hold them against what the rest relies on: how
-//! long a step may take, how late it may be, and how many moves a second the planner keeps up with. The board is reset
+//! They count cycles where `cargo xtask bench` counts instructions, and compare them with limits on which the rest
+//! relies: duration of a step, its lateness, and moves a second that the planner keeps up with. The board is reset
 //! before each. No motor has current and no heater power: the pins of both stay as reset has left them.
 #![no_std]
 #![no_main]
@@ -61,7 +61,7 @@ const INTERVAL_TICKS: u32 = TICKS_PER_SECOND / 100_000;
 /// Time for which steps are timed, s. A computer at the other end of the cable has the port set up within that.
 const TIMED_S: u32 = 5;
 
-/// Slots that stay free: an entry takes some.
+/// Slots that stay free, since an entry takes some.
 const LEFT_SLOTS: usize = 8;
 
 /// Bytes of the port's rings.
@@ -99,7 +99,7 @@ impl Board {
     }
 }
 
-/// Says a figure, and whether it is within its bound.
+/// Logs a figure, and fails if it is above its bound.
 fn hold(what: &str, figure: u32, unit: &str, most: u32) -> Result<(), Failure> {
     hprintln!("{}: {} {}, at most {}", what, figure, unit, most);
     if figure <= most { Ok(()) } else { Err("more than its bound") }
@@ -149,7 +149,7 @@ fn a_block_is_planned_in_its_time(board: Board) -> Result<(), Failure> {
     let counter = counter::start(Cycles::start(core.DCB, core.DWT, motion_clock));
     let slots = cortex_m::singleton!(: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS]);
     let ring = slots.ok_or("started twice")?;
-    // Its steps are dropped: it never plays.
+    // The steps are dropped: the queue never plays.
     let (_timer, mut queue) =
         queue::start(&device.RCC, Ports::new(&pins()), &PRINT, Interrupt::SPI3).ok_or("a port has 16 pins")?;
     let blocks = pieces::moves_to_blocks(&counter, &PROFILE, ring, &mut queue)?;
@@ -300,7 +300,7 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
         );
     }
     hprintln!("{} bytes by USB", bytes);
-    // Half of what was asked for at the least: that it was under way at all.
+    // At least half of the expected number, to show that the interrupt ran at all.
     if latency.summary.count < TIMED_S * clock.slow_timers.raw() / INTERVAL_TICKS / 2 {
         return Err("the steps did not come");
     }
