@@ -1,4 +1,4 @@
-//! Costs of the steps of `ci`, held against those of an earlier run: a check that grows by a third is noticed when it does.
+//! Costs of the steps of `ci`, compared with those of an earlier run, so that a check that grows by a third is noticed.
 //!
 //! A cost is the core-seconds of a step's programs divided by those of a fixed loop on the same computer ([`crate::cost`]).
 
@@ -13,10 +13,10 @@ use crate::system;
 /// The costs that were kept, from the root.
 const KEPT: &str = "xtask/step-costs.json";
 
-/// Most that a step may cost, in parts of its kept cost.
+/// Maximum cost of a step, in parts of its kept cost.
 const LARGEST_GROWTH: f64 = 4.0 / 3.0;
 
-/// Growth of a step by less than this is left alone, in units: short steps vary with what is on the disk.
+/// Minimum growth of a step that counts, in units: short steps vary with the state of the disk.
 const SMALLEST_GROWTH: f64 = 10.0;
 
 type Costs = BTreeMap<String, f64>;
@@ -33,7 +33,7 @@ pub fn write(steps: &[(&str, f64)], unit_s: f64) -> Result<(), Failure> {
 /// Compares the costs of these steps, which are in core-seconds, with the kept ones.
 ///
 /// # Errors
-/// A step costs more than a third more than it did, or the file cannot be read.
+/// A step costs over a third more than it did, or the file cannot be read.
 pub fn check(steps: &[(&str, f64)], unit_s: f64) -> Result<(), Failure> {
     let text = std::fs::read_to_string(path())
         .map_err(|error| format!("{KEPT}: {error}: `cargo xtask ci --save-costs` writes it"))?;
@@ -56,7 +56,7 @@ fn in_units(steps: &[(&str, f64)], unit_s: f64) -> Costs {
     costs
 }
 
-/// A line for each step that has grown too much. A new step has nothing to be held against.
+/// A line for each step that has grown too much. A new step has no kept cost and is left out.
 fn grown(kept: &Costs, now: &Costs) -> Vec<Failure> {
     let too_much = |before: f64, now: f64| now > before * LARGEST_GROWTH && now > before + SMALLEST_GROWTH;
     let pairs = now.iter().filter_map(|(name, now)| Some((name, *kept.get(name)?, *now)));

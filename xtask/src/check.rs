@@ -33,7 +33,7 @@ pub struct Options {
     /// Leaves out what `cargo test` runs, which has just been run
     #[arg(long)]
     after_cargo_test: bool,
-    /// Tests first what depends on files that have changed since this commit
+    /// Tests first the packages that depend on files changed since this commit
     #[arg(long, value_name = "COMMIT", default_value = "HEAD~1")]
     since: String,
 }
@@ -46,7 +46,7 @@ pub fn test(run: &mut Run, options: &Options) -> Result<(), Failure> {
     tested(run, options).map(|_| ())
 }
 
-/// Checks everything, and holds the steps' costs against those of an earlier run, or keeps them for later ones.
+/// Checks everything, and compares the steps' costs with those of an earlier run, or keeps them for later ones.
 ///
 /// # Errors
 /// The first check that fails.
@@ -74,7 +74,7 @@ fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
         eprintln!("    tests run in the packages' order: {reason}");
         Default::default()
     });
-    // Before the tests: beside them cargo would wait for its own lock.
+    // The workbench is built before the tests: beside them cargo would wait for its own lock.
     let workbench = run.step("workbench: build", Workbench::build)?;
     let mainboard = run.step("virtual mainboard: build", || program_of(&workbench))?;
     // Images are linked and counted on one core.
@@ -94,7 +94,7 @@ fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
                 let bench = ["bench", "--check", "--only", "target", "--mainboard"].map(Path::new);
                 workbench.check(bench.into_iter().chain([&*mainboard, Path::new("--image"), &*image]))
             })?;
-            // Programs for a board and a probe, which an image's change does not reach.
+            // The programs for a board and a probe do not depend on an image's change.
             if share.has(0, ON_TARGET_TURNS) {
                 run.step("on-target tests", || {
                     workbench.check(["on-target", "--mainboard"].map(Path::new).into_iter().chain([&*mainboard]))
@@ -107,7 +107,7 @@ fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
         let tested = default_members()?;
         programs.retain(|program| !tested.contains(&program.package));
     }
-    // A stable sort: within both parts the order stays.
+    // A stable sort keeps the order within both parts.
     programs.sort_by_key(|program| !affected.contains(&program.package));
     let surroundings = Surroundings { installed: &installed, image: &image, images: images(), share: share.value() };
     run.step("tests", || {
@@ -174,7 +174,7 @@ fn default_members() -> Result<Vec<String>, Failure> {
     Ok(list("packages").iter().filter(|package| is_default(package)).filter_map(name).collect())
 }
 
-/// The virtual mainboard's program, which this builds.
+/// Builds the virtual mainboard's program.
 fn program_of(workbench: &Workbench) -> Result<PathBuf, Failure> {
     let said = system::run_for_output(&mut workbench.command(["mainboard", "--program"]))?;
     Ok(PathBuf::from(said.trim_end()))
@@ -188,8 +188,8 @@ fn bench_image(workbench: &Workbench) -> Result<PathBuf, Failure> {
     Ok(PathBuf::from(image))
 }
 
-/// Checks that take too long for every change: the tests on released code, with more and new random cases, and a part of the
-/// mutants, which show what the tests miss.
+/// Checks that take too long for every change: the tests on released code, with more and new random cases, and a part
+/// of the mutants, which show gaps in the tests.
 fn slow(run: &mut Run, workbench: &Workbench) -> Result<(), Failure> {
     policy::check(run)?;
     run.step("counts of the desk", || workbench.check(["bench", "--check", "--only", "desk"]))?;

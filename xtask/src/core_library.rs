@@ -59,7 +59,7 @@ pub fn folders() -> Result<Vec<(PathBuf, String)>, Failure> {
         folders.push((registry.path(), "/crates".to_owned()));
     }
     folders.push((Path::new(&sysroot).join("lib/rustlib/src/rust/library"), "/rust".to_owned()));
-    // Last, for the last that fits counts, and this one lies within the root unless cargo has another setting.
+    // This folder comes last, since the last that fits counts, and it lies within the root unless cargo has another setting.
     folders.push((system::target_directory(), "/target".to_owned()));
     // The compiler gets paths as they are written, and asks the system for the folder that it runs in.
     let resolved = folders.iter().filter_map(|(folder, name)| {
@@ -86,7 +86,7 @@ pub const PROFILE: &str = "image";
 /// Makes a cargo command build for [`TARGET`] with [`PROFILE`], with the core library compiled from its source.
 pub fn apply(command: &mut Command, failed_check: FailedCheck) {
     command.args(["--target", TARGET, "--profile", PROFILE]);
-    // The smaller of two ways where the library has both, as for writing numbers: another KB.
+    // The library has some code in two forms, as for writing numbers: the smaller one saves another KB.
     command
         .args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem,optimize_for_size"]);
     // The linked part mostly formats text: optimised for size it takes 2 KB less.
@@ -103,6 +103,6 @@ pub fn apply(command: &mut Command, failed_check: FailedCheck) {
         }
     };
     command.arg("--config").arg(format!("target.{TARGET}.rustflags={flags:?}"));
-    // These want a nightly compiler or this; the crates themselves use no nightly feature.
+    // These options need a nightly compiler or this variable; the crates themselves use no nightly feature.
     command.env("RUSTC_BOOTSTRAP", "1");
 }

@@ -1,7 +1,7 @@
 //! Processor time of the programs that a step runs.
 //!
-//! A step's seconds depend on what else the computer does; the seconds that its programs spend on a core much less, and beside those
-//! of a fixed loop, [`calibration_s`], hardly on the computer.
+//! A step's seconds depend on the computer's other work. The seconds that its programs spend on a core depend on it
+//! much less, and divided by those of a fixed loop, [`calibration_s`], they hardly depend on the computer.
 
 use std::cell::Cell;
 use std::process::{Child, ExitStatus};
@@ -17,12 +17,12 @@ pub fn spent_s() -> f64 {
     SPENT_S.get()
 }
 
-/// Adds what programs of another thread, which works for this one, have spent.
+/// Adds the time that programs of another thread, which works for this one, have spent.
 pub fn add(seconds: f64) {
     SPENT_S.set(SPENT_S.get() + seconds);
 }
 
-/// Waits for a program and adds what it and its own programs have spent.
+/// Waits for a program and adds the time that it and its own programs have spent.
 ///
 /// # Errors
 /// The system cannot wait for it.
@@ -61,7 +61,7 @@ pub fn calibration_s() -> f64 {
     own_s() - start
 }
 
-/// Core-seconds of this thread; elapsed ones where the system does not tell.
+/// Core-seconds of this thread; elapsed ones if the system does not report them.
 fn own_s() -> f64 {
     static START: OnceLock<Instant> = OnceLock::new();
     let elapsed_s = || START.get_or_init(Instant::now).elapsed().as_secs_f64();

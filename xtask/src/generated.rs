@@ -29,7 +29,7 @@ impl Page {
         self.parts(text).map(|[_, generated, _]| generated)
     }
 
-    /// The text with another generated part.
+    /// Returns the text with another generated part.
     pub fn replaced(self, text: &str, generated: &str) -> Result<String, Failure> {
         let [before, _, after] = self.parts(text)?;
         Ok(format!("{before}{}\n{generated}\n{END}{after}", self.begin()))

@@ -30,7 +30,8 @@ pub const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 /// Environment variable that tells the tests where the hosts are.
 pub const HOSTS_VARIABLE: &str = "FERROSTEP_HOSTS";
 
-/// All packages but those that only the board's processor can build, and the log's, which has other features of what it shares.
+/// All packages but those that only the board's processor can build, and the log's, which uses shared packages with
+/// other features.
 pub const DESK: [&str; 13] = [
     "--workspace",
     "--exclude",

@@ -1,4 +1,4 @@
-//! `cargo xtask`: its arguments, and what `test` and `ci` consist of.
+//! `cargo xtask`: its arguments, and the parts of `test` and `ci`.
 #![forbid(unsafe_code)]
 
 use std::process::ExitCode;

@@ -2,7 +2,7 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Tells the tests their seed.
+/// Environment variable that tells the tests their seed.
 pub const VARIABLE: &str = "PROPTEST_RNG_SEED";
 
 /// Gives every program that cargo runs a seed, unless it has one: so this program has one as well.
@@ -11,7 +11,7 @@ const CARGO_CONFIG: &str = include_str!("../../.cargo/config.toml");
 /// The seed that is set, or a new one.
 pub fn of_this_run() -> u64 {
     given(std::env::var(VARIABLE).ok().as_deref()).unwrap_or_else(|| {
-        // Later than 1970, or any seed.
+        // A clock before 1970 gives any seed.
         SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64)
     })
 }

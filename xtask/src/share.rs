@@ -26,7 +26,7 @@ pub enum Share {
 }
 
 impl Share {
-    /// The share of the commit that is checked out, and what to say of it.
+    /// The share of the commit that is checked out, and a line about it.
     pub fn of_this_commit() -> (Self, String) {
         let git = |arguments: &[&str]| system::output(Command::new("git").args(arguments).current_dir(system::root()));
         let count = git(&["rev-list", "--count", "HEAD"]).and_then(|count| count.parse::<u64>().ok());

@@ -21,7 +21,7 @@ pub fn target_directory() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder))
 }
 
-/// The folder in which cargo keeps what it downloads; `None` where it is unknown.
+/// The folder in which cargo keeps its downloads; `None` if it is unknown.
 pub fn cargo_home() -> Option<PathBuf> {
     std::env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(std::env::home_dir()?.join(".cargo")))
 }
@@ -41,14 +41,14 @@ pub fn exit_status(command: &mut Command) -> Result<ExitStatus, Failure> {
     command.spawn().and_then(cost::wait).map_err(|error| format!("cannot run `{shown}`: {error}"))
 }
 
-/// Runs a command with its output shown; anything but success is a failure.
+/// Runs a command with its output shown; fails without success.
 pub fn run(command: &mut Command) -> Result<(), Failure> {
     let shown = show(command);
     let status = exit_status(command)?;
     if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}")) }
 }
 
-/// Most lines of failed tests that a failure repeats.
+/// Maximum number of lines of failed tests that a failure repeats.
 const FAILED_TEST_LINES: usize = 60;
 
 /// Runs a command that tests, with its output shown; its failure repeats the output of the failed tests, which is far above
@@ -71,7 +71,7 @@ pub fn run_tests(command: &mut Command) -> Result<(), Failure> {
     if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}\n{}", said.lines.join("\n"))) }
 }
 
-/// The output of the failed tests, taken from that of all.
+/// The output of the failed tests, taken from the whole output.
 #[derive(Default)]
 struct FailedTests {
     lines: Vec<String>,
@@ -90,7 +90,7 @@ impl FailedTests {
     }
 }
 
-/// Runs a command with its standard error shown and returns its standard output; anything but success is a failure.
+/// Runs a command with its standard error shown and returns its standard output; fails without success.
 pub fn run_for_output(command: &mut Command) -> Result<String, Failure> {
     let shown = show(command);
     eprintln!("    {shown}");
@@ -141,7 +141,7 @@ pub fn cargo_program(package: &str, subcommand: &str, features: &[&str]) -> Resu
     Ok(())
 }
 
-/// A command as one would type it, with the variables it sets.
+/// Text of a command as one would type it, with the variables it sets.
 fn show(command: &Command) -> String {
     let variables = command.get_envs().filter_map(|(key, value)| {
         let value = value?.to_string_lossy();

@@ -22,7 +22,7 @@ const CURA_RESOURCES: &str = "usr/share/cura/resources";
 enum Sign {
     /// One of these programs is on the path.
     Program(&'static [&'static str]),
-    /// The same, or a variable names it.
+    /// One of these programs is on the path, or a variable names it.
     ProgramOrVariable(&'static [&'static str], &'static str),
     /// A file exists.
     File(&'static str),
@@ -78,7 +78,7 @@ const TOOLS: [Tool; 9] = [
     },
 ];
 
-/// Folders that tests are told of.
+/// Folders whose paths the tests get.
 #[derive(Clone, Debug)]
 pub struct Installed {
     /// Python's environment with the hosts.
@@ -87,10 +87,10 @@ pub struct Installed {
     pub cura: PathBuf,
 }
 
-/// Installs what is missing and says what that was.
+/// Installs the missing tools and prints their names.
 ///
 /// # Errors
-/// Something is missing that cannot be installed from here: all of it is named, with the way to get it.
+/// Tools are missing that cannot be installed from here: all of them are named, with the way to get each.
 pub fn install(run: &mut Run) -> Result<Installed, Failure> {
     run.step("programs to test with", || {
         let missing: Vec<Tool> = TOOLS.into_iter().filter(|tool| !tool.sign.is_there()).collect();

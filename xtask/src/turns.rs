@@ -37,8 +37,8 @@ impl Turns {
         Some(Self { turns, always: text.lines().filter_map(name).collect() })
     }
 
-    /// The tests that this share leaves to others: in the order of their names, those whose place among the ones that take turns,
-    /// counted from 0, does not leave the share as its remainder by the number of turns.
+    /// The tests that this share leaves to others: in the order of their names, those that take turns and whose number
+    /// among these, counted from 0, does not have the share as its remainder by the number of turns.
     pub fn waiting<'a>(&self, names: &'a BTreeSet<String>, share: Share) -> impl Iterator<Item = &'a str> {
         let taking_turns = names.iter().filter(|name| !self.runs_always(name));
         (0..).zip(taking_turns).filter(move |(place, _)| !share.has(*place, self.turns)).map(|(_, name)| name.as_str())

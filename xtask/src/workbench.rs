@@ -89,14 +89,14 @@ impl Workbench {
         Ok(Self(system::target_directory().join(folder).join(name)))
     }
 
-    /// One of its commands with arguments, in the present folder.
+    /// Makes one of its commands with arguments, in the present folder.
     pub fn command<A: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = A>) -> Command {
         let mut command = Command::new(&self.0);
         command.args(arguments);
         command
     }
 
-    /// Runs a command for whether it succeeds: its results are for a person, and not shown.
+    /// Runs a command and checks only that it succeeds: its results are for a person, and not shown.
     ///
     /// # Errors
     /// It fails.
@@ -104,10 +104,10 @@ impl Workbench {
         system::run(self.command(arguments).stdout(Stdio::null()))
     }
 
-    /// The result of a command with `--json`.
+    /// Returns the result of a command with `--json`.
     ///
     /// # Errors
-    /// It fails, or says something else.
+    /// It fails, or its output is not JSON.
     pub fn json<A: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = A>) -> Result<Value, Failure> {
         let mut command = self.command(arguments);
         let output = system::run_for_output(command.arg("--json"))?;

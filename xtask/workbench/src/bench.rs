@@ -1,4 +1,4 @@
-//! Counts: the target's instructions for the parts of a print, the image's bytes, and how fast the desk is.
+//! Counts: the target's instructions for the parts of a print, the image's bytes, and the speed of the desk.
 
 mod baseline;
 mod chart;

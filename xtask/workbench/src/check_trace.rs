@@ -1,4 +1,4 @@
-//! Holds a step trace against the job and the profile it came from and prints the report.
+//! Compares a step trace with the job and the profile it came from and prints the report.
 //!
 //! `cargo xtask check-trace TRACE GCODE(.gz) PROFILE.toml|NAME [--look-ahead N]`. Exit status 0 if nothing was found.
 
@@ -24,7 +24,7 @@ pub struct Options {
     look_ahead: Option<std::num::NonZeroUsize>,
 }
 
-/// Prints the report, and says whether nothing was found.
+/// Prints the report; returns true if nothing was found.
 ///
 /// # Errors
 /// A file cannot be read.

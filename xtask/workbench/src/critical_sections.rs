@@ -117,7 +117,7 @@ struct Counter {
     interrupted_until: Option<BTreeSet<u32>>,
     previous: u32,
     executed: u64,
-    /// Begin of the present section, instructions before it, and how deep locks and sections are nested.
+    /// Start of the present section, instructions before it, and depth to which locks and sections are nested.
     section: Option<(u32, u64, u32)>,
 }
 

@@ -15,7 +15,7 @@ use ferrostep_testkit::board_model::{Costs, HostLine, LOOK_AHEAD_BLOCKS, with_bo
 use ferrostep_testkit::feed_chart::{Axes, Panel, svg};
 use ferrostep_testkit::stress_file::stress_file;
 
-/// 0.3 m, one second at full feed.
+/// Pieces of the file: 0.3 m, one second at full feed.
 const PIECES: u32 = 6_000;
 
 const AXES: Axes = Axes { end_ms: 2_500, most_mm_per_s: 300.0, grid: (500, 100.0) };

@@ -142,7 +142,7 @@ impl Target {
         })
     }
 
-    /// The same with its image at another place of flash, if one is named.
+    /// The same with its image at another place of flash, if one is given.
     ///
     /// # Errors
     /// No image may begin there.
@@ -260,7 +260,7 @@ impl Program {
         }
     }
 
-    /// A probe reads what the others say of a failed check.
+    /// Effect of a failed check: a trap in the firmware, in the others a panic, whose text a probe reads.
     fn failed_check(self) -> FailedCheck {
         if self == Self::Firmware { FailedCheck::Traps } else { FailedCheck::Panics }
     }

@@ -51,7 +51,7 @@ impl Observer for Records {
     }
 }
 
-/// Prints a program. Returns the ends of its moves, or why it stopped.
+/// Prints a program. Returns the ends of its moves, or the reason for which it stopped.
 fn print(program: &Hostile) -> Result<Ends, String> {
     let profile = ferrostep_profiles::parse(&program.profile, "hostile").map_err(|error| error.to_string())?;
     let reference = ReferenceProfile::from_toml(&program.profile).map_err(|error| error.to_string())?;
@@ -87,7 +87,7 @@ pub struct Options {
     first: u64,
 }
 
-/// Prints programs, and says whether every motor was where it must be at every end.
+/// Prints programs; returns true if every motor was where it must be at every end.
 pub fn run(options: &Options) -> bool {
     let Options { programs, moves, first } = *options;
     let (next, bar) = (AtomicU64::new(first), ProgressBar::new(programs));

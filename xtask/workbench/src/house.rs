@@ -28,11 +28,11 @@ const LEGEND: f64 = 40.0;
 /// Processors for which a package is built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// Only a board's processor can build it.
+    /// A package that only a board's processor can build.
     Board,
-    /// Desk and board: without the standard library.
+    /// A package for desk and board: without the standard library.
     Both,
-    /// The desk.
+    /// A package for the desk.
     Desk,
     /// A tool, which no user gets.
     Tool,

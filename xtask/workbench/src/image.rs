@@ -30,7 +30,7 @@ impl Flash {
     /// The flash of an ELF file: its segments where they are loaded, which for variables is not where they run.
     ///
     /// # Errors
-    /// It is not such an ELF file, or has no bytes for flash.
+    /// The file is not such an ELF file, or has no bytes for flash.
     pub fn of_elf(elf: &[u8]) -> Result<Self, Failure> {
         let shown = |error: object::Error| format!("the image cannot be read: {error}");
         let file = ElfFile32::<LittleEndian>::parse(elf).map_err(shown)?;
@@ -102,9 +102,9 @@ pub fn folder_of(board: &Board, is_elsewhere: bool) -> PathBuf {
     images().join(format!("{}{place}", board.name))
 }
 
-/// Writes an image's files into a folder: `ferrostep.elf`, `ferrostep.hex`, the plain bytes, and where the boot loader takes
-/// it Prusa's container. The plain bytes have the name that the boot loader wants, `ferrostep.bin` where it wants none of
-/// them. Returns the path of the first.
+/// Writes an image's files into a folder: `ferrostep.elf`, `ferrostep.hex`, the plain bytes, and Prusa's container if
+/// the boot loader takes it. The plain bytes have the name that the boot loader wants, `ferrostep.bin` if it wants none
+/// of them. Returns the path of the first.
 ///
 /// # Errors
 /// It is not an image for this board, or cannot be written.
@@ -199,7 +199,7 @@ mod tests {
         assert!(folder_of(&buddy, false).ends_with("images/prusa-buddy"));
         let instead = buddy.at_boot_offset(0).unwrap();
         assert!(folder_of(&instead, true).ends_with("images/prusa-buddy-at-0x08000000"));
-        // Without the boot loader all of the flash is the image's, up to the sectors of the settings.
+        // All of the flash is the image's without a boot loader, up to the sectors of the settings.
         let flash = |address, bytes: usize| Flash { address, bytes: vec![0; bytes] };
         assert_eq!(flash(0x0800_0000, 0xc_0000).check(&instead), Ok(()));
         let longer = flash(0x0800_0000, 0xc_0001).check(&instead).unwrap_err();

@@ -20,7 +20,7 @@ use crate::steps::Failure;
 
 const FILAMENT_MM2: f64 = 1.75 * 1.75 * std::f64::consts::FRAC_PI_4;
 
-/// Damping that the shapers are made for.
+/// Damping for which the shapers are made.
 const SHAPER_DAMPING: f64 = 0.1;
 
 /// Arguments of `klipper-table`.

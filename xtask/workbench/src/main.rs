@@ -42,7 +42,7 @@ struct Arguments {
     command: Command,
 }
 
-/// The commands; [`xtask::workbench::COMMANDS`] says what each does.
+/// The commands; [`xtask::workbench::COMMANDS`] describes each.
 #[derive(Clone, Subcommand)]
 enum Command {
     Firmware(firmware::Options),
@@ -92,7 +92,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The arguments, with what each command does from the list that `cargo xtask --help` shows.
+/// The arguments; the text about each command comes from the list that `cargo xtask --help` shows.
 fn command() -> clap::Command {
     xtask::workbench::COMMANDS
         .iter()
@@ -106,7 +106,7 @@ fn in_steps(name: &'static str, command: impl FnOnce(&mut Run) -> Result<(), Fai
     run.finish(result)
 }
 
-/// The exit status of a command that prints a result: 0 if what it looked at is as it must be.
+/// The exit status of a command that prints a result: 0 if the result is good.
 fn ended(result: Result<bool, Failure>) -> ExitCode {
     match result {
         Ok(true) => ExitCode::SUCCESS,

@@ -100,7 +100,7 @@ fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     })
 }
 
-/// Runs one of the tests; what it says.
+/// Runs one of the tests; returns its output.
 fn outcome(mainboard: &Path, image: &Path, test: &OnTargetTest) -> Result<String, Failure> {
     // The harness's runner names the test in the program's arguments.
     let arguments = format!("run_addr {}", test.address);
@@ -135,11 +135,11 @@ fn probe_rs() -> Result<(), Failure> {
 struct OnTargetTest {
     name: String,
     address: u32,
-    /// It passes by a panic.
+    /// The test passes by a panic.
     should_panic: bool,
 }
 
-/// All of them.
+/// All tests of an image.
 fn tests(image: &[u8]) -> Result<Vec<OnTargetTest>, Failure> {
     let file = object::File::parse(image).map_err(|error| error.to_string())?;
     let section = file.section_by_name(SECTION).ok_or("there are no tests in it")?;

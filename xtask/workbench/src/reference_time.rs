@@ -28,7 +28,7 @@ pub struct Options {
     look_ahead: Option<NonZeroUsize>,
 }
 
-/// Prints what the reference planner makes of the job.
+/// Prints the reference planner's result for the job.
 ///
 /// # Errors
 /// A file cannot be read.

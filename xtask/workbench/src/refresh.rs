@@ -1,8 +1,8 @@
 //! Everything of the book, the README and the tests' data that a command makes, made anew by one command.
 //!
-//! Each figure and each table has a test that compares it with what the code makes now, and that writes it where
-//! [`REFRESH_VARIABLE`] is set. This runs all of them. The mutants' table is left out, for it takes hours:
-//! `cargo xtask mutants --refresh`.
+//! Each figure and each table has a test that compares it with the code's present result, and that writes it if
+//! [`REFRESH_VARIABLE`] is set. This command runs all of these tests. The mutants' table is left out, for it takes
+//! hours: `cargo xtask mutants --refresh`.
 
 use crate::firmware::{self, Image, Shown};
 use crate::generated::Page;
@@ -11,7 +11,7 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 use crate::{FIRMWARE_VARIABLE, HOSTS_VARIABLE, bench, hosts, house, image};
 
-/// Environment variable by which a test writes what it would compare.
+/// Environment variable by which a test writes the part that it would compare.
 const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
 
 /// The README, with the table of the images' sizes.
@@ -25,7 +25,7 @@ pub struct Options {
     desk: bool,
 }
 
-/// Tests or a program that write.
+/// Tests or a program that write a part.
 struct Writer {
     /// Parts that they write.
     what: &'static str,
@@ -118,7 +118,7 @@ const MASKED: Writer = Writer {
     sources: &["tests/outside/tests/firmware/masked_sections.rs"],
 };
 
-/// Writes all of it.
+/// Writes all parts.
 ///
 /// # Errors
 /// A part cannot be made; those before it are written.
@@ -161,7 +161,7 @@ mod tests {
 
     use super::*;
 
-    /// Sources below a folder that write where the variable is set, or that say so.
+    /// Sources below a folder that write if the variable is set, or that say so.
     fn writing(root: &Path, folder: &Path, found: &mut Vec<String>) {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();

@@ -26,7 +26,7 @@ pub struct Options {
     trial: bool,
 }
 
-/// Files of the sources that go along as they are.
+/// Files of the sources that are copied unchanged.
 const TEXTS: [&str; 3] = ["LICENSE-APACHE", "LICENSE-MIT", "SECURITY.md"];
 
 /// The list of checksums, as `sha256sum --check` reads it.
@@ -169,8 +169,8 @@ fn changes_of(version: &str, changelog: &str) -> Result<String, Failure> {
     }
 }
 
-/// Copies every board's files, named after version and board but for what a boot loader looks for by its name: that stays
-/// in a folder named so.
+/// Copies every board's files into a folder named after version and board. The files keep their names, by which boot
+/// loaders look for some of them.
 fn collect_images(folder: &Path, version: &str) -> Result<(), Failure> {
     for board in ferrostep_boards::builtin_names() {
         let to = folder.join(format!("ferrostep-{version}-{board}"));
@@ -205,7 +205,7 @@ fn parts_lists(folder: &Path) -> Result<(), Failure> {
             list.args(["--target", target]);
         }
         system::run(&mut list)?;
-        // It writes one beside every manifest of the workspace.
+        // It writes a list beside every manifest of the workspace.
         for found in written_lists(&format!("{name}.json"))? {
             if found.parent() == manifest.parent() {
                 copy(&found, &folder.join(format!("{name}.json")))?;

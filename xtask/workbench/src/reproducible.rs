@@ -18,7 +18,7 @@ pub struct Options {
     board: String,
 }
 
-/// Folders of the clones, within one for temporary files, and what is done there.
+/// Folders of the clones, within one for temporary files, and the name of each one's step.
 const FOLDERS: [(&str, &str); 2] =
     [("a", "image in one folder"), ("another-folder/that-lies-deeper", "image in another folder")];
 
@@ -35,7 +35,7 @@ pub fn check(run: &mut Run, options: &Options) -> Result<(), Failure> {
 }
 
 fn build_and_compare(run: &mut Run, options: &Options, folder: &Path) -> Result<(), Failure> {
-    // Both before a build, which takes minutes: a commit in between would be another image.
+    // Both clones are made before a build, which takes minutes: a commit in between would give another image.
     run.step("two clones of the last commit", || {
         FOLDERS.into_iter().try_for_each(|(name, _)| {
             let mut git = Command::new("git");
@@ -85,7 +85,7 @@ fn same(first: &[NamedBytes], second: &[NamedBytes]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A folder for cargo's downloads, made here, with what the present one has.
+/// A folder for cargo's downloads, made here, with the contents of the present one.
 #[cfg(unix)]
 fn another_home(folder: &Path) -> Result<PathBuf, Failure> {
     let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
@@ -98,7 +98,7 @@ fn another_home(folder: &Path) -> Result<PathBuf, Failure> {
     Ok(folder.to_path_buf())
 }
 
-/// The present folder of cargo's downloads: without links, both builds share it.
+/// The present folder of cargo's downloads: both builds share it, since links cannot be made here.
 #[cfg(not(unix))]
 fn another_home(_folder: &Path) -> Result<PathBuf, Failure> {
     system::cargo_home().ok_or_else(|| "cargo's folder is unknown: set CARGO_HOME".to_owned())

@@ -11,12 +11,12 @@ use object::{Object, ObjectSection, SectionFlags, SectionKind};
 /// but not proved.
 const RAM_SHARE: (u64, u64) = (17, 20);
 
-/// Ports of the motors' signals whose step queue that share allows for, and what the queue takes for each further one, bytes: two words
-/// in 1024 slots. It is known when an image is linked, and does not grow while it runs.
+/// Ports of the motors' signals for whose step queue that share has room, and the bytes of the queue for each further
+/// port: two words in 1024 slots. The size is known when an image is linked, and does not grow while it runs.
 const USUAL_PORTS: usize = 2;
 const PORT_BYTES: u64 = 2 * 4 * 1024;
 
-/// The stack's part of that, bytes.
+/// Bytes of the stack in that share.
 const STACK_BYTES: u64 = STACK_KIB as u64 * 1024;
 
 /// Addresses of core-coupled memory.
@@ -25,7 +25,7 @@ const CCM: std::ops::Range<u64> = 0x1000_0000..0x1001_0000;
 /// The memory that an image may use, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
-    /// Flash after the boot loader, all of it: what is in flash is known when it is linked, and nothing grows while it runs.
+    /// Flash after the boot loader, all of it: its contents are known when it is linked, and nothing grows while it runs.
     pub flash: u64,
     /// RAM with the stack. Core-coupled memory is not counted.
     pub ram: u64,
@@ -91,7 +91,7 @@ impl Sizes {
     /// Checks that the image is within its budget.
     ///
     /// # Errors
-    /// It is not.
+    /// The image is larger.
     pub fn check(self, budget: Budget) -> Result<(), String> {
         for (what, bytes, most) in [("flash", self.flash(), budget.flash), ("RAM", self.ram(), budget.ram)] {
             if bytes > most {

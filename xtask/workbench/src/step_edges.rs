@@ -1,8 +1,7 @@
-//! Measures how close the edges of a trace's steps come to each other on a board whose step interrupt is as late as its image
-//! allows.
+//! Measures the distances of the edges of a trace's steps on a board whose step interrupt is as late as its image allows.
 //!
-//! `cargo xtask step-edges TRACE PROFILE IMAGE.elf`: a trace of `ferrostep print --trace`, the profile that it was made with, and the
-//! image of `cargo xtask firmware`.
+//! `cargo xtask step-edges TRACE PROFILE IMAGE.elf`: a trace of `ferrostep print --trace`, the profile that it was made
+//! with, and the image of `cargo xtask firmware`.
 
 use std::fs;
 use std::path::PathBuf;
@@ -28,7 +27,7 @@ pub struct Options {
     image: PathBuf,
 }
 
-/// Prints how close the edges come.
+/// Prints the distances of the edges.
 ///
 /// # Errors
 /// A file cannot be read, or two step events are nearer to each other than the step interrupt allows.

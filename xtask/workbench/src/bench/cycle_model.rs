@@ -22,7 +22,7 @@ pub fn solved_steps_percent(per_s: f64, instructions: f64, interrupt_instruction
     100.0 * per_s * cycles / CLOCK_HZ
 }
 
-/// Share of the processor, percent, that something takes which is done so often.
+/// Share of the processor, percent, of something that is done `per_s` times a second.
 pub fn percent(per_s: f64, instructions: f64) -> f64 {
     100.0 * per_s * CYCLES_PER_INSTRUCTION * instructions / CLOCK_HZ
 }

@@ -15,10 +15,10 @@ use crate::system;
 /// The file that it prints: short segments, from `config/profiles/cartesian.toml`'s kind of machine.
 const PRINTED: &str = "examples/gyroid.gcode.gz";
 
-/// The name under which it looks for it.
+/// Name under which the image looks for the file.
 const PRINTED_AS: &str = "print.gcode";
 
-/// Runs the bench image; what it counted.
+/// Runs the bench image; returns its counts.
 pub fn count(mainboard: &Path, image: &Path) -> Result<Value, Failure> {
     let folder = system::target_directory().join("bench");
     unpack(&system::root().join(PRINTED), &folder)?;

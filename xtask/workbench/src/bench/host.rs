@@ -45,7 +45,7 @@ fn examples() -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// The machine an example was sliced for, by the file's name.
+/// The machine for which an example was sliced, by the file's name.
 pub fn profile(file: &Path) -> &'static str {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     if name.contains("corexy") { "corexy" } else { "cartesian" }
@@ -58,7 +58,7 @@ fn summary(program: &Path, task: &str, file: &Path) -> Result<Value, Failure> {
     serde_json::from_str(&text).map_err(|error| format!("`ferrostep {task} --json`: {error}"))
 }
 
-/// A number of it.
+/// A number of the summary.
 pub fn number(summary: &Value, key: &str) -> Result<f64, Failure> {
     summary.get(key).and_then(Value::as_f64).ok_or_else(|| format!("`ferrostep --json` tells no {key}"))
 }

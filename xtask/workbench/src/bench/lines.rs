@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::figures::{number, shown};
 use crate::steps::Failure;
 
-/// Wu 2024, tables 1 to 5: the line, its key, and how much longer the classic algorithm took.
+/// Wu 2024, tables 1 to 5: the line, its key, and the factor by which the classic algorithm took longer.
 const WU_LINES: [(&str, &str, &str); 5] = [
     ("y = x/3, (30, 10)", "x3", "1.23"),
     ("y = x/10, (100, 10)", "x10", "1.56"),
@@ -16,7 +16,7 @@ const WU_LINES: [(&str, &str, &str); 5] = [
     ("y = x, (30, 30)", "x1", "1.00"),
 ];
 
-/// The queues that Wu's lines are drawn to.
+/// The queues to which Wu's lines are drawn.
 const KINDS: [&str; 2] = ["bresenham", "bresenham_pulses"];
 
 /// The methods that draw lines of every slope.

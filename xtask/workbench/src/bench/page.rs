@@ -97,7 +97,7 @@ fn step_interrupt(out: &mut String, figures: &Value) -> std::fmt::Result {
     )
 }
 
-/// The highest rates, by the events' pattern. Where another motor costs nothing, three and four motors share a row.
+/// The highest rates, by the events' pattern. Three and four motors share a row if another motor costs nothing.
 fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(out, "## Steps a second\n")?;
     writeln!(

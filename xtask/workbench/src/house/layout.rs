@@ -11,10 +11,10 @@ pub const WIDTH: f64 = 750.0;
 /// Width and height of a room, pixels.
 pub const ROOM: [f64; 2] = [132.0, 36.0];
 
-/// Most rooms in a row.
+/// Maximum number of rooms in a row.
 const MAX_ROOMS: usize = 4;
 
-/// Most rooms in a row that no arrow passes.
+/// Maximum number of rooms in a row that no arrow passes.
 const MAX_ROOMS_WITHOUT_ARROWS: usize = 5;
 
 /// Width that a passing arrow takes, pixels.
