@@ -1,4 +1,4 @@
-//! The commands of the bed, and what they leave as it is.
+//! The commands of the bed, and the state that they leave unchanged.
 
 use super::rig::{PROBE_MM, profile, run, sheet_mm};
 
@@ -32,7 +32,7 @@ fn g29_reports_the_sheet() {
     assert_eq!(done.line("echo:Fade Height "), "10.00");
 }
 
-/// M420 in mid-print moves nothing: the coordinates change, and the next line goes to its height above the sheet.
+/// M420 in mid-print does not move anything: the coordinates change, and the next line goes to its height above the sheet.
 #[test]
 fn switching_does_not_jump() {
     let machine = profile(TILTED);
@@ -135,7 +135,7 @@ fn the_correction_fades() {
     assert!(near(done.place_mm()[2], 5.0 + home + (sheet - home) * 0.75), "{:?}", done.place_mm());
 }
 
-/// G30 tells the place of the probe and the sheet's height there; the probe's offset is in neither.
+/// G30 reports the place of the probe and the sheet's height there; the probe's offset is in neither.
 #[test]
 fn g30_reports_one_place() {
     let machine = profile(TILTED);
@@ -151,7 +151,7 @@ fn g30_reports_one_place() {
     assert!(near(run(&machine, ["G28", "G30"]).well().line("Bed X: 100.00 Y: 100.00 Z: ").parse().unwrap(), 0.0));
 }
 
-/// Another M851 moves home, and the heights of the mesh with it: what is above the sheet stays there.
+/// Another M851 moves home, and the heights of the mesh with it: the nozzle's height above the sheet stays.
 #[test]
 fn the_sum_of_mesh_and_probe_offset_is_right() {
     let machine = profile(TILTED);

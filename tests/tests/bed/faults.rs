@@ -2,13 +2,13 @@
 
 use super::rig::{profile, run};
 
-/// The texts of the refusals, and all that was said.
+/// The texts of the refusals, and all replies.
 fn refusals(mesh: &str, lines: &[&str]) -> (Vec<String>, Vec<String>) {
     let done = run(&profile(mesh), lines.iter().copied());
     (done.failures.iter().map(|(_, failure)| failure.to_string()).collect(), done.said)
 }
 
-/// Each by the word that is wrong.
+/// Each refusal names the wrong word.
 #[test]
 fn places_off_the_bed() {
     for (line, says) in [

@@ -12,7 +12,7 @@ fn bent(points: u8) -> Profile {
     profile(&format!("[mesh]\npoints = {{ x = {points}, y = {points} }}\nfade_mm = 0\ndepth_mm = 2\n{SHEET}"))
 }
 
-/// The gap between nozzle and sheet at every step of the extruder, mm, as far as one is asked for: smallest and largest.
+/// Smallest and largest gap between nozzle and sheet at the steps of the extruder after `from_tick`, mm.
 fn gaps(profile: &Profile, done: &Done, from_tick: u64) -> [f64; 2] {
     let pushed = done.steps.iter().filter(|step| step.pushes && step.tick > from_tick);
     let gap = |[x, y, z]: [f64; 3]| z - sheet_mm(profile, [x, y]);

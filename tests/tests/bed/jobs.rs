@@ -34,7 +34,7 @@ fn play(profile: &Profile, lines: &[&str], job: &[u8]) -> Result<(), String> {
     played.map_err(|error| error.to_string())
 }
 
-/// A prepared job brings its own heights: over a mesh that is on it is refused, and so is a file that would switch one on.
+/// A prepared job brings its own heights: it is refused while a mesh is on, and so is a file that would switch one on.
 #[test]
 fn a_prepared_job_follows_no_mesh() {
     let machine = profile("[mesh]\npoints = { x = 2, y = 2 }\n[mesh.sheet]\ntilt_mm = { x = 0.5, y = 0 }\n");
@@ -43,7 +43,7 @@ fn a_prepared_job_follows_no_mesh() {
         let job = prepared(&machine, "G1 X10 Y10 Z2 F3000\nG1 X50\n", encoding).unwrap();
         let refused = play(&machine, &["G28", "G29"], &job).unwrap_err();
         assert!(refused.contains(says) && refused.contains("M420 S0"), "{encoding:?}: {refused}");
-        // Off it is where the job begins; homing switches it off as well.
+        // M420 S0 in the job switches the mesh off; homing does so as well.
         let job = prepared(&machine, "G28\nM420 S0\nG1 X10 Y10 Z2 F3000\nG1 X50\n", encoding).unwrap();
         assert_eq!(play(&machine, &["G28", "G29"], &job), Ok(()), "{encoding:?}");
         for line in ["G29", "M420 S1", "G80", "BED_MESH_CALIBRATE"] {

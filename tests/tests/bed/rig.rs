@@ -1,4 +1,4 @@
-//! A printer with a probe on the virtual board, and what its nozzle does over the sheet.
+//! A printer with a probe on the virtual board, and the places of its nozzle over the sheet.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -121,7 +121,7 @@ pub struct Done {
 }
 
 impl Done {
-    /// The one line that begins so, less its beginning.
+    /// The one line with this beginning, without the beginning.
     pub fn line(&self, beginning: &str) -> &str {
         let mut lines = self.said.iter().filter_map(|line| line.strip_prefix(beginning));
         let line = lines.next().unwrap_or_else(|| panic!("no {beginning} in {:#?}", self.said));
@@ -134,7 +134,7 @@ impl Done {
         self.steps.last().unwrap().place_mm
     }
 
-    /// No line has failed.
+    /// Checks that no line has failed.
     #[track_caller]
     pub fn well(self) -> Self {
         assert!(self.failures.is_empty(), "{:?}", self.failures);

@@ -1,4 +1,4 @@
-//! G35: the screws of a tilted bed, and what turning them as it says does.
+//! G35: the screws of a tilted bed, and the effect of turning them as it says.
 
 use super::rig::{profile, run, sheet_mm};
 
@@ -32,7 +32,7 @@ fn turns(said: &[String], name: &str) -> f64 {
     }
 }
 
-/// Turned so, the bed is level: within half a minute of a turn and the probe's step.
+/// The bed is level after these turns: within half a minute of a turn and the probe's step.
 #[test]
 fn the_turns_level_the_bed() {
     for tilt_mm in [[0.8, -0.4], [-0.3, 1.0], [0.0, 0.0]] {
@@ -58,7 +58,7 @@ fn the_turns_level_the_bed() {
     }
 }
 
-/// A mesh that Z follows changes nothing of it, and Z follows it afterwards.
+/// A mesh that Z follows does not change the result, and Z follows it afterwards.
 #[test]
 fn a_mesh_stays_as_it_is() {
     let machine = machine([0.8, -0.4], true);

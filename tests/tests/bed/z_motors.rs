@@ -42,7 +42,7 @@ fn range(heights: &[f64]) -> f64 {
     heights.iter().copied().fold(f64::MIN, f64::max) - heights.iter().copied().fold(f64::MAX, f64::min)
 }
 
-/// Z is homed and where it should be, and the last words say that the points agree.
+/// Checks that Z is homed and where it should be, and that the last words say that the points agree.
 fn assert_aligned(done: &Done, accuracy_mm: f64) {
     let mut differ = done.said.iter().filter_map(|line| line.strip_prefix("echo:the points differ by "));
     let last: f64 = differ.next_back().unwrap().split(' ').next().unwrap().parse().unwrap();
@@ -66,7 +66,7 @@ fn a_tilt_that_the_motors_can_mend_is_mended() {
     }
 }
 
-/// Two motors cannot mend a tilt across their line, and do not try.
+/// Two motors cannot mend a tilt across their line, and are not moved for it.
 #[test]
 fn a_tilt_across_two_motors_stays() {
     let machine = machine(TWO, [1.0, 0.8], "");
@@ -105,7 +105,7 @@ fn what_cannot_be_aligned_is_refused() {
         (&usual, &["G28", "G34 I1 A0.5"], "differ by more than T"),
         (&scattered, &["G28", "G34 I30 T0.01"], "differ by no less than before"),
         (&narrow, &["G28", "G34"], "farther apart than z_motors.max_correction_mm"),
-        // It has moved, so that Z is not homed.
+        // The motors have moved, so that Z is not homed.
         (&usual, &["G28", "G34 I1 A0.5", "G1 Z20"], "differ by more than T"),
     ] {
         let says = says(machine, lines);
@@ -113,7 +113,7 @@ fn what_cannot_be_aligned_is_refused() {
     }
     let failed = run(&usual, ["G28", "G34 I1 A0.5", "G34"]);
     assert!(failed.failures[1].1.to_string().contains("Z is not homed"), "{:?}", failed.failures);
-    // Too far apart, nothing has moved, and Z is as it was.
+    // The motors have not moved, since the points are too far apart, and Z is as before.
     let refused = run(&narrow, ["G28", "G34", "G1 Z20"]);
     assert_eq!(refused.failures.len(), 1, "{:?}", refused.failures);
     // After a failure the axis homes over its whole length, and the rest is done.

@@ -153,8 +153,8 @@ fn a_refused_line_pauses_and_is_tried_again() {
     assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
 }
 
-/// A print that stops, at a line that is refused or because the card is gone, pauses as by M25: the nozzle goes aside, heaters keep
-/// their targets, and what a person moves by hand meanwhile changes nothing.
+/// A print that stops, at a line that is refused or because the card is missing, pauses as by M25: the nozzle goes
+/// aside, heaters keep their targets, and moves that a person makes by hand meanwhile change nothing.
 #[test]
 fn a_print_that_stops_parks_the_head_and_keeps_the_heat() {
     let text = b"G28\nM140 S50\nG1 X20 Y30 Z5 F6000\nG1 X40 E1\nG1 Y50\n";
@@ -283,7 +283,7 @@ fn a_line_without_its_number_is_not_written_by_a_host_that_numbers_its_lines() {
     let said = setup.converse(&mut printer, &lines, &mut nothing);
     let asked: Vec<&str> = said.iter().map(String::as_str).filter(|line| !line.starts_with("ok")).skip(2).collect();
     assert_eq!(asked, ["Error:No Line Number with checksum, Last Line: 2", "Resend: 3"], "{said:?}");
-    // A person may end it.
+    // A person may end the file.
     assert_eq!(setup.converse(&mut printer, &["M29"], &mut nothing), ["Done saving file.", "ok"]);
     assert_eq!(read(&setup, "UP.GCO"), "G28\nG1 X5\n");
     setup.converse(&mut printer, &["M28 UP.GCO", "G1 X7", "M29"], &mut nothing);
@@ -463,7 +463,7 @@ fn a_paused_print_can_be_ended() {
     assert!(setup.converse(&mut printer, &["M602"], &mut nothing)[0].contains("no print is paused"));
 }
 
-/// Commands for files in the file of a print, and M24 where nothing is paused.
+/// Commands for files within the file of a print, and M24 without a paused print.
 #[test]
 fn commands_for_files_in_a_print_do_not_pause_it() {
     let lines = [

@@ -95,7 +95,7 @@ fn a_pause_of_forty_minutes_heats_again() {
 #[test]
 fn a_bed_that_never_arrives_ends_the_print() {
     let mut weak = profile("prusa-mini");
-    // In equilibrium at 92 degrees, which its maker's watch allows.
+    // A bed in equilibrium at 92 degrees, which its maker's watch allows.
     weak.bed.mass.loss_w_per_k = weak.bed.mass.heater_w / 70.0;
     let setup = Setup::new(weak, image());
     setup.put("SOAK.GCO", file("").as_bytes());

@@ -1,7 +1,7 @@
 //! The power is cut while a card is printed, and the print continues after the reset.
 //!
-//! What a cut leaves is the card, and the place of the motors: a printer that is switched on with a copy of the card knows nothing
-//! else.
+//! Only the card and the place of the motors remain after a cut: a printer that is switched on with a copy of the card
+//! knows nothing else.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -19,7 +19,7 @@ const JOINED_STEPS: usize = 8;
 
 /// State that a power cut leaves.
 struct Cut {
-    /// The blocks of the card that are not as before the print.
+    /// Blocks of the card that differ from those before the print.
     changed: Vec<(usize, Vec<u8>)>,
     /// Number of events that the motors had made.
     events: usize,
@@ -97,8 +97,8 @@ fn filled(text: &[u8]) -> Vec<u8> {
     setup.card.with_slot(|slot| slot.with_image(|image| image.clone()))
 }
 
-/// Prints to the end, with cuts at about this many random looks at the hosts' lines. Returns the cuts, all events and where the motors
-/// end.
+/// Prints to the end, with cuts at about this many random looks at the hosts' lines. Returns the cuts, all events and
+/// the final positions of the motors.
 fn cut_print(profile: Profile, filled: &[u8], wanted: u64, state: &mut u64) -> (Vec<Cut>, Vec<Event>, [i64; 4]) {
     let lines = ["M21", "M23 PRINT.GCO", "M24"];
     let mut looks = 0;
@@ -217,7 +217,7 @@ fn goes_on(profile: Profile, text: &[u8], wanted: u64) {
         assert_eq!(said.last().unwrap(), "Done printing file", "cut {index}, line {line}: {said:?}");
         let events = events.take();
         let missing = &all[first_missing..];
-        // X, Y and Z: the very steps.
+        // X, Y and Z make exactly these steps.
         let (made, wanted) = (steps(&events, 0b111), steps(missing, 0b111));
         let same = made.iter().rev().zip(wanted.iter().rev()).take_while(|(made, wanted)| made == wanted).count();
         // The last steps of a move that was joined to the next one come after the note of its end.
@@ -360,7 +360,7 @@ fn refusal(setup: &Setup, printer: &mut crate::card::setup::DeskPrinter<'_>) -> 
 fn what_cannot_go_on_is_refused_with_its_reason() {
     let (card, _) = interrupted();
     let what = "echo:power loss: the interrupted print of /PRINT.GCO cannot go on: ";
-    // Its file is another, or gone.
+    // The file is another one, or missing.
     let setup = Setup::new(profile("cartesian"), card.clone());
     setup.put("PRINT.GCO", b"G28\n");
     let said = setup.say(&["M21"], &mut nothing);
@@ -380,7 +380,7 @@ fn what_cannot_go_on_is_refused_with_its_reason() {
     let mut printer = setup.printer();
     setup.converse(&mut printer, &["M21"], &mut nothing);
     assert!(refusal(&setup, &mut printer).starts_with(&format!("{what}another machine")));
-    // While something is printed.
+    // A print is under way.
     let setup = Setup::new(profile("cartesian"), card);
     let mut seen = 0;
     let said = setup.say(&["M21", "M32 !PRINT.GCO#"], &mut |_, _| {
@@ -423,8 +423,8 @@ fn a_cut_during_a_pause_knows_where_the_nozzle_stands() {
         let said = again.converse(&mut printer, &["M21", "M1000"], &mut nothing);
         assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
         assert_eq!(again.motor_steps()[..3], end[..3], "{jog:?}");
-        // The steps from the cut on bring Z to where it ends without the cut, because the height was the true one, and push the same
-        // filament, but for the rest of a step at the cut.
+        // The steps from the cut on bring Z to its end of the undisturbed print, because the height was the true one,
+        // and push the same filament, but for the rest of a step at the cut.
         let net_of = |motor| (net(&events.borrow(), motor), net(&all[cut..], motor));
         let ((z, z_owed), (pushed, owed)) = (net_of(2), net_of(3));
         assert_eq!(z, z_owed, "{jog:?}");

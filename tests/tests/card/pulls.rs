@@ -64,7 +64,7 @@ fn pull_a_thousand_times(is_homed: bool) {
         let said = setup.say(&["M21", "M23 PRINT.GCO", "M24"], &mut |card, _| {
             let is_in = card.with_slot(CardSlot::is_inserted);
             if is_in && was_out == 0 {
-                // Now, or before one of the next accesses.
+                // Pulls the card now, or before one of the next accesses.
                 match random(&mut state) % 40 {
                     0 => {
                         card.with_slot(VirtualCard::pull);
@@ -91,7 +91,7 @@ fn pull_a_thousand_times(is_homed: bool) {
                         vec!["M24".to_owned()]
                     }
                 }
-                // If it was put in again before the print has missed it, its first block shows it.
+                // The card's first block shows if it was put in again before the print has missed it.
                 30 => {
                     was_out = 0;
                     vec!["M24".to_owned()]

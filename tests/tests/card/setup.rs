@@ -85,7 +85,7 @@ pub fn gunzip(path: &str) -> Vec<u8> {
     bytes
 }
 
-/// The card that mkfs.fat and mtools have made.
+/// The card made by mkfs.fat and mtools.
 pub fn image() -> Vec<u8> {
     gunzip("printer/card/tests/images/fat16.img.gz")
 }
@@ -95,7 +95,7 @@ pub struct Setup {
     session: Desk,
     pub card: Card,
     host: RefCell<Host>,
-    /// Virtual time that passes each time that the print has nothing to do, ms.
+    /// Virtual time that passes whenever the print has nothing to do, ms.
     pub idle_ms: Cell<u32>,
 }
 
@@ -147,12 +147,12 @@ impl Setup {
         self.converse(&mut printer, lines, beside)
     }
 
-    /// The supply's signal says that it fails; the power stays, as with a module.
+    /// Lets the supply's signal say that it fails; the power stays, as with a module.
     pub fn fail_supply(&self) {
         self.session.set_supply_failing(true);
     }
 
-    /// The supply's signal says that it is right again.
+    /// Lets the supply's signal say that it is right again.
     pub fn mend_supply(&self) {
         self.session.set_supply_failing(false);
     }
@@ -279,7 +279,7 @@ impl HostLines for Hosts<'_, '_> {
     }
 }
 
-/// The hosts send nothing.
+/// Hosts that send nothing.
 pub fn nothing(_: &Card, _: Option<(u32, u32)>) -> Vec<String> {
     Vec::new()
 }

@@ -1,4 +1,4 @@
-//! The repository as the book may name it: its files, its words, and what its code defines.
+//! The repository as the book may name it: its files, its words, and the items of its code.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

@@ -149,7 +149,7 @@ fn bytes_that_are_not_text_late_in_the_file() {
     assert_eq!(position(&outcome.json()), json!([10.0, 20.0, 3.0, 0.0]));
 }
 
-/// Also where the filament is pushed bit by bit along an arc.
+/// Cold extrusion is refused also if the filament is pushed bit by bit along an arc.
 #[test]
 fn too_much_filament_in_a_move_stops_the_job() {
     let directory = directory();
@@ -195,7 +195,7 @@ fn damaged_gzip_is_refused() {
     }
 }
 
-/// The job did not start: nothing on standard output, the reason on standard error.
+/// Checks that the job did not start: nothing on standard output, the reason on standard error.
 #[track_caller]
 fn refused(outcome: &Outcome, says: &[&str]) {
     assert_eq!((outcome.status, outcome.stdout.as_str()), (Some(2), ""), "{outcome:#?}");
@@ -352,7 +352,7 @@ fn a_line_that_is_no_text_is_named_without_a_text() {
     assert!(outcome.stderr.contains("job.gcode: line 2: not text: byte 0xff"), "{outcome:#?}");
 }
 
-/// A file of comments is hardly the one that was meant.
+/// A file of comments alone is hardly the one that was meant.
 #[test]
 fn a_file_of_comments_is_remarked() {
     let directory = directory();

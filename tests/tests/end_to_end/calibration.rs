@@ -103,7 +103,7 @@ fn misplaced(directory: &tempfile::TempDir, seconds: &str) -> f64 {
     result["elsewhere_volume_mm3"].as_f64().unwrap_or_else(|| panic!("{result:#}"))
 }
 
-/// The simulator knows nothing of the pattern: of its lines the one with the nozzle's own K misplaces least.
+/// The simulator does not use the pattern: the line with the nozzle's own K misplaces least.
 #[test]
 fn the_best_line_is_that_of_the_nozzle() {
     let directory = directory();

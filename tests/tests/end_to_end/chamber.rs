@@ -1,4 +1,4 @@
-//! A chamber around the printer: M141, M191, and what a machine without one says.
+//! A chamber around the printer: M141, M191, and the replies of a machine without one.
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::Profile;

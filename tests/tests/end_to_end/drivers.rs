@@ -124,7 +124,8 @@ fn m17_waits_for_the_drivers() {
     assert_eq!(motors_on(), 0b1000);
 }
 
-/// Moves by other commands than G0 to G3: right after the start they would be made with the steps and currents of unset drivers.
+/// Moves by other commands than G0 to G3 are refused as well: right after the start they would be made with the steps
+/// and currents of unset drivers.
 #[test]
 fn pauses_filament_changes_and_shifts_of_z_wait_for_the_drivers() {
     let profile = profile("prusa-mini");

@@ -1,4 +1,5 @@
-//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and on its way the nozzle avoids the print.
+//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and the nozzle avoids the
+//! print on the way there.
 
 use std::path::Path;
 
@@ -72,7 +73,7 @@ fn pushed(records: &[Record]) -> i64 {
     sum
 }
 
-/// The whole job, and it entered at a frame.
+/// The whole job, and the same job entered at a frame.
 #[track_caller]
 fn entered(machine: &Profile, job: &[u8], frame: u32) -> Ended {
     let entered = rehearse_from(machine, frame, &mut &job[..]);

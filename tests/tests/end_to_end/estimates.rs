@@ -37,7 +37,7 @@ fn run<D: Desk>(session: &Session<D, impl Replies>, text: &[u8]) -> Ended {
     }
 }
 
-/// Heats, dwells this long, moves, then makes a move this long.
+/// Text that heats, dwells for this time, moves, then makes a move of this duration.
 fn after_hours(seconds: u32) -> String {
     format!(
         "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S300\nG4 S{seconds}\nG92 X0\nM211 S0\nM203 X500\n\
@@ -46,7 +46,7 @@ fn after_hours(seconds: u32) -> String {
     )
 }
 
-/// One hour costs as much as ten: heaters at rest are not stepped.
+/// One hour costs no more than ten: heaters at rest are not stepped.
 #[test]
 fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {

@@ -27,13 +27,13 @@ enum Fault {
     FilamentRunsOut,
     HotEndFanStands,
     HostGoes,
-    /// A driver reports this.
+    /// A driver reports this status.
     Driver(u32),
     DriverIsSilent,
     EmergencyStop,
-    /// A module says so, and feeds the board.
+    /// A module reports it, and feeds the board.
     SupplyFails,
-    /// The sensor with which this axis homes.
+    /// The sensor with which this axis homes fails.
     EndStop(usize, EndStopFailure),
 }
 
@@ -94,7 +94,7 @@ impl At {
         lines
     }
 
-    /// The command at whose middle it happens, and when, s after its beginning.
+    /// The command during which the fault happens, and its time, s after the command's beginning.
     fn command(self) -> Option<(&'static str, f64)> {
         match self {
             Self::Idle | Self::Printing => None,

@@ -40,7 +40,7 @@ fn commands(text: &[u8], lines: usize) -> Vec<String> {
     commands.filter(|command| !command.is_empty()).take(lines).map(str::to_owned).collect()
 }
 
-/// Sends lines as a host does that prints; `between` is called whenever time has passed. What the printer said.
+/// Sends lines as a host does that prints; calls `between` whenever time has passed. Returns the printer's replies.
 fn print(machine: &Machine, lines: &[String], mut between: impl FnMut(&Machine)) -> Vec<String> {
     let mut printer = machine.printer();
     for (number, line) in (1..).zip(lines) {

@@ -34,7 +34,7 @@ fn print_with_nozzle(values: &[(&str, &str)], job: &str) -> Outcome {
     ferrostep(arguments)
 }
 
-/// The thermal error and `kill() called` on adjacent lines, once, and the machine where its motors have left it.
+/// Checks the thermal error and `kill() called` on adjacent lines, once, and that the machine is where its motors have left it.
 #[track_caller]
 fn check_stopped(outcome: &Outcome, error: &str, line: u64) -> Value {
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");

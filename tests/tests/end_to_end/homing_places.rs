@@ -1,7 +1,7 @@
-//! G28 from many places, with working and broken sensors: how far the motors push, and what the host reads.
+//! G28 from many places, with working and broken sensors: the motors' push against the frame, and the host's lines.
 //!
-//! The machine is a frame, a sheet and sensors without steps (`Mechanics`), so that a homing takes microseconds. Some of the
-//! same on the desk, with every step, is at the end.
+//! The machine is a frame, a sheet and sensors without steps (`Mechanics`), so that a homing takes microseconds. Some
+//! of the same on the desk, with every step, is at the end.
 
 use std::cell::{Cell, RefCell};
 use std::pin::pin;
@@ -27,7 +27,7 @@ const MM: i64 = 100_000;
 /// Number of places for each scenario and machine; a run tries its share.
 const PLACES: u64 = 10_000;
 
-/// The promise: how far the nozzle presses into the bed at most, mm.
+/// Maximum press of the nozzle into the bed that is promised, units of 10 nm.
 const MAX_PRESS_10NM: i64 = MM / 2;
 
 /// Pseudo-random numbers (SplitMix64, Steele 2014).
@@ -292,7 +292,7 @@ fn from_everywhere(
                     let places = Places::new(mechanics);
                     let outcome = execute(&mut printer(&profile, &places), "G28");
                     let pushed = places.pushed_10nm();
-                    // In every scenario: if Z's sensor can trigger, the nozzle is not pressed into the bed.
+                    // The nozzle is not pressed into the bed in any scenario if Z's sensor can trigger.
                     if faults[2] != SensorFault::AlwaysOff {
                         assert!(pushed[2][0] <= MAX_PRESS_10NM, "{name} {seed}: {pushed:?}");
                     }
@@ -408,7 +408,7 @@ fn swapped_sensors_of_x_and_y_are_named() {
     });
 }
 
-/// Spikes on Z: it homes, or homing fails by name; never too low.
+/// Spikes on Z: it homes, or homing fails by name; it never ends too low.
 #[test]
 fn spikes_on_z_leave_the_nozzle_above_the_bed() {
     from_everywhere(with_fault(2, SensorFault::Spiking), |profile, places, _, outcome| {
@@ -449,7 +449,7 @@ fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
 }
 
 /// A limit: if Z has not been homed since power-on, an approach cannot distinguish a high nozzle from a sensor that
-/// never triggers. It goes down by the travel at most, and only once.
+/// never triggers. Z goes down by the travel at most, and only once.
 #[test]
 fn a_dead_z_sensor_presses_once_as_documented() {
     from_everywhere(with_fault(2, SensorFault::AlwaysOff), |profile, places, true_10nm, outcome| {

@@ -29,7 +29,7 @@ pub struct Conversation<'a, O: Observer = ()> {
 }
 
 impl<'a, O: Observer> Conversation<'a, O> {
-    /// No line has been sent.
+    /// Begins before any line has been sent.
     pub fn new(machine: &'a PrintSession<O, Collector>) -> Self {
         Self { machine, printer: machine.printer(), host: Host::new(), reader: LineReader::new() }
     }
@@ -71,7 +71,7 @@ fn oks(replies: &[String]) -> usize {
     replies.iter().filter(|reply| reply.starts_with("ok")).count()
 }
 
-/// The number a host is asked to go back to.
+/// The number to which a host is asked to go back.
 fn resend(replies: &[String]) -> Option<i64> {
     replies.iter().find_map(|reply| reply.strip_prefix("Resend: ")?.parse().ok())
 }

@@ -19,7 +19,7 @@ fn now_s(machine: &Machine) -> f64 {
     machine.clock().now_ns() as f64 * 1e-9
 }
 
-/// The host is silent. Returns the machine's lines meanwhile, and their times, s.
+/// Keeps the host silent. Returns the machine's lines meanwhile, and their times, s.
 fn silence(machine: &Machine, seconds: u32) -> Vec<(f64, String)> {
     let start_s = now_s(machine);
     let mut said = Vec::new();
@@ -140,7 +140,7 @@ fn heaters_stay_on_in_waits_that_end_by_themselves() {
     }
 }
 
-/// A wait that never arrives is cut short, but not unannounced, and says so: a print that went on would be a cold one.
+/// A wait that never arrives is cut short, but not unannounced, and the printer says so: the print would continue cold.
 #[test]
 fn a_warning_precedes_heaters_going_off_in_a_wait_that_never_arrives() {
     let mut weak = profile("prusa-mini");

@@ -69,7 +69,7 @@ fn problems(case: &Path) -> Vec<String> {
         let rows = imported.rows.iter().filter(|row| row.key == key && row.why.contains(text.as_str().unwrap()));
         problems.extend(rows.map(|row| format!("reason of {key}: {}", row.why)));
     }
-    // Each row that says that it is kept is in the profile, in all cases.
+    // Each row that counts as kept is in the profile, in all cases.
     for row in &imported.rows {
         let kept: toml::Table = row.kept.as_deref().unwrap_or_default().replace(", ", "\n").parse().unwrap_or_default();
         for (key, value) in flat(&serde_json::to_value(kept).unwrap(), "") {
@@ -216,7 +216,7 @@ fn included_files_are_found_as_klipper_finds_them() {
     }
 }
 
-/// Plain lines become a macro of the profile; of a program the reason says what it calls.
+/// Plain lines become a macro of the profile; for a program, the reason names what it calls.
 #[test]
 fn macros_of_plain_lines_are_kept() {
     let plain = ferrostep_testkit::program::repository().join("tests/cases/import/k23-control-plain/printer.cfg");
@@ -232,7 +232,7 @@ fn macros_of_plain_lines_are_kept() {
     assert!(purge.kept.is_none() && purge.why.contains("expects what is in it: G1"), "{purge:#?}");
 }
 
-/// A key that cannot be kept takes no table with it that says what the machine is: it moves, or the file is refused.
+/// A key that cannot be kept takes no table with it that describes the machine: it moves, or the file is refused.
 #[test]
 fn what_cannot_be_kept_takes_no_identity_with_it() {
     let read = |name: &str| {

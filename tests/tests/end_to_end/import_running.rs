@@ -1,4 +1,4 @@
-//! `ferrostep import` from running printers: imitations of Moonraker and of Marlin answer as these do.
+//! `ferrostep import` from running printers: imitations of Moonraker and of Marlin answer.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -74,7 +74,7 @@ fn configfile(text: &str) -> String {
             }
         }
     }
-    // Written by hand, for the order of keys is the file's.
+    // The text is made by hand, so that keys keep the file's order.
     let object = |entries: Vec<String>| format!("{{{}}}", entries.join(", "));
     let of_section = |(name, settings): &(String, Vec<(String, String)>)| {
         let settings = settings.iter().map(|(key, value)| format!("{}: {}", json!(key), json!(value))).collect();
@@ -405,7 +405,7 @@ fn a_marlin_that_says_no_settings_is_refused_with_the_cure() {
     assert_eq!(import(&["x.cfg", "--baud", "9600"]).status, Some(2), "a speed of no port");
 }
 
-/// A Klipper's configuration that is what a hostile server makes of it.
+/// A hostile server's configuration of Klipper.
 #[test]
 fn a_servers_settings_include_no_files() {
     let config = json!({"printer": {"kinematics": "corexy"}, "include /etc/hostname": {}});

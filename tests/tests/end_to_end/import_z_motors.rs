@@ -1,4 +1,4 @@
-//! `ferrostep import` of machines whose Z several motors lift.
+//! `ferrostep import` of machines with several motors for Z.
 
 use ferrostep_import::of_text;
 use serde_json::Value;
@@ -51,8 +51,8 @@ fn a_gantry_on_four_belts_is_kept() {
     assert_eq!(profile.driver.inverted, 0b0100);
 }
 
-/// The weights are those by which Klipper has come from four heights to the motors', in a log that an owner has published: a Voron 2.4 of
-/// 350 mm, corners at -60, -10 and 410, 420, whose probe is 25 mm behind the nozzle (pastebin.com/KM4f90cM).
+/// Klipper came with these weights from four heights to the motors', in a log that an owner has published: a Voron 2.4
+/// of 350 mm, corners at -60, -10 and 410, 420, whose probe is 25 mm behind the nozzle (pastebin.com/KM4f90cM).
 #[test]
 fn four_motors_stand_where_klipper_finds_them() {
     let motors = "[z_motors.motors]\nz = { x = -60, y = -10 }\nz2 = { x = -60, y = 420 }\ne1 = { x = 410, y = 420 }\n\

@@ -114,7 +114,7 @@ impl Interruption {
 /// A print with its interruptions, each at an instant in seconds from its first line.
 struct Interrupted {
     steps: Vec<Step>,
-    /// Those that happened before its end.
+    /// Number of interruptions that happened before the print's end.
     happened: usize,
     pauses: usize,
     is_halted: bool,
@@ -180,8 +180,8 @@ fn print(machine: Machine, lines: &[String], plan: &[(f64, Interruption)], rando
     Interrupted { steps: machine.into_observer().0, happened, pauses, is_halted, duration_s }
 }
 
-/// A part as it grows: where the nozzle and the filament are after each event of X, Y or Z, steps, and what has come out
-/// until then, mm^3.
+/// State of a growing part: positions of nozzle and filament after each event of X, Y or Z, steps, and the filament
+/// that has come out until then, mm^3.
 #[derive(Clone, Copy, Debug)]
 struct Point {
     place: [i64; 3],
@@ -221,7 +221,7 @@ fn points(steps: &[Step]) -> Vec<Point> {
 #[derive(Clone, Copy, Debug, Default)]
 struct Difference {
     excursions: usize,
-    /// The most by which more or less has been laid up to a place of the part, mm^3.
+    /// Maximum difference of the filament laid up to a place of the part, mm^3.
     laid_mm3: f64,
     /// Filament that came out aside, mm^3.
     aside_mm3: f64,

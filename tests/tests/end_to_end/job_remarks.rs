@@ -165,8 +165,8 @@ fn jobs_for_other_machines_stop() {
     }
 }
 
-/// Purge lines beside the bed, as the slicer's start code of the MINI and the MK3S has them: drawn where they are asked for, on
-/// machines whose travel goes there.
+/// Purge lines beside the bed, as the slicer's start code of the MINI and the MK3S has them, are drawn where they are
+/// asked for, on machines whose travel goes there.
 #[test]
 fn purge_lines_beside_the_bed_are_drawn_there() {
     let mk3s = changed(

@@ -9,10 +9,10 @@ use ferrostep_random_cases::share_of;
 
 use crate::end_to_end::command::{directory, example, ferrostep, file, repository};
 
-/// Most difference, as a share of Klipper's time.
+/// Maximum difference, as a share of Klipper's time.
 const MOST_OFF: f64 = 0.003;
 
-/// Klipper cuts arcs into chords of this length.
+/// Length of the chords into which Klipper cuts arcs, mm.
 const CHORD_MM: f64 = 1.0;
 
 #[test]

@@ -10,9 +10,9 @@ use crate::end_to_end::command::{directory, example, ferrostep, file, repository
 /// The greatest errors that a method may make: from the line, and of each motor from its law.
 struct Bounds {
     method: &'static str,
-    /// Across the line, in pulses: steps of 1/80 mm, or of 1/160 mm of both motors of the CoreXY machine.
+    /// Error across the line, in pulses: steps of 1/80 mm, or of 1/160 mm of both motors of the CoreXY machine.
     path_pulses: f64,
-    /// Beyond the one step that the default's motors may be off, in steps.
+    /// Error beyond the one step that the default's motors may be off, in steps.
     plane_steps: f64,
 }
 

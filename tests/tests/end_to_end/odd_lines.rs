@@ -51,7 +51,7 @@ fn a_bare_dwell_does_not_stop_a_job() {
     }
 }
 
-/// An odd line, three times, beside the line as which it is read.
+/// An odd line, three times, beside the line whose meaning it gets.
 #[test]
 fn odd_lines_are_read_as_marlin_reads_them() {
     for (odd, as_if, says) in [

@@ -79,7 +79,7 @@ fn of(command: &str, job: &Path, profile: &Path) -> Value {
     ferrostep([command, job.to_str().unwrap(), "--profile", profile.to_str().unwrap(), "--json"]).json()
 }
 
-/// The motion's time with stops and without, s; all else is the same.
+/// The motion's time with stops and without, s; checks that all other figures are the same.
 fn times(name: &str, job: &Path, profiles: &[PathBuf; 2]) -> [f64; 2] {
     let [stops, on_the_way] = profiles.each_ref().map(|profile| of("estimate", job, profile));
     for key in ["filament_mm", "position_mm", "moves", "lines"] {

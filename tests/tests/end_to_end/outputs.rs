@@ -262,7 +262,7 @@ fn start_in_terminal(arguments: [&str; 4]) -> Child {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// Sends a signal to a command that has begun its output and waits for more of its input; how it ends.
+/// Sends a signal to a command that has begun its output and waits for more of its input; returns its end.
 fn interrupted(child: Child, signal: &str, directory: &TempDir, names_before: usize) -> Option<i32> {
     wait_for_part(directory, names_before);
     send_signal(signal, child.id());
@@ -287,8 +287,8 @@ fn an_interrupted_command_leaves_the_old_file_and_no_part() {
     }
 }
 
-/// Under `nohup` the command must survive the terminal. The second signal, which is not ignored, ends it: had the first had an effect,
-/// that would have come before.
+/// The command must survive the terminal under `nohup`. The second signal, which is not ignored, ends it: an effect of
+/// the first would have come before.
 #[test]
 fn an_ignored_signal_stays_ignored() {
     let directory = directory();
@@ -374,7 +374,7 @@ fn a_closed_pipe_is_not_an_error() {
     }
 }
 
-/// The name of the temporary file says nothing to a person.
+/// The name of the temporary file is of no use to a person.
 #[test]
 fn a_missing_folder_is_named_without_the_temporary_file() {
     let outcome = ferrostep(["preprocess", "examples/cube.gcode", "-o", "/no-such-folder/x.gpre"]);

@@ -39,7 +39,7 @@ impl Replies for Silent {
     fn send(&self, _: Reply<'_>) {}
 }
 
-/// Tick at which each move of a file ends, without clicks.
+/// Lines of a file's moves and the ticks at which these end, without clicks.
 #[derive(Default)]
 struct MoveEnds(Vec<(u32, u64)>);
 
@@ -90,7 +90,7 @@ struct Click {
     heaters_first: f64,
     /// The same where M84 comes first, which waits for the motion.
     motors_first: f64,
-    /// Marlin's standstill.
+    /// Time to Marlin's standstill.
     marlin: f64,
 }
 

@@ -26,7 +26,7 @@ impl<'a> Print<'a> {
         Self { machine, conversation: Conversation::new(machine), number: 0 }
     }
 
-    /// Hot, homed, at X20 Y30 Z5, E3.
+    /// Begins a print: hot, homed, at X20 Y30 Z5, E3.
     fn begun(machine: &'a Machine) -> Self {
         let mut print = Self::new(machine);
         for line in ["M140 S60", "M109 S200", "G28", "M83", "G1 X20 Y30 Z5 F3000", "G1 E3 F300", "G1 F1200"] {
@@ -223,7 +223,7 @@ fn the_place_to_wait_is_in_the_line_and_bad_words_change_nothing() {
     assert_eq!([x, y, z], [150 * 80, 20 * 80, 45 * 400]);
 }
 
-/// The profile says where the nozzle waits and how much filament M600 moves, and its words go before.
+/// The profile says where the nozzle waits and how much filament M600 moves; the command's words go before it.
 #[test]
 fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
     let place = PauseSettings {
@@ -413,7 +413,7 @@ fn heaters_that_went_off_in_a_pause_are_hot_again_before_anything_moves() {
     assert_eq!((print.target(Heater::Nozzle), print.target(Heater::Bed)), (200.0, 60.0));
 }
 
-/// The board knows moves of minutes when a print's end code arrives: they are made with the heat that they were written for.
+/// The board knows moves of minutes when a print's end code arrives: they are made with the heat for which they were written.
 #[test]
 fn a_nozzle_stays_hot_until_the_moves_before_are_made() {
     for off in ["M104 S0", "M104 S150", "M109 R100"] {
@@ -437,7 +437,7 @@ fn a_nozzle_stays_hot_until_the_moves_before_are_made() {
         assert!(coldest > 190.0, "{off}: {coldest}");
         assert!(print.target(Heater::Nozzle) < 160.0, "{off}");
     }
-    // A person's is not part of the print, and acts at once.
+    // A person's line is not part of the print, and acts at once.
     let machine = machine(&profile("cartesian"));
     let mut print = Print::begun(&machine);
     for x in [60, 20].into_iter().cycle().take(60) {
@@ -505,7 +505,7 @@ fn a_halted_printer_answers_questions_and_ends_prints() {
     assert_eq!(count(&print.conversation.say("M112"), "//action:cancel"), 1, "each halt ends the prints once");
 }
 
-/// The G-code's E is what the motor has pushed, when the printer is asked in the halt and after it.
+/// E is the filament that the motor has pushed, both in the halt and after it.
 #[test]
 fn e_is_what_was_pushed_in_a_halt_and_after_it() {
     let machine = machine(&profile("cartesian"));
@@ -542,7 +542,7 @@ fn e_is_what_was_pushed_in_a_halt_and_after_it() {
 fn a_file_that_pauses_goes_on_by_itself() {
     let text = "M302 P1\nG28\nM83\nG1 X50 Y50 Z2 F3000\nG1 E1 F300\nM600\nM0\nM25\nG1 X60 E1\nM24\n";
     let print = rehearse(&profile("cartesian"), 128, &mut text.as_bytes());
-    // M24 finds nothing paused: the move before has gone on.
+    // M24 finds nothing paused: the move before has continued.
     assert!(print.outcome.is_ok(), "{:?}", print.outcome);
     assert_eq!(print.logical_10nm, [6_000_000, 5_000_000, 200_000, 200_000]);
 }

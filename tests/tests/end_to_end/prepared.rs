@@ -1,4 +1,4 @@
-//! Prepared jobs: the same steps as the G-code's with unlimited look-ahead, and nothing from files that are not jobs.
+//! Prepared jobs make the same steps as the G-code with unlimited look-ahead, and files that are not jobs make none.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -231,7 +231,7 @@ fn a_prepared_job_sets_filters_where_the_gcode_does() {
     let profiles = [plain.clone(), format!("{plain}\n{shaper}")];
     let [plain, shaped] = [("plain.toml", &profiles[0]), ("shaped.toml", &profiles[1])]
         .map(|(name, text)| file(&directory, name, text).to_str().unwrap().to_owned());
-    // The first line sets what the second machine already has: it is a standstill all the same, as planned.
+    // The first line sets what the second machine already has: it is a standstill nevertheless, as planned.
     let gcode = "G28\nG1 X20 F6000\nG1 X40 Y1\nSET_INPUT_SHAPER SHAPER_TYPE_X=mzv SHAPER_FREQ_X=50\nG1 X60 Y2\nG1 X80\n\
                  M593 Y P\"zvd\" F44 S0.05\nG1 X90 Y30\nG1 X70 Y60\nM593 F0\nG1 X20\nM593\n";
     let gcode = file(&directory, "job.gcode", gcode).to_str().unwrap().to_owned();

@@ -51,7 +51,7 @@ fn check_keys(summary: &Value) {
     assert!(summary["print_time_s"].as_f64().unwrap() > motion, "homing and heating take time too");
 }
 
-/// The most step events in any millisecond of a trace, times 1000.
+/// Maximum number of step events in any millisecond of a trace, times 1000.
 fn most_events_hz(trace: &Path) -> u64 {
     let reader = TraceReader::new(File::open(trace).unwrap()).unwrap();
     let window_ticks = reader.header().tick_hz / 1000;
@@ -98,7 +98,7 @@ fn check(name: &str, profile_name: &str) {
     let trace = directory.path().join("trace");
     let path = format!("examples/{name}");
     let mut motor_steps = Vec::new();
-    // The board's look-ahead for every file, a long one for this run's share of them.
+    // The look-ahead: the board's for every file, a long one for this run's share of them.
     let is_shared = share_of(LISTED.len() as u64).any(|file| LISTED[file as usize] == name);
     for look_ahead in ["128"].into_iter().chain(is_shared.then_some("4096")) {
         let outcome = ferrostep(

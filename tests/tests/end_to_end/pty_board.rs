@@ -38,7 +38,7 @@ pub struct Pty {
 }
 
 impl Pty {
-    /// A new one, which passes bytes as they are.
+    /// Opens a new one, which passes bytes unchanged.
     pub fn new() -> Self {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
         grantpt(&master).unwrap();
@@ -92,11 +92,11 @@ struct Shared {
 struct State {
     /// Bytes that the board has read.
     taken: u64,
-    /// The board reads no more than this.
+    /// Maximum number of bytes that the board reads.
     most: Option<u64>,
     /// All its lines.
     said: Vec<String>,
-    /// While it waits for bytes, time passes for it without passing here.
+    /// True if time passes for the board while it waits for bytes, without passing here.
     hurries: bool,
     ended: bool,
 }
@@ -197,7 +197,7 @@ impl Port<'_> {
         if state.hurries || state.ended { Duration::from_millis(1) } else { Duration::from_millis(LOOK_MS.into()) }
     }
 
-    /// Reads what comes within a time.
+    /// Reads the bytes that come within a time.
     fn read(&self, bytes: &mut [u8], within: Duration) -> usize {
         let state = self.shared.state.lock().unwrap();
         let held = |state: &mut State| state.most.is_some_and(|most| state.taken >= most);
@@ -342,7 +342,7 @@ fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
     Served { figures, taken: state.taken, jobs, said: state.said.clone() }
 }
 
-/// Replies that go to a port as soon as there is one.
+/// Replies that go to a port once there is one.
 struct Silent<'a>(RefCell<Option<&'a Port<'a>>>);
 
 impl Replies for Silent<'_> {

@@ -19,7 +19,7 @@ before it are finished, and the job ends there. A test compares this page with t
 
 /// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines, the last of which is refused.
 const LINES: &[&str] = &[
-    // Cannot be read.
+    // The line cannot be read.
     "G1 X20 Y1.2.3",
     "G1 X20 Y--4",
     "G1 Xnan Y20",
@@ -101,7 +101,7 @@ const LINES: &[&str] = &[
     "M906 X5000",
     "M913 X9999",
     "M914 X999",
-    // The machine is not ready for it.
+    // The machine is not ready for the line.
     "G1 X20 E5",
     "G1 Z1 E-1",
     "G10",
@@ -123,7 +123,7 @@ const ON_PROFILES: &[(&str, &str)] = &[
     ("prusa-mini", "M569 S0 X\\nG28 X"),
 ];
 
-/// Profile, its text, what takes that text's place.
+/// Profile, its text, and the text that replaces it.
 const PROFILES: &[(&str, &str, &str)] = &[
     ("cartesian", "kinematics = \"cartesian\"", "kinematics = \"scara\""),
     ("cartesian", "junction_deviation_mm = 0.1\n", ""),

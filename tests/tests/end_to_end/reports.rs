@@ -146,7 +146,7 @@ fn end_stop_report() {
     }
 }
 
-/// Queries report what was set.
+/// Queries report the settings that were made.
 #[test]
 fn settings() {
     let machine = machine(&profile("cartesian"));

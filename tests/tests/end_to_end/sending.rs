@@ -44,7 +44,7 @@ fn printed(path: &Path) -> Value {
     outcome.json()
 }
 
-/// The board has made the steps of `print`, each at its time.
+/// Checks that the board has made the steps of `print`, each at its time.
 #[track_caller]
 fn assert_printed(served: &Served, path: &Path) {
     let printed = printed(path);

@@ -51,7 +51,7 @@ fn a_job_its_trace_and_its_prepared_form_measure_alike() {
     // A sum of blocks beside a time from the first record to the last: they differ by the homing's last wait.
     let (simulated_s, printed_s) = (number(&of_job, &["time_s"]), number(&printed, &["motion_time_s"]));
     assert!((simulated_s - printed_s).abs() < 0.05, "{simulated_s} and {printed_s}");
-    // Without a shaper and with the same plan it measures as much as the plan without filters, apart from whole steps of 12.5 um
+    // The same plan without a shaper measures as much as the plan without filters, apart from whole steps of 12.5 um
     // beside 20 um of ringing.
     assert!((number(&of_job, &["ringing", "relative"]) - 1.0).abs() < 0.35, "{of_job}");
 
@@ -128,7 +128,7 @@ fn a_kind_is_given_to_both_plans_and_detuning_moves_the_frame_under_them() {
     let detuned = run(&["--input-shaper", "zv", "--shaper-damping", "0.06", "--detune", "-10"]);
     assert_eq!((filters(&detuned), frame(&detuned)), (made, vec![45.0, 36.0]));
     assert_eq!((number(&detuned, &["detune_percent"]), &exact["detune_percent"]), (-10.0, &Value::Null));
-    // Time is that of the filters, which are the same; what rings is the frame.
+    // The time depends on the filters, which are the same; the ringing depends on the frame.
     assert_eq!(detuned["time_s"], exact["time_s"]);
     for plan in [&[][..], &["compared"]] {
         let ringing = [&plain, &exact, &detuned].map(|result| number(result, &[plan, &["ringing", "rms_um"]].concat()));

@@ -15,7 +15,7 @@ const CORNERS_MM: [[f64; 2]; 4] = [[20.0, 20.0], [20.0, 170.0], [170.0, 170.0], 
 /// each that is 0.03 %.
 const LEANS_DEGREES: [[f64; 3]; 4] = [[0.15, 0.0, 0.0], [-0.8, 0.0, 0.0], [0.3, 0.2, -0.25], [1.0, 0.0, 1.2]];
 
-/// A machine as it is: unit vectors of its axes in a space with right angles. Nothing of this is the firmware's.
+/// Frame of a real machine: unit vectors of its axes in a space with right angles. The firmware does not use it.
 struct Frame {
     axes: [[f64; 3]; 3],
 }
@@ -155,7 +155,7 @@ fn no_skew_is_as_ever() {
     assert_ne!(digest("[skew]\nxy.factor = 0.001\n", ""), before);
 }
 
-/// A prepared job is planned for right angles: refused by name where one is made, and where one is printed.
+/// A prepared job is planned for right angles: it is refused by name where it is made, and where it is printed.
 #[test]
 fn no_job_is_prepared_for_skew_axes() {
     let directory = directory();

@@ -45,7 +45,7 @@ fn x_and_y_home_by_stall_against_the_frame() {
     let replies = say(&machine, &mut printer, &["G28"]);
     // Over the sheet, and off it again.
     assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{replies:?}");
-    // The motor's lag at the signal is what remains.
+    // The motor's lag at the signal remains.
     say(&machine, &mut printer, &["G1 X90 Y90 Z10 F6000", "M400"]);
     let [x, y, z] = true_mm(&machine);
     assert!((x - 90.0 - LAG_MM).abs() < 1e-6 && (y - 90.0 + LAG_MM).abs() < 1e-6, "{x} {y}");
@@ -167,7 +167,7 @@ fn the_probe_offset_places_the_first_layer() {
         assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{place}: {replies:?}");
         say(&machine, &mut printer, &["G1 X90 Y90 Z0.2 F6000", "M400"]);
         assert_eq!(true_mm(&machine)[2], 0.2, "{place}");
-        // Too high by a tenth, says the paper; a second homing keeps it.
+        // The paper says that the nozzle is too high by a tenth; a second homing keeps the correction.
         let replies = say(&machine, &mut printer, &["M290 Z-0.1", "M114", "M400"]);
         assert_eq!(replies[0], "echo:Probe Offset Z-1.20");
         assert!(replies[1].starts_with("X:90.00 Y:90.00 Z:0.20"), "{replies:?}");

@@ -30,7 +30,7 @@ fn is_refused(replies: &[String], why: &str) {
 fn without_the_profile_s_table_there_is_none() {
     let machine = machine(&profile("cartesian"));
     let mut host = Conversation::new(&machine);
-    // Said once a job, as with all that a file for many machines asks for.
+    // The remark comes once a job, as for all commands of a file for many machines.
     let said = host.say("M80");
     assert!(
         said[0].contains(

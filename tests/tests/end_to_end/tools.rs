@@ -37,7 +37,7 @@ fn carriage_mm(machine: &Machine) -> [f64; 3] {
     [x as f64 / 80.0, y as f64 / 80.0, z as f64 / 400.0]
 }
 
-/// Executes lines, to the end of their motion; none is refused.
+/// Executes lines, to the end of their motion; checks that none is refused.
 fn run(host: &mut Conversation<'_>, lines: &str) -> Vec<String> {
     let mut said = Vec::new();
     for line in lines.lines() {
@@ -75,7 +75,7 @@ fn the_new_nozzle_goes_to_where_the_old_one_was() {
     run(&mut host, "T0");
     assert!(near(carriage_mm(&machine), [80.0, 60.0, 2.0]));
     assert_eq!(host.position_mm(), [80.0, 60.0, 2.0, 0.0]);
-    // The same tool again moves nothing, T alone says which it is.
+    // The same tool again makes no move; T alone reports the tool.
     let before = steps(&machine);
     run(&mut host, "T0");
     assert_eq!(host.say("T"), ["Active Extruder: 0", "ok"]);
@@ -226,7 +226,7 @@ fn filament_stays_in_a_cold_nozzle() {
     assert_eq!(steps(&machine).1, [0, 0]);
 }
 
-/// G10 and G11, M221 and M900 are each tool's.
+/// G10 and G11, M221 and M900 are separate for each tool.
 #[test]
 fn a_tool_keeps_what_belongs_to_it() {
     let machine = machine(&two("", ""));
@@ -244,7 +244,7 @@ fn a_tool_keeps_what_belongs_to_it() {
     assert_eq!(host.say("M221")[0], "echo:E0 Flow: 100%");
     let (_, [first, second]) = steps(&machine);
     assert!((first - 95).abs() <= 1 && (second - (85 - 190)).abs() <= 1, "{first} {second}");
-    // Set from afar.
+    // Settings of the tool that is not selected.
     run(&mut host, "M221 T1 S110\nM92 T1 E100\nT1");
     assert_eq!(host.say("M221")[0], "echo:E0 Flow: 110%");
     assert!(host.say("M92")[0].contains("E100.00"));
@@ -415,7 +415,7 @@ fn a_pause_keeps_the_tool_and_its_heat() {
     assert_eq!(host.position_mm()[..3], [70.0, 50.0, 5.0]);
 }
 
-/// A machine with one tool is as it was.
+/// A machine with one tool is unchanged.
 #[test]
 fn one_tool_stays_one() {
     let machine = machine(&profile("cartesian"));

@@ -20,7 +20,7 @@ fn job(before: impl Fn(u32) -> String) -> String {
     job
 }
 
-/// A tower, and the line that does the same at a layer's height, mm.
+/// A tower, and the line with the same effect at a layer's height, mm.
 type Case = (&'static str, fn(f64) -> String);
 
 fn cases() -> [Case; 5] {

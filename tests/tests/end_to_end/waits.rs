@@ -103,7 +103,7 @@ fn m108_ends_a_wait_for_heat_and_not_the_heating() {
     for line in ["M109 S200", "M190 S60", "M109 R200"] {
         let machine = machine(&profile("cartesian"));
         let mut conversation = Conversation::new(&machine);
-        // One that comes too early is not meant for this wait.
+        // An M108 that comes too early is not meant for this wait.
         machine.signals().end_wait();
         let wait = format!("{line}\n");
         let replies = conversation.say_while(wait.as_bytes(), at(3.0, |machine| machine.signals().end_wait()));

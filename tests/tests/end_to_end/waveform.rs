@@ -13,7 +13,7 @@ struct Signal {
     edges: u64,
     shortest_high_ns: Option<u64>,
     shortest_low_ns: Option<u64>,
-    /// Least time from a change of its direction to its next step.
+    /// Minimum time from a change of its direction to its next step.
     shortest_setup_ns: Option<u64>,
 }
 

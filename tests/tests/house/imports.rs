@@ -1,4 +1,4 @@
-//! Imports between the files of a package: which file names something that another one defines.
+//! Imports between the files of a package.
 //!
 //! `use` lines and paths that begin with `crate::` or `super::` are read. A name that a file passes on (`pub use`)
 //! counts as that of the file which defines it. Modules of tests are left out.
@@ -51,7 +51,7 @@ fn leaves(tree: &str, before: &[String], found: &mut Vec<(Vec<String>, String)>)
     }
 }
 
-/// A text without comments, and without what is only there for tests; with the names of the modules of tests.
+/// A text without comments and without the code of tests; and the names of the modules of tests.
 fn without_tests(text: &str) -> (String, Vec<String>) {
     let (mut kept, mut modules) = (String::new(), Vec::new());
     let mut lines = text.lines().map(|line| line.split_once("//").map_or(line, |(code, _)| code));
@@ -73,7 +73,7 @@ fn without_tests(text: &str) -> (String, Vec<String>) {
     (kept, modules)
 }
 
-/// The `use` lines of a text, and whether each passes on what it names; and the text without them.
+/// The `use` lines of a text, each with true if it passes on its names; and the text without them.
 fn uses(text: &str) -> (Vec<(String, bool)>, String) {
     let (mut found, mut rest) = (Vec::new(), String::new());
     let mut lines = text.lines();
@@ -106,7 +106,7 @@ fn paths(code: &str) -> Vec<Vec<String>> {
 }
 
 impl Imports {
-    /// Those of the package in a folder.
+    /// Reads the imports of the package in a folder.
     pub fn of(package: &Path) -> Self {
         let src = package.join("src");
         let mut files = Vec::new();
@@ -118,7 +118,7 @@ impl Imports {
         Self::of_texts(files.collect())
     }
 
-    /// Those of these files, by their paths without `.rs`.
+    /// Reads the imports of these files, given by their paths without `.rs`.
     fn of_texts(files: Vec<(Module, String)>) -> Self {
         let (mut texts, mut of_tests) = (BTreeMap::new(), Vec::new());
         let root = if files.iter().any(|(module, _)| module == &["lib"]) { "lib" } else { "main" };

@@ -37,7 +37,7 @@ const LINE_MS: u64 = 150;
 /// Time for which a wait for heat that nothing ends is watched, ms.
 const HEAT_MS: u64 = 1_500;
 
-/// Homing and a move take no longer on these machines, ms.
+/// Maximum time of homing and a move on these machines, ms.
 const HOMING_MS: u64 = 60_000;
 
 /// The event at the instant.
@@ -94,13 +94,13 @@ impl<'b, 'a> Talk<'b, 'a> {
         talk
     }
 
-    /// A line that must be answered within this many ms.
+    /// Sends a line that must be answered within this many ms.
     #[track_caller]
     fn line(&mut self, line: &str, within_ms: u64) -> Result<(), Failure> {
         self.line_by(line, self.board.now() + within_ms * CYCLES_A_MS)
     }
 
-    /// A line that must be answered by a cycle.
+    /// Sends a line that must be answered by a cycle.
     #[track_caller]
     fn line_by(&mut self, line: &str, cycle: u64) -> Result<(), Failure> {
         let answers = self.board.answers();
@@ -110,7 +110,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         outcome
     }
 
-    /// A line that is answered at once.
+    /// Sends a line that is answered at once.
     #[track_caller]
     fn at_once(&mut self, line: &str) -> Result<(), Failure> {
         let began = self.board.now();
@@ -175,7 +175,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         }
     }
 
-    /// The work up to the instant and what must be answered then.
+    /// Lets the board work up to the instant, and checks the answers that are due then.
     #[track_caller]
     fn disturb(&mut self, kind: Kind, undisturbed: &Undisturbed, random: &mut Random) {
         let begin = self.board.now();
@@ -286,7 +286,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         }
     }
 
-    /// Signals, machine and G-code agree; and from here it homes and goes where it is sent.
+    /// Checks that signals, machine and G-code agree, and that the machine still homes and goes where it is sent.
     #[track_caller]
     fn agrees_and_goes_on(&mut self, undisturbed: &Undisturbed) {
         assert!(self.board.is_idle(), "at rest");
@@ -337,7 +337,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         );
     }
 
-    /// E is what was pushed.
+    /// Checks that E is what was pushed.
     #[track_caller]
     fn tells_filament(&self) {
         let [.., extruder] = self.board.counted_steps();
@@ -349,7 +349,7 @@ impl<'b, 'a> Talk<'b, 'a> {
     }
 }
 
-/// The undisturbed run.
+/// Runs the state's work undisturbed.
 fn undisturbed(state: &State) -> Undisturbed {
     with_board::<Pulses, _>(&state.profile, state.look_ahead, Costs::BOARD, |board| {
         let mut talk = Talk::new(state, board);
@@ -364,7 +364,7 @@ fn undisturbed(state: &State) -> Undisturbed {
     })
 }
 
-/// One instant; the longest time to an answer, ms.
+/// Tries one instant; returns the longest time to an answer, ms.
 fn instant(state: &State, undisturbed: &Undisturbed, kind: Kind, seed: u64) -> f64 {
     with_board::<Pulses, _>(&state.profile, state.look_ahead, Costs::BOARD, |board| {
         let mut random = Random::new(seed);
@@ -376,7 +376,7 @@ fn instant(state: &State, undisturbed: &Undisturbed, kind: Kind, seed: u64) -> f
     })
 }
 
-/// Any instants of a kind, in all states.
+/// Tries any instants of a kind, in all states.
 fn at_any_instant(kind: Kind) {
     let wanted = std::env::var("FERROSTEP_INSTANTS").ok().map(|count| count.parse().unwrap());
     let share = if wanted.is_some() { Share::ALL } else { Share::of_this_run() };

@@ -88,7 +88,7 @@ fn end_of(text: &str) -> ([i64; 3], f64) {
     (end, filament)
 }
 
-/// The motors never stopped from speed, nor did the feed change faster than the acceleration allows.
+/// Checks that the motors never stopped from speed, and that the feed never changed faster than the acceleration allows.
 #[track_caller]
 pub fn is_smooth(print: &Print, profile: &Profile) {
     assert_eq!((print.figures.underruns, print.watch.all_stops_from_speed()), (0, 0));

@@ -14,7 +14,7 @@ use ferrostep_testkit::board_model::{
 };
 use ferrostep_testkit::host_side::numbered;
 
-/// Moves of the job, and what each pushes, units of 0.1 nm.
+/// Moves of the job, and the filament that each pushes, units of 0.1 nm.
 const MOVES: u32 = 1_200;
 const FILAMENT_100PM: i64 = 2_000_000;
 
@@ -50,7 +50,7 @@ fn job() -> Vec<u8> {
     out.into_inner()
 }
 
-/// The result.
+/// Result of a print.
 struct Print {
     report: Report,
     figures: MotionFigures,
@@ -70,7 +70,7 @@ fn print(host: impl FnOnce(JobHost) -> JobHost, after: &[&str]) -> Print {
         let mut printer = board.printer();
         let report = board.receive_job(&mut printer, &mut host(JobHost::new(job())));
         let idle_at = board.now();
-        // The planner task comes by.
+        // The planner task runs.
         board.stay_silent(3);
         let stops = board.take_stop_reports();
         for line in after {
@@ -91,7 +91,7 @@ fn print(host: impl FnOnce(JobHost) -> JobHost, after: &[&str]) -> Print {
     })
 }
 
-/// The machine is at rest at the position that it reports.
+/// Checks that the machine is at rest at the position that it reports.
 #[track_caller]
 fn keeps_its_place(board: &Board<'_, Pulses>, printer: &BoardPrinter<'_, '_, Pulses>) {
     let profile = profile();
@@ -105,7 +105,7 @@ fn keeps_its_place(board: &Board<'_, Pulses>, printer: &BoardPrinter<'_, '_, Pul
     assert_eq!(board.figures().underruns, 0);
 }
 
-/// The host sends no command during the job.
+/// Prints the job without commands of the host.
 fn undisturbed() -> Print {
     let print = print(|host| host, &[]);
     is_whole(&print);
@@ -114,7 +114,7 @@ fn undisturbed() -> Print {
     print
 }
 
-/// The job was printed to its end, without a jerk.
+/// Checks that the job was printed to its end, without a jerk.
 #[track_caller]
 fn is_whole(print: &Print) {
     assert_eq!((print.report.word, print.report.numbers[0]), (Word::Done, job().len() as u32), "{:?}", print.replies);

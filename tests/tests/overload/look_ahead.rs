@@ -1,10 +1,10 @@
-//! Moves of 0.05 mm at 300 mm/s: the ring sees far enough.
+//! Moves of 0.05 mm at 300 mm/s: the ring is long enough for them.
 
 use ferrostep_testkit::stress_file::{FEED_MM_PER_S, PIECE_MM, stress_file};
 
 use crate::overload::invariants::{Speeds, is_smooth, print, profile};
 
-/// 3 m.
+/// Pieces of the file: 3 m.
 const PIECES: u32 = 60_000;
 
 #[test]

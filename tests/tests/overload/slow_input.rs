@@ -5,7 +5,7 @@ use ferrostep_testkit::stress_file::stress_file;
 
 use crate::overload::invariants::{Print, Speeds, is_smooth, print, profile};
 
-/// 0.3 m, one second at full feed.
+/// Pieces of the file: 0.3 m, one second at full feed.
 const PIECES: u32 = 6_000;
 
 #[track_caller]
@@ -38,7 +38,8 @@ fn slow_lines_brake_the_machine_on_its_path() {
             } else {
                 // Either the motors caught up with the input, or it came in portions with silence between them.
                 assert!(slow.figures.starvation_flushes > at_the_end || slow.figures.idle_flushes > 10);
-                // It takes as long as the lines take, except for the moves in ring and queue: up to eight pieces share a block.
+                // The print takes as long as the lines take, except for the moves in ring and queue: up to eight pieces
+                // share a block.
                 let lines = f64::from(PIECES) / rate as f64;
                 let ahead = 8.0 * LOOK_AHEAD_BLOCKS as f64 / rate as f64;
                 assert!(seconds > 0.95 * (lines - ahead), "{seconds} s at {rate} lines/s");

@@ -5,7 +5,7 @@ use ferrostep_testkit::stress_file::stress_file;
 
 use crate::overload::invariants::{Speeds, is_smooth, print, profile};
 
-/// 0.3 m, one second at full feed.
+/// Pieces of the file: 0.3 m, one second at full feed.
 const PIECES: u32 = 6_000;
 
 fn slower(times: u64) -> Speeds {

@@ -46,13 +46,13 @@ impl<'b, 'a, M: Stepping> StoppedPrint<'b, 'a, M> {
         Self { board, profile, printer: board.printer(), host }
     }
 
-    /// Executes a line when it is there; whether it was executed.
+    /// Executes a line when it arrives; returns true if it was executed.
     fn line(&mut self, text: &str) -> bool {
         self.board.wait_for_line(self.host.next_at(self.board.now()));
         self.board.execute(&mut self.printer, 1, text).is_ok()
     }
 
-    /// The machine has followed a stop: is it where it believes to be? Then the host's lines, and again.
+    /// Checks that the machine is where it believes to be after a stop. Then sends the host's lines, and checks again.
     #[track_caller]
     fn check(&mut self, lines: &[&str]) {
         self.reports_are_true();
@@ -90,7 +90,7 @@ impl<'b, 'a, M: Stepping> StoppedPrint<'b, 'a, M> {
             self.line(&line);
         }
         let moved = self.board.events() != events;
-        // The planner task comes by.
+        // The planner task runs.
         self.board.stay_silent(3);
         self.check(if emergency == Emergency::Stop { &["M112", "M999"] } else { &["M410"] });
         moved
@@ -109,7 +109,7 @@ fn stopped_again_and_again<M: Stepping>(profile: &Profile, lines: &[String], sto
             let emergency = if stop % 2 == 0 { Emergency::Stop } else { Emergency::QuickStop };
             under_way += u32::from(print.stop_after(random.below(longest * CYCLES_A_MS), &mut lines, emergency));
         }
-        // After all that it still goes where it is sent.
+        // The machine still goes where it is sent.
         assert!(print.line("G90") && print.line("G1 X10 Y20 Z0.3 F6000") && print.line("M400"));
         assert_eq!(board.position_10nm(), [1_000_000, 2_000_000, 30_000]);
         let [x, y, z, _] = board.counted_steps();

@@ -101,7 +101,7 @@ fn a_host_that_shakes_an_axis_finds_its_frame() {
         let source = measured["source"].as_str().unwrap();
         assert!(source.ends_with(&format!("of {RATE_HZ:.0} samples a second")), "{source}");
 
-        // The record of the other axis is recognised by what it shows.
+        // The record of the other axis is recognised by its contents.
         let other = ["y", "x"][axis];
         let output = calibrate(&record, other);
         assert_ne!(output.status.code(), Some(0));

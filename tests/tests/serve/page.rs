@@ -1,4 +1,4 @@
-//! The page's server in front of a served printer: who gets nothing, a print, a pause, two hosts.
+//! The page's server in front of a served printer: refused requests, a print, a pause, two hosts.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -84,7 +84,7 @@ fn nothing_of_the_printer_is_reachable_without_the_token() {
         assert_eq!(status(&answer).unwrap_or(0), expected, "{shown}: {answer}");
         assert!(!answer.contains("root:") && !answer.contains("celsius"), "{shown}: {answer}");
     }
-    // The page itself holds nothing of the printer, and no page of another site may have it in a frame or read it.
+    // The page itself contains no data of the printer, and no page of another site may have it in a frame or read it.
     let (status, text) = page.ask("GET", "/", b"");
     assert!(status == 200 && text.starts_with("<!doctype html>") && !text.contains(&page.token), "{text}");
     let answer = page.raw(format!("GET / HTTP/1.1\r\nHost: {}\r\n\r\n", page.address).as_bytes());
@@ -245,15 +245,15 @@ fn one_host_owns_the_printer_at_a_time() {
     assert!(!host.say("M105").is_empty());
 }
 
-/// A host that asks on and on and reads no answer: the page shows the printer meanwhile, and its emergency stop acts. When the host has
-/// gone the printer prints as ever.
+/// A host asks without end and reads no answer: the page shows the printer meanwhile, and its emergency stop acts. The
+/// printer prints as ever once the host is gone.
 #[test]
 fn a_host_that_stops_reading_holds_up_neither_page_nor_printer() {
     let mut printer = Printer::at_pty(&["--web", "127.0.0.1:0", "--speed", "max"]);
     let page = printer.page();
     let mut host = printer.connect();
     host.say("G28");
-    // The answers are a hundred times what the line holds.
+    // The answers are a hundred times longer than the line's buffer.
     host.send(&"M115\n".repeat(500));
     let looks: Vec<Value> = (0..50).map(|_| page.state()).collect();
     assert!(looks.iter().all(|state| state["owner"] != Value::Null), "{:#}", looks[0]);

@@ -78,7 +78,7 @@ fn a_prepared_job_is_sent_and_makes_the_steps_of_print() {
     }
 }
 
-/// Over a bad line, with every line's checksum: what is on the card then prints as the file does.
+/// A file comes over a bad line, with every line's checksum: the file on the card then prints as the original does.
 #[test]
 fn gcode_is_written_to_the_card() {
     let folder = folder();
@@ -146,7 +146,7 @@ fn a_file_is_sent_as_it_is_printed() {
     }
 }
 
-/// A thermistor breaks, or the file itself stops everything: the rest of the file is not sent.
+/// The rest of the file is not sent after a thermistor breaks, or the file itself stops everything.
 #[test]
 fn a_printer_that_halts_ends_the_job() {
     let folder = folder();
@@ -188,7 +188,7 @@ fn is_cold_and_still(printer: Printer) {
     let mut host = printer.connect();
     let heat = host.say("M105").join(" ");
     assert!(heat.contains("/0.00 B:") && heat.contains("/0.00 @"), "{heat}");
-    // Longer than this host's patience, if the move went on.
+    // The wait would be longer than this host's patience if the move continued.
     host.say("M400");
     let pushed = printer.end()["position_mm"]["e"].as_f64().unwrap();
     assert!(pushed < 500.0, "{pushed}");
@@ -224,7 +224,7 @@ fn ctrl_c_ends_a_prepared_job() {
     let printer = Printer::at_pty(&[]);
     let mut command = Command::new(program());
     command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
-    // Said as the job begins, before the long move.
+    // The message comes as the job begins, before the long move.
     let output = interrupted(&mut command, "begun");
     says(&output, 1, "error: stopped by Ctrl-C");
     says(&output, 1, "the bed's heater (M140 S0)");

@@ -1,4 +1,4 @@
-//! The command: what it writes, and what it refuses.
+//! The command: its output, and its refusals.
 
 use std::path::Path;
 use std::process::Command;

@@ -58,7 +58,7 @@ fn check(print: Print) {
             assert!(off < 0.024 + 0.01 * filament_mm, "line {}: {filament_mm} mm, expected {place:?}", place.line);
         }
     }
-    // Without filters the path is the one asked for, to a step and what a chord leaves out.
+    // The path without filters is the one asked for, to a step and the height of a chord.
     let farthest = nodes.iter().map(|node| node.deviation_mm).fold(0.0, f32::max);
     assert!(farthest > 0.0 && farthest < 0.03, "{farthest} mm off the path");
     let time_s = nodes.last().unwrap().time_s;
@@ -120,7 +120,7 @@ fn a_reduced_page_keeps_sums_and_extremes() {
     assert_eq!(end(&whole.nodes), end(&reduced.nodes));
 }
 
-/// Parts that cannot be joined with their neighbours do not fill the memory, either.
+/// Parts that cannot be joined with their neighbours do not fill the memory either.
 #[test]
 fn any_number_of_retractions_fits() {
     let mut text = "G28\nM302 P1\nM83\n".to_owned();

@@ -34,7 +34,7 @@ struct Controller {
     signal: Option<Signal>,
     /// Number of times that the driver has polled the controller.
     polls: usize,
-    /// Makes the driver panic where it would.
+    /// True if the controller shows something that makes the driver panic.
     is_broken: bool,
     ins: BTreeMap<usize, In>,
     outs: BTreeMap<usize, Out>,

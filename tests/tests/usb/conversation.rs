@@ -54,7 +54,7 @@ pub struct Conversation<'a> {
 }
 
 impl<'a> Conversation<'a> {
-    /// The device has been plugged in.
+    /// Plugs the device in.
     pub fn new(machine: &'a PrintSession<(), Port<'a>>) -> Self {
         let device = machine.replies().0;
         let mut host = device.host();
@@ -64,7 +64,7 @@ impl<'a> Conversation<'a> {
         Self { machine, printer, device, host, numbers: HostLine::new(), lines: Lines::new(), halves: 0 }
     }
 
-    /// Sends bytes, lets the printer answer all lines that end in them, and reads what it says meanwhile.
+    /// Sends bytes, lets the printer answer all lines that end in them, and reads its lines meanwhile.
     pub fn say(&mut self, bytes: &[u8]) -> Vec<String> {
         self.host.send(bytes);
         self.answer()
@@ -101,7 +101,7 @@ pub fn numbered(number: usize, text: &str) -> String {
     format!("{}\n", host_side::numbered(number as i64, text))
 }
 
-/// The first commands of a sliced file, as a host sends them, and what a host asks for in between.
+/// The first commands of a sliced file, as a host sends them, and the host's questions in between.
 fn job() -> Vec<String> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/cube.gcode");
     let text = std::fs::read_to_string(path).unwrap();

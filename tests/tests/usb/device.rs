@@ -85,7 +85,7 @@ impl Device {
         &self.bus
     }
 
-    /// The interrupt, as often as it has work.
+    /// Runs the interrupt as often as it has work.
     pub fn interrupt(&self) {
         for _ in 0..4 {
             let dropped = self.port.borrow_mut().serve(&mut *self.interrupt.borrow_mut(), || self.bus.is_sound());
@@ -114,13 +114,13 @@ impl Device {
         self.port.borrow().is_configured()
     }
 
-    /// A line that answers the host.
+    /// Sends a line that answers the host.
     pub fn reply(&self, text: impl Display) {
         self.writer.borrow_mut().reply(format_args!("{text}"));
         self.interrupt();
     }
 
-    /// An unsolicited line.
+    /// Sends an unsolicited line.
     pub fn report(&self, text: impl Display) {
         self.writer.borrow_mut().report(format_args!("{text}"));
         self.interrupt();

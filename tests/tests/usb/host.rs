@@ -1,4 +1,4 @@
-//! A host: the requests it makes of a device, and the serial port that a program has of it.
+//! A host: its requests to a device, and the serial port that it offers to a program.
 
 use crate::usb::bus::{Answer, Bus};
 use crate::usb::device::Device;
@@ -12,9 +12,9 @@ pub const CONTROL_BYTES: usize = 64;
 /// Bytes in a bulk packet.
 pub const PACKET_BYTES: usize = 64;
 
-/// The bulk endpoints, as the configuration descriptor must say.
+/// The bulk IN endpoint, as the configuration descriptor must say.
 pub const BULK_IN: usize = 2;
-/// The other way.
+/// The bulk OUT endpoint.
 pub const BULK_OUT: usize = 1;
 
 /// A refused request.
@@ -83,7 +83,7 @@ impl<'a> Host<'a> {
         panic!("the device says NAK for ever");
     }
 
-    /// A request that asks for data.
+    /// Makes a request that asks for data.
     pub fn ask(&self, kind: u8, number: u8, value: u16, index: u16, length: usize) -> Result<Vec<u8>, Stalled> {
         assert_eq!(self.setup(request(kind | 0x80, number, value, index, length)), Answer::Ack);
         let mut data = Vec::new();
@@ -105,7 +105,7 @@ impl<'a> Host<'a> {
         Ok(data)
     }
 
-    /// A request that brings data, or none.
+    /// Makes a request with data, or without.
     pub fn tell(&self, kind: u8, number: u8, value: u16, index: u16, data: &[u8]) -> Result<(), Stalled> {
         assert_eq!(self.setup(request(kind, number, value, index, data.len())), Answer::Ack);
         for packet in data.chunks(CONTROL_BYTES) {
@@ -129,7 +129,7 @@ impl<'a> Host<'a> {
         answer
     }
 
-    /// Any request with any data; the outcome does not matter.
+    /// Makes any request with any data; the outcome does not matter.
     pub fn try_request(&self, [kind, number, low, high]: [u8; 4], index: u16, length: usize) {
         self.setup(request(kind, number, u16::from_le_bytes([low, high]), index, length));
         for _ in 0..length / CONTROL_BYTES + 2 {
@@ -144,7 +144,7 @@ impl<'a> Host<'a> {
         self.device.interrupt();
     }
 
-    /// A descriptor (GET_DESCRIPTOR); `length` is the most that is wanted.
+    /// Reads a descriptor (GET_DESCRIPTOR); `length` is the maximum that is wanted.
     pub fn descriptor(&self, kind: u8, index: u8, length: usize) -> Result<Vec<u8>, Stalled> {
         let language = if kind == 3 && index > 0 { 0x0409 } else { 0 };
         self.ask(0x00, 6, u16::from_be_bytes([kind, index]), language, length)
@@ -162,7 +162,7 @@ impl<'a> Host<'a> {
         self.tell(0x00, 9, value, 0, &[]).unwrap();
     }
 
-    /// Does what a host does when a device is plugged in.
+    /// Plugs the device in as a host does.
     pub fn plug_in(&mut self) {
         self.reset();
         self.set_address();

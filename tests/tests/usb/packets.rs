@@ -128,7 +128,7 @@ proptest! {
         prop_assert!(full.iter().all(|&packet| packet == PACKET_BYTES), "{packets:?}");
     }
 
-    /// No request, however nonsensical, and no byte causes a panic or silence.
+    /// Requests and bytes, however nonsensical, cause neither a panic nor silence.
     #[test]
     fn a_senseless_host_does_no_harm(
         requests in vec((any::<[u8; 4]>(), any::<u16>(), 0..300usize), 0..30),

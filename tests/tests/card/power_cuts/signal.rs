@@ -1,4 +1,4 @@
-//! A signal says that the supply fails, and a module feeds the board for a while: the place that is kept is that of this moment.
+//! A signal says that the supply fails, and a module feeds the board for a while: the print's place at this moment is kept.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -75,7 +75,7 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
     let always = [0, middle, middle + 1, last];
     for index in always.into_iter().chain(share_of(instants.len() as u64).map(|index| index as usize)) {
         let look = instants[index];
-        // Every other time the nozzle rises; the undisturbed print never goes up by so much at once.
+        // The nozzle rises every other time; the undisturbed print never goes up by so much at once.
         let rises = look.is_multiple_of(2);
         let failure = fail_at(&filled, look, if rises { rise_mm } else { 0 });
         let Failure { said, card, .. } = &failure;
@@ -104,7 +104,7 @@ fn a_print_goes_on_from_where_the_supply_has_failed() {
         // The nozzle's height is the true one.
         let z_steps = failure.steps[2];
         assert_eq!(setup.motor_steps()[2], z_steps, "look {look}");
-        // No line that was not printed to its end is left out, and few are printed twice.
+        // Every line that was not printed to its end is repeated, and few lines are printed twice.
         let first_missing = end_of_line(&all, line);
         let is_move = |event: &&Event| matches!(event, Event::MoveEnded(_));
         let moves_done = failure.events.iter().filter(is_move).count();
@@ -146,7 +146,7 @@ fn after_a_dip_the_print_goes_on_with_m999() {
             match seen {
                 150 if pauses => return vec!["M25".to_owned()],
                 _ if seen == look => setup.fail_supply(),
-                // Without a command no time passes, and with one at each look no look at the hosts would end.
+                // No time passes without a command, and with one at each look no look at the hosts would end.
                 _ if seen > look && pauses && seen % 2 == 0 => return vec!["G4 P5".to_owned()],
                 _ => {}
             }

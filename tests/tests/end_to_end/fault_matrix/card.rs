@@ -105,7 +105,7 @@ impl HostLines for Person<'_> {
 /// Outcome for the machine, as the table has it. The card `prints` the job of this state, or is only in its slot.
 pub fn outcome(profile: &Profile, at: At, prints: bool) -> String {
     if prints && at == At::Idle {
-        // It prints nothing.
+        // An idle printer has no print.
         return outcome(profile, at, false);
     }
     let mut text = at.command().map_or(String::new(), |(line, _)| format!("{line}\n"));
@@ -161,7 +161,7 @@ pub fn outcome(profile: &Profile, at: At, prints: bool) -> String {
         }
         machine.run_with(async { VirtualDelay(machine.clock()).delay_ms(10_000).await }, |_| person.look());
         said.extend(machine.replies().take());
-        // Only the card is gone.
+        // Only the card is missing.
         machine.run(printer.execute_for_host(1, "M21", false)).unwrap();
         assert!(machine.replies().take().contains(&"echo:No SD card".to_owned()), "{at:?}");
     }

@@ -26,7 +26,7 @@ fn now_s(machine: &Machine) -> f64 {
 }
 
 impl Person {
-    /// Looks whenever time has passed.
+    /// Looks at the printer whenever time has passed.
     fn look(&mut self, machine: &Machine) {
         let now_s = now_s(machine);
         if now_s >= self.jams_at_s {
@@ -89,7 +89,7 @@ pub fn outcome(profile: &Profile, at: At) -> String {
     machine.run_with(wait, |machine| person.look(machine));
     assert_eq!(person.jams_at_s, f64::INFINITY, "{at:?}: it has not happened");
     let pauses_by_itself = person.pauses > own_pauses;
-    // The extruder grinds on while a print lays the length that counts as standing still.
+    // The extruder still turns while a print lays the length without filament motion that counts as a jam.
     for _ in 0..if at.is_hot() && !pauses_by_itself { 20 } else { 0 } {
         said.extend(lay(&mut person));
     }

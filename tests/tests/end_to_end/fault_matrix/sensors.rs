@@ -41,11 +41,11 @@ impl Sensors {
     }
 }
 
-/// The promise of the book's page of homing: how far the nozzle presses into the bed at most.
+/// Maximum press of the nozzle into the bed, units of 10 nm, which the book's page of homing promises.
 const MAX_PRESS_10NM: i64 = 50_000;
 
-/// Sends a line, in which no motor pushes against the frame for longer than a first and a second approach may, and the nozzle presses on
-/// the bed as little as the book says.
+/// Sends a line and checks that no motor pushes against the frame for longer than a first and a second approach may,
+/// and that the nozzle presses on the bed as little as the book says.
 fn say(trial: &mut Trial<'_>, profile: &Profile, line: &str) {
     let before_10nm = trial.machine.desk().pushed_10nm();
     trial.say(line);

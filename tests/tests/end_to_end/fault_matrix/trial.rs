@@ -36,7 +36,7 @@ pub struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    /// A machine that is at something, hot if it must be, just before it begins; the fault has not happened.
+    /// Brings a machine into a state, hot if it must be, just before its command begins; the fault has not happened.
     pub fn new(machine: &'a Machine, at: At, fault: Fault) -> Self {
         let mut trial = Self {
             machine,
@@ -56,7 +56,7 @@ impl<'a> Trial<'a> {
         trial
     }
 
-    /// The fault happens at this time, s.
+    /// Sets the fault's time, s.
     pub fn fails_at(&mut self, at_s: f64) {
         self.at_s = at_s;
     }
@@ -93,7 +93,7 @@ impl<'a> Trial<'a> {
         self.said.extend(replies.iter().flat_map(|reply| reply.lines()).map(str::to_owned));
     }
 
-    /// Nobody says anything for a while.
+    /// Lets time pass without any line from the host.
     pub fn be_silent(&mut self, seconds: f64) {
         let (machine, fault) = (self.machine, self.fault);
         let mut at_s = self.at_s;
@@ -113,7 +113,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// The fault happens, once its time has come.
+/// Lets the fault happen once its time has come.
 fn happen(machine: &Machine, fault: Fault, at_s: &mut f64) {
     if now_s(machine) < *at_s {
         return;

@@ -15,9 +15,9 @@ const SIZE_MM: i64 = 95;
 
 /// The board's work.
 pub enum Work {
-    /// It executes these lines.
+    /// The board executes these lines.
     Lines(Vec<String>),
-    /// It receives this prepared job; between these ms of it the host sends none of it.
+    /// The board receives this prepared job; the host sends none of it between these ms.
     Job(Vec<u8>, Range<u64>),
 }
 
@@ -79,7 +79,7 @@ impl State {
         matches!(&self.work, Work::Lines(lines) if !lines.iter().any(|line| line == "G10"))
     }
 
-    /// All of them.
+    /// All states.
     pub fn all() -> Vec<Self> {
         const NEAR_MIN: &str = "G28; G1 X8 Y7 Z3 F6000; M400";
         const NEAR_MAX: &str = "G28; G1 X87 Y88 Z3 F6000; M400";
