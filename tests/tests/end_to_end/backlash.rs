@@ -73,7 +73,7 @@ fn off(plan: &[StepEvent], motors: &[StepEvent]) -> [(usize, i64); 3] {
         let by = steps(event);
         for axis in 0..3 {
             wanted[axis] += by[axis];
-            // Nothing is printed while X and Y are at rest.
+            // Moves of neither X nor Y print nothing.
             if by[0] != 0 || by[1] != 0 {
                 let away = i64::abs(axes[axis] - wanted[axis]);
                 off[axis] += usize::from(away > 1);

@@ -24,7 +24,7 @@ const PAGE: &str = "docs/src/slicer-profiles.md";
 /// Machines whose profiles hold the same commands.
 struct Set {
     machines: usize,
-    /// Slicer and name of the first of them.
+    /// Slicer and name of the first profile.
     first: &'static str,
     commands: Vec<&'static str>,
 }
@@ -36,16 +36,16 @@ fn sets() -> impl Iterator<Item = Set> {
     })
 }
 
-/// The outcome of a line, by the printer's answer.
+/// Outcome of a line, by the printer's answer.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Fate {
-    /// It is executed without a remark.
+    /// The line is executed without a remark.
     Done,
     /// A remark names the words that are ignored or have no effect.
     Remarked(String),
-    /// It is unknown; a remark tells its meaning, if that is known.
+    /// The line is unknown; a remark tells its meaning, if that is known.
     Unknown(String),
-    /// It is refused, which ends the job of a file.
+    /// The line is refused, which ends the job of a file.
     Refused(String),
 }
 
@@ -120,7 +120,7 @@ fn as_a_file(set: &Set) -> Result<(), (String, String)> {
     }
 }
 
-/// The set-by-set table, and the book's.
+/// Outcomes set by set, and the book's table.
 #[derive(Default)]
 struct Tables {
     outcomes: String,
@@ -179,7 +179,7 @@ fn entry_of(code: &str) -> Option<&'static NotExecuted> {
     NotExecuted::find(letter.as_bytes()[0], number.parse().ok()?).map(|(_, entry)| entry)
 }
 
-/// The book's table: what the commands without effect would have done.
+/// The book's table of commands without effect, with their meaning.
 fn without_effect(fates: &BTreeMap<&str, Fate>) -> String {
     let mut codes: BTreeMap<String, (BTreeSet<&str>, &Fate)> = BTreeMap::new();
     for (command, fate) in fates {

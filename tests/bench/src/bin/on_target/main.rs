@@ -300,7 +300,7 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
         );
     }
     hprintln!("{} bytes by USB", bytes);
-    // At least half of the expected number, to show that the interrupt ran at all.
+    // The number is at least half of the expected one: the interrupt ran at all.
     if latency.summary.count < TIMED_S * clock.slow_timers.raw() / INTERVAL_TICKS / 2 {
         return Err("the steps did not come");
     }
