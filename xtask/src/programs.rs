@@ -24,7 +24,7 @@ pub struct Program {
 /// Builds the test programs that cargo's arguments name.
 ///
 /// # Errors
-/// One does not compile.
+/// A program does not compile.
 pub fn build(arguments: &[&str]) -> Result<Vec<Program>, Failure> {
     let mut build = cargo();
     build.args(["test", "--no-run", "--message-format", "json-render-diagnostics"]).args(arguments);
@@ -51,7 +51,7 @@ impl Program {
     /// Names of its tests.
     ///
     /// # Errors
-    /// It does not list them.
+    /// The program does not list them.
     pub fn tests(&self) -> Result<BTreeSet<String>, Failure> {
         let said = system::run_for_output(Command::new(&self.path).args(["--list", "--format", "terse"]))?;
         Ok(said.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_owned).collect())

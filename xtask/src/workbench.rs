@@ -81,7 +81,7 @@ impl Workbench {
     /// Compiles it, unless that has been done.
     ///
     /// # Errors
-    /// It does not compile.
+    /// The workbench does not compile.
     pub fn build() -> Result<Self, Failure> {
         let (profile, folder) = PROFILE;
         system::run(cargo().args(["build", "--quiet", "--profile", profile, "--package", PACKAGE]))?;
@@ -99,7 +99,7 @@ impl Workbench {
     /// Runs a command and checks only that it succeeds: its results are for a person, and not shown.
     ///
     /// # Errors
-    /// It fails.
+    /// The command fails.
     pub fn check<A: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = A>) -> Result<(), Failure> {
         system::run(self.command(arguments).stdout(Stdio::null()))
     }
@@ -107,7 +107,7 @@ impl Workbench {
     /// Returns the result of a command with `--json`.
     ///
     /// # Errors
-    /// It fails, or its output is not JSON.
+    /// The command fails, or its output is not JSON.
     pub fn json<A: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = A>) -> Result<Value, Failure> {
         let mut command = self.command(arguments);
         let output = system::run_for_output(command.arg("--json"))?;

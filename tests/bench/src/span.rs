@@ -12,7 +12,7 @@ pub const UNANSWERED: Interrupt = Interrupt::TIM4;
 
 /// A count that continues modulo 2^32.
 ///
-/// An enum and no trait: what is measured is then compiled once, in this crate, and inlined as in the firmware.
+/// An enum and not a trait, so that the measured code is compiled once, in this crate, and inlined as in the firmware.
 #[derive(Clone, Copy, Debug)]
 pub enum Count {
     /// Instructions. The virtual mainboard executes one in two ticks of the motion clock (`xtask/workbench/src/mainboard.rs`).

@@ -8,15 +8,15 @@ use crate::flow::{Flow, flow};
 /// Effect of an instruction on a register's value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Use {
-    /// It is left alone.
+    /// The value is left alone.
     No,
-    /// It is copied to another register.
+    /// The value is copied to another register.
     Copied(String),
-    /// It is called.
+    /// The value is called.
     Call,
     /// Another value takes its place.
     Replaced,
-    /// It is read.
+    /// The value is read.
     Read,
 }
 

@@ -98,7 +98,7 @@ fn raised_to(code: &Code, all: &[Instruction], place: usize) -> Mask {
     mask().map_or(Mask::Unknown, |mask| Mask::Priority(16 - mask / 16))
 }
 
-/// The same of a function that returns with BASEPRI raised.
+/// The priority of a function that returns with BASEPRI raised.
 fn called_mask(code: &Code, all: &[Instruction], function: u32) -> Mask {
     let first = all.partition_point(|instruction| instruction.address < function);
     let own = all.iter().enumerate().skip(first);

@@ -78,7 +78,7 @@ impl StackNeed {
     /// Checks that the stack is large enough.
     ///
     /// # Errors
-    /// It is not; the deepest ways are in the error.
+    /// The stack is too small; the deepest paths are in the error.
     pub fn check(&self) -> Result<(), String> {
         if self.bytes <= self.size { Ok(()) } else { Err(format!("{}the stack needs {self}", self.ways)) }
     }

@@ -61,7 +61,7 @@ impl Share {
         SharedCases { share: Self { index, ..self }, next: 0, total, current: None, test }
     }
 
-    /// True if all cases are tried: a test may ask then for what only all of them show.
+    /// True if all cases are tried: a test may then ask for results that only all of them show.
     pub fn is_all(self) -> bool {
         self.of == 1
     }

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 /// The command, built with the profile and into the directory of this test; Cargo rebuilds it if it is stale.
 ///
 /// # Panics
-/// It cannot be built.
+/// The command cannot be built.
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
@@ -36,7 +36,7 @@ pub fn repository() -> PathBuf {
 /// An empty folder below that of the builds, which goes away with its owner.
 ///
 /// # Panics
-/// It cannot be made.
+/// The folder cannot be made.
 pub fn scratch() -> TempDir {
     let folder = std::env::current_exe().unwrap().ancestors().nth(3).unwrap().join("tmp");
     std::fs::create_dir_all(&folder).unwrap();

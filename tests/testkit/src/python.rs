@@ -26,7 +26,7 @@ fn python() -> &'static Path {
 /// Runs a script of `tests/hosts/`; returns the last line of its output.
 ///
 /// # Panics
-/// It cannot be run, or fails.
+/// The script cannot be run, or fails.
 #[track_caller]
 pub fn run(script: &str, arguments: &[&str]) -> Value {
     let script = repository().join("tests/hosts").join(script);

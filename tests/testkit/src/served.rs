@@ -28,7 +28,7 @@ pub fn part() -> Vec<String> {
 /// The report of `print` for a file, whose path begins at the root.
 ///
 /// # Panics
-/// It cannot be printed.
+/// The file cannot be printed.
 pub fn print_of(file: &Path) -> Value {
     let mut print = Command::new(program());
     let output = print.args(["print", "--json"]).arg(file).current_dir(repository()).output().unwrap();
@@ -38,7 +38,7 @@ pub fn print_of(file: &Path) -> Value {
 /// The report of `print` for these lines.
 ///
 /// # Panics
-/// They cannot be printed.
+/// The lines cannot be printed.
 pub fn print_of_lines(lines: &[String]) -> Value {
     let folder = scratch();
     let file = folder.path().join("part.gcode");
@@ -49,7 +49,7 @@ pub fn print_of_lines(lines: &[String]) -> Value {
 /// The report of `print` for the cube, made once.
 ///
 /// # Panics
-/// It cannot be printed.
+/// The cube cannot be printed.
 pub fn print_of_cube() -> &'static Value {
     static PRINTED: OnceLock<Value> = OnceLock::new();
     PRINTED.get_or_init(|| print_of(Path::new(CUBE)))

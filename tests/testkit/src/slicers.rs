@@ -23,7 +23,7 @@ pub fn folder() -> PathBuf {
 /// The sections of PrusaSlicer's bundle: keys and values by the section's name.
 ///
 /// # Panics
-/// It cannot be read.
+/// The bundle cannot be read.
 pub fn bundle() -> BTreeMap<String, BTreeMap<String, String>> {
     let text = std::fs::read_to_string(folder().join("prusaslicer/ferrostep.ini")).unwrap();
     let mut sections = BTreeMap::<_, BTreeMap<_, _>>::new();
@@ -42,7 +42,7 @@ pub fn bundle() -> BTreeMap<String, BTreeMap<String, String>> {
 /// A printer definition of Cura's.
 ///
 /// # Panics
-/// It cannot be read.
+/// The definition cannot be read.
 pub fn definition(name: &str) -> Value {
     let path = folder().join(format!("cura/definitions/{name}.def.json"));
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()

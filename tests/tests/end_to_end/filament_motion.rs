@@ -1,4 +1,5 @@
-//! A sensor that sees filament move: what it counts is what the motor has pushed, a print that works is never paused, and a jam is.
+//! A sensor that sees filament move: it counts the filament that the motor has pushed, a print that works is never
+//! paused, and a jam is.
 
 use ferrostep_printer::machine::Pushed;
 use ferrostep_printer::{FilamentSensor, FilamentSensorKind, Printer, Profile, SharedMotion};

@@ -20,7 +20,7 @@ fn marlins_skew_is_kept() {
     assert!(profile(&marlin(lengths)).get("skew").is_none());
 }
 
-/// Marlin's example of a V6, and what Kalico's calibration has found (their configurations and manuals).
+/// Marlin's example of a V6, and values of Kalico's calibration (their configurations and manuals).
 #[test]
 fn models_of_heaters_are_kept() {
     let text = "#define MPC_HEATER_POWER { 40.0f }\n#define MPC_BLOCK_HEAT_CAPACITY { 16.7f }\n#define MPC_SENSOR_RESPONSIVENESS { 0.22f }\n\

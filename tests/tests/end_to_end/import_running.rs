@@ -45,7 +45,7 @@ fn http(status: &str, body: &str) -> Vec<u8> {
         .into_bytes()
 }
 
-/// The same in parts of some bytes.
+/// The same answer in parts of some bytes.
 fn chunked(body: &str) -> Vec<u8> {
     let mut answer = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n".to_vec();
     for part in body.as_bytes().chunks(1000) {
@@ -97,7 +97,7 @@ fn a_running_klipper_makes_the_profile_of_its_file() {
     for name in ["bed-slinger.cfg", "corexy.cfg"] {
         let path = ferrostep_testkit::program::repository().join("tests/configurations").join(name);
         let text = std::fs::read_to_string(path).unwrap();
-        // Klipper has read what the file includes; here nothing was found there.
+        // Klipper has read included files; here none was found.
         let text: String =
             text.lines().filter(|line| !line.starts_with("[include")).map(|line| format!("{line}\n")).collect();
         let saved = text.find("#*#").map_or(text.as_str(), |at| &text[..at]);

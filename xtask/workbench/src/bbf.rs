@@ -27,7 +27,7 @@ const PRINTER_VERSION: u8 = 1;
 /// A version's three numbers.
 ///
 /// # Errors
-/// It is not `major.minor.patch`, each from 0 to 255: the header has a byte for each.
+/// The text is not `major.minor.patch`, each from 0 to 255: the header has a byte for each.
 fn numbers(version: &str) -> Result<[u8; 3], Failure> {
     let core = version.split(['-', '+']).next().unwrap_or_default();
     let parts: Result<Vec<u8>, _> = core.split('.').map(str::parse).collect();

@@ -4,7 +4,7 @@
 //! cargo xtask feed-plot
 //! ```
 //!
-//! writes `docs/src/images/feed-slow-input.svg` and `feed-slow-planner.svg`, and prints what it has counted.
+//! writes `docs/src/images/feed-slow-input.svg` and `feed-slow-planner.svg`, and prints its counts.
 
 use std::error::Error;
 use std::fs;

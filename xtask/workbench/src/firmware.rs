@@ -99,7 +99,7 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
 /// A number of bytes, decimal or hexadecimal (`0x20200`).
 ///
 /// # Errors
-/// It is neither.
+/// The text is neither.
 pub fn bytes(text: &str) -> Result<u32, String> {
     let number = match text.strip_prefix("0x") {
         Some(digits) => u32::from_str_radix(digits, 16),
@@ -380,7 +380,7 @@ fn build_command(program: Program, target: &Target) -> Result<Command, Failure> 
 /// elsewhere.
 ///
 /// # Errors
-/// It names one.
+/// The image names one.
 fn names_no_folder(elf: &Path) -> Result<(), Failure> {
     let bytes = std::fs::read(elf).map_err(|error| format!("{}: {error}", elf.display()))?;
     for (folder, _) in core_library::folders()? {

@@ -77,7 +77,7 @@ impl Flash {
     /// Checks that it begins where the board's boot loader starts it, and fits the flash.
     ///
     /// # Errors
-    /// It begins elsewhere, or is too long.
+    /// The image begins elsewhere, or is too long.
     pub fn check(&self, board: &Board) -> Result<(), Failure> {
         let end = u64::from(board.image_address()) + u64::from(board.image_room());
         let wanted = board.image_address();
@@ -107,7 +107,7 @@ pub fn folder_of(board: &Board, is_elsewhere: bool) -> PathBuf {
 /// of them. Returns the path of the first.
 ///
 /// # Errors
-/// It is not an image for this board, or cannot be written.
+/// The ELF file is not an image for this board, or a file cannot be written.
 pub fn export(elf: &Path, board: &Board, folder: &Path) -> Result<PathBuf, Failure> {
     let bytes = fs::read(elf).map_err(|error| format!("{}: {error}", elf.display()))?;
     let flash = Flash::of_elf(&bytes).map_err(|error| format!("{}: {error}", elf.display()))?;

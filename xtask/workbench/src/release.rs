@@ -153,7 +153,7 @@ fn check_sources(version: &str) -> Result<(), Failure> {
 /// The part of the changelog for a version, without its heading.
 ///
 /// # Errors
-/// It is missing or empty.
+/// The part is missing or empty.
 fn changes_of(version: &str, changelog: &str) -> Result<String, Failure> {
     let heading = format!("## [{version}]");
     let part: Vec<&str> = changelog

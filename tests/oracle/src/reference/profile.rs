@@ -402,7 +402,7 @@ mod tests {
         assert_eq!(ReferenceProfile::from_toml(CARTESIAN).unwrap(), ReferenceProfile::cartesian());
     }
 
-    /// The shared profiles are what outside checks were made with: neither side may drift.
+    /// Outside checks were made with the shared profiles: neither side may drift.
     #[test]
     fn the_profiles_that_are_shipped_are_those_of_the_table() {
         let table = [

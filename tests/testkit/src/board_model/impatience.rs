@@ -16,7 +16,7 @@ const PATIENCE_MS: u64 = 300;
 /// The means that ended a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It ended by itself, or by an earlier command.
+    /// The command ended by itself, or by an earlier command.
     ByItself,
     /// M108, M410 or M112: the last that acted.
     By(Emergency),

@@ -33,7 +33,7 @@ impl Page {
     /// Waits for the printer: the page is there before its line to it is open.
     ///
     /// # Panics
-    /// It stays closed.
+    /// The line stays closed.
     pub fn wait_until_connected(&self) {
         self.look_until(|state| state["activity"] != "disconnected");
     }
@@ -75,7 +75,7 @@ impl Page {
     /// Asks for something to be done.
     ///
     /// # Panics
-    /// It is refused.
+    /// The page refuses it.
     #[track_caller]
     pub fn wish(&self, path: &str, body: &[u8]) {
         assert_eq!(self.ask("POST", path, body), (200, "ok\n".to_owned()), "{path}");
@@ -84,7 +84,7 @@ impl Page {
     /// State that the page shows.
     ///
     /// # Panics
-    /// It is refused.
+    /// The page refuses the request.
     pub fn state(&self) -> Value {
         let (status, body) = self.ask("GET", "/state?after=0", b"");
         assert_eq!(status, 200, "{body}");
@@ -94,7 +94,7 @@ impl Page {
     /// Asks for the state until it fits; returns it.
     ///
     /// # Panics
-    /// It does not fit in time.
+    /// The state does not fit in time.
     #[track_caller]
     pub fn look_until(&self, is_so: impl Fn(&Value) -> bool) -> Value {
         let end = Instant::now() + PATIENCE;

@@ -35,7 +35,7 @@ impl Printer {
     /// Switches a printer on at a pseudo-terminal.
     ///
     /// # Panics
-    /// It does not start.
+    /// The printer does not start.
     pub fn at_pty(arguments: &[&str]) -> Self {
         let folder = scratch();
         let port = folder.path().join("port");
@@ -46,7 +46,7 @@ impl Printer {
     /// Switches a printer on at a free TCP port.
     ///
     /// # Panics
-    /// It does not start.
+    /// The printer does not start.
     pub fn at_tcp(arguments: &[&str]) -> Self {
         let folder = scratch();
         Self::start(folder, PathBuf::new(), &["--tcp", "0"].map(str::to_owned), arguments)
@@ -55,7 +55,7 @@ impl Printer {
     /// Switches a printer on whose only host is the page.
     ///
     /// # Panics
-    /// It does not start.
+    /// The printer does not start.
     pub fn at_page(arguments: &[&str]) -> Self {
         let folder = scratch();
         Self::start(folder, PathBuf::new(), &["--web", "127.0.0.1:0"].map(str::to_owned), arguments)
@@ -64,7 +64,7 @@ impl Printer {
     /// A page in front of a printer's port.
     ///
     /// # Panics
-    /// It does not start.
+    /// The page does not start.
     pub fn before_port(port: &Path) -> Self {
         let arguments = ["serve", "--web", "127.0.0.1:0", "--port", port.to_str().unwrap()];
         let folder = scratch();
@@ -74,7 +74,7 @@ impl Printer {
     /// Ends a page in front of a port by Ctrl-C; returns its last messages.
     ///
     /// # Panics
-    /// It does not end well.
+    /// The command's exit status is not 0.
     pub fn end_front(mut self) -> String {
         self.interrupt();
         let mut messages = String::new();
@@ -121,7 +121,7 @@ impl Printer {
     /// TCP address of the printer.
     ///
     /// # Panics
-    /// It has no TCP port.
+    /// The printer has no TCP port.
     pub fn address(&self) -> &str {
         self.first_line.split(" on ").nth(1).unwrap().split(',').next().unwrap()
     }
@@ -129,7 +129,7 @@ impl Printer {
     /// Connects a host to the printer's port.
     ///
     /// # Panics
-    /// It cannot be opened.
+    /// The port cannot be opened.
     pub fn connect(&self) -> Host {
         if !self.port.as_os_str().is_empty() {
             return Host::new(std::fs::OpenOptions::new().read(true).write(true).open(&self.port).unwrap());
@@ -140,7 +140,7 @@ impl Printer {
     /// Ends the printer by Ctrl-C; returns its report.
     ///
     /// # Panics
-    /// It does not end well.
+    /// The command's exit status is not 0.
     pub fn end(mut self) -> Value {
         self.interrupt();
         let mut out = String::new();
@@ -204,7 +204,7 @@ impl Host {
     /// Hears lines up to one that is `expected`; returns all of them.
     ///
     /// # Panics
-    /// It does not come in time.
+    /// The line does not come in time.
     #[track_caller]
     pub fn hear_until(&mut self, expected: impl Fn(&str) -> bool) -> Vec<String> {
         let end = Instant::now() + PATIENCE;

@@ -38,7 +38,7 @@ impl Print {
     /// The record for its page.
     ///
     /// # Panics
-    /// It cannot be printed.
+    /// The job cannot be printed.
     pub fn shown(self, max_nodes: usize) -> Shown {
         shown(&repository().join(self.file), self.profile, max_nodes)
     }
@@ -57,7 +57,7 @@ impl Print {
     /// tests.
     ///
     /// # Panics
-    /// It cannot be printed, or has too few long moves.
+    /// The job cannot be printed, or has too few long moves.
     pub fn ten_places(self) -> Arc<Vec<Place>> {
         static KNOWN: Mutex<BTreeMap<&str, Known>> = Mutex::new(BTreeMap::new());
         let known = Arc::clone(KNOWN.lock().unwrap().entry(self.file).or_default());
@@ -92,7 +92,7 @@ impl Print {
 /// The record for the page of a file.
 ///
 /// # Panics
-/// It cannot be printed.
+/// The file cannot be printed.
 pub fn shown(file: &Path, profile: &str, max_nodes: usize) -> Shown {
     let profile = ferrostep_profiles::load(profile).unwrap();
     let mut input = Input::open(file).unwrap();

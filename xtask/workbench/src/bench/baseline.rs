@@ -1,4 +1,4 @@
-//! The committed counts, and what has changed since.
+//! The committed counts, and the changes since.
 
 use std::fmt;
 use std::path::PathBuf;

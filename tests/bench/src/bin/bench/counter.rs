@@ -8,7 +8,7 @@ use ferrostep_bench::span::{Count, Counter, UNANSWERED};
 /// Starts a counter of executed instructions.
 ///
 /// # Errors
-/// It does not count the known length of a handler.
+/// The clock does not count a handler of known length correctly.
 pub fn start(clock: MotionClock) -> Result<Counter, &'static str> {
     let counter = Counter::new(Count::Instructions(clock));
     // SAFETY: nothing relies on its being masked, and its handler touches nothing.

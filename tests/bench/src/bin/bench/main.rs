@@ -27,7 +27,7 @@ const LOOK_AHEAD_BLOCKS: usize = 128;
 /// X and Y of a trapezoid 30 mm long whose second motor steps with three of the first one's four steps.
 const TWO_AXES_MM: [i64; 2] = [24, 18];
 
-/// The same along X.
+/// X and Y of the same length along X alone.
 const ONE_AXIS_MM: [i64; 2] = [30, 0];
 
 #[rtic::app(device = ferrostep_stm32f4_board::pac, peripherals = true)]
