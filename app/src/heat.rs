@@ -1,14 +1,13 @@
-//! The heaters: their control, and what it controls: the board's own, or on the bench their models.
+//! The heaters: their control, and what it controls.
 
 use core::sync::atomic::{AtomicI32, Ordering};
 
-use ferrostep_hal_shim::{FanOutput, Fans, Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, HeaterModel, RelayProgress, SAMPLE_MS, StepProgress};
+use ferrostep_hal_shim::{FanOutput, Heater, ThermalBoard};
+use ferrostep_printer::heat::{HeatControl, HeatFault, HeaterModel, RelayProgress, StepProgress};
 use ferrostep_printer::{Equipment, FanDemand, FanRule, FanSettings, FanStatus, HeaterStatus, PidGains, Profile};
 use ferrostep_stm32f4::clock_tree::Clock;
-use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
+use ferrostep_stm32f4_board::board::THERMAL;
 use ferrostep_stm32f4_board::thermal::{self, Converters, Heaters};
-use ferrostep_virtual_board::VirtualHeaters;
 
 use ferrostep_profile_constant::PROFILE;
 
@@ -17,13 +16,12 @@ use crate::ports::BoardMachine;
 
 /// The parts of the board that the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {
-    heaters: VIRTUAL_SENSORS || THERMAL.is_some(),
+    heaters: THERMAL.is_some(),
     end_stops: true,
-    fan: VIRTUAL_SENSORS
-        || match THERMAL {
-            Some(pins) => pins.fans[0].is_some(),
-            None => false,
-        },
+    fan: match THERMAL {
+        Some(pins) => pins.fans[0].is_some(),
+        None => false,
+    },
 };
 
 /// The power supply can be switched.
@@ -59,12 +57,9 @@ pub type SupplyPart = PartIf<HAS_SUPPLY>;
 /// Heaters may be controlled by a model.
 const HAS_MODELS: bool = MELTS_BY_MODEL || PROFILE.control_model(Heater::Bed).is_some();
 
-/// A nozzle is.
+/// A nozzle is: its model wants to know how fast filament is melted.
 const MELTS_BY_MODEL: bool =
     PROFILE.control_model(Heater::Nozzle).is_some() || PROFILE.control_model(Heater::Nozzle1).is_some();
-
-/// A nozzle's model wants to know how fast filament is melted. The bench melts none.
-const MELTS_FILAMENT: bool = MELTS_BY_MODEL && !VIRTUAL_SENSORS;
 
 /// Models of heaters, or none, in an image.
 pub type ModelsPart = PartIf<HAS_MODELS>;
@@ -74,71 +69,27 @@ static PUSHED_UM: AtomicI32 = AtomicI32::new(0);
 
 /// Notes where the extruder is.
 pub fn note_filament(machine: &BoardMachine) {
-    if MELTS_FILAMENT {
+    if MELTS_BY_MODEL {
         let [.., steps] = machine.motor_steps();
         let pushed_um = steps as f64 * 1e3 / machine.extruder_steps_per_mm().to_f64();
         PUSHED_UM.store(pushed_um as i64 as i32, Ordering::Relaxed);
     }
 }
 
-/// Heaters, thermistors and fans: the board's own, or their models.
-pub trait Parts: ThermalBoard + Fans + Sized {
-    /// Starts them, cold; `None` if the board has none.
-    fn start(profile: &Profile, converters: Converters, clock: &Clock) -> Option<Self>;
-    /// Another [`SAMPLE_MS`] have passed.
-    fn pass(&mut self);
-}
-
-impl Parts for VirtualHeaters {
-    fn start(profile: &Profile, _: Converters, _: &Clock) -> Option<Self> {
-        Some(profile.virtual_heaters())
-    }
-
-    fn pass(&mut self) {
-        self.advance(SAMPLE_MS as f32 * 1e-3);
-    }
-}
-
-impl Parts for Heaters {
-    fn start(profile: &Profile, converters: Converters, clock: &Clock) -> Option<Self> {
-        thermal::start(profile.fans.map(|fan| fan.is_some()), converters, clock)
-    }
-
-    fn pass(&mut self) {
-        self.tick();
-    }
-}
-
-/// Which kind a board has: an image holds one only.
-struct Board<const VIRTUAL: bool>;
-
-/// See [`Board`].
-trait Kind {
-    /// That kind.
-    type Parts: Parts;
-}
-
-impl Kind for Board<true> {
-    type Parts = VirtualHeaters;
-}
-
-impl Kind for Board<false> {
-    type Parts = Heaters;
-}
-
 /// The heaters that the firmware can use.
-pub struct Heat(Option<Controlled<<Board<VIRTUAL_SENSORS> as Kind>::Parts>>);
+pub struct Heat(Option<Controlled>);
 
 /// Control and what it controls.
-struct Controlled<P> {
+struct Controlled {
     control: HeatControl<ModelsPart, NozzlesPart>,
-    parts: P,
+    parts: Heaters,
 }
 
 impl Heat {
     /// Cold heaters with their first readings, so that the first command finds temperatures.
     pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
-        Self(Parts::start(profile, converters, clock).map(|mut parts| {
+        let has_fans = profile.fans.map(|fan| fan.is_some());
+        Self(thermal::start(has_fans, converters, clock).map(|mut parts| {
             let mut control = HeatControl::new(profile.heaters(), profile.fans, &mut parts);
             if HAS_MODELS {
                 control.set_models(|heater| profile.control_model(heater));
@@ -160,10 +111,10 @@ impl Heat {
     pub fn update(&mut self, fans: FanDemand) -> Result<(), HeatFault> {
         let Some(Controlled { control, parts }) = &mut self.0 else { return Ok(()) };
         control.set_fan_demand(fans);
-        if MELTS_FILAMENT {
+        if MELTS_BY_MODEL {
             control.note_filament(PUSHED_UM.load(Ordering::Relaxed));
         }
-        parts.pass();
+        parts.tick();
         control.update(parts)
     }
 

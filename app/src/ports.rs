@@ -8,7 +8,7 @@ use core::fmt;
 use core::mem::MaybeUninit;
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::{FanOutput, Heater, StepOutput};
+use ferrostep_hal_shim::{FanOutput, Heater};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::{HeatFault, HeaterModel, PidGains, RelayProgress, StepProgress};
 use ferrostep_printer::machine::Machine;
@@ -16,10 +16,9 @@ use ferrostep_printer::{FanStatus, HeaterRest, HeaterStatus, Heating, Replies, S
 use ferrostep_step_interrupt::{STEP_QUEUE_SLOTS, STEPS};
 use ferrostep_step_player::StepFeeder;
 use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
-use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, PIN_MAP, VIRTUAL_SENSORS};
+use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, PIN_MAP};
 use ferrostep_stm32f4_board::motion_clock::MotionClock;
 use ferrostep_stm32f4_board::step_timer::MotorQueue;
-use ferrostep_virtual_board::ModelledSensors;
 use rtic::Mutex;
 use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;
@@ -33,39 +32,8 @@ use crate::profile::{PROFILE, StepSignals};
 /// Blocks in the look-ahead ring, as on the desk.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
 
-/// The step queue to this board's motors.
-pub type BoardMotorQueue = MotorQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
-
-/// Whether homing looks for models of the sensors (the bench), or for the board's own.
-pub struct Sensors<const VIRTUAL: bool>;
-
-/// See [`Sensors`].
-pub trait Sensing {
-    /// The step queue with the sensors.
-    type Queue: StepOutput;
-    /// Puts the sensors beside the queue.
-    fn beside(queue: BoardMotorQueue) -> Self::Queue;
-}
-
-impl Sensing for Sensors<true> {
-    type Queue = ModelledSensors<BoardMotorQueue>;
-    fn beside(queue: BoardMotorQueue) -> Self::Queue {
-        ModelledSensors::new(queue, PROFILE.virtual_motors())
-    }
-}
-
-impl Sensing for Sensors<false> {
-    type Queue = BoardMotorQueue;
-    fn beside(queue: BoardMotorQueue) -> Self::Queue {
-        queue
-    }
-}
-
-/// The sensors of this board.
-type BoardSensors = Sensors<VIRTUAL_SENSORS>;
-
-/// The step queue of this board, with the sensors that stop it.
-pub type BoardStepQueue = <BoardSensors as Sensing>::Queue;
+/// The step queue to this board's motors, with the sensors that stop it.
+pub type BoardStepQueue = MotorQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
 /// What lets Z follow the bed, on a machine with a probe.
 #[cfg(probe)]
@@ -88,7 +56,7 @@ pub type Methods = ferrostep_papers::Papers<BoardBed, BacklashIf<HAS_BACKLASH>>;
 pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
 
 /// The queue to these motors.
-pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) -> BoardMotorQueue {
+pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) -> BoardStepQueue {
     let pin_map = const { PIN_MAP.with_inverted(ferrostep_profile_constant::PROFILE.driver.inverted) };
     let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw())).keeping_past();
     // On the bare internal oscillator the plan must not depend on time, as for the host's line.
@@ -102,10 +70,10 @@ pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) ->
 pub fn build_machine(
     place: &'static mut MaybeUninit<BoardMachine>,
     slots: &'static mut heapless::Vec<Slot, LOOK_AHEAD_BLOCKS>,
-    queue: BoardMotorQueue,
+    queue: BoardStepQueue,
 ) -> &'static mut BoardMachine {
     while slots.push(Slot::EMPTY).is_ok() {}
-    place.write(BoardMachine::new(&PROFILE, slots.as_mut_slice(), BoardSensors::beside(queue)))
+    place.write(BoardMachine::new(&PROFILE, slots.as_mut_slice(), queue))
 }
 
 #[cfg(servo)]

@@ -70,8 +70,6 @@ pub struct Board {
     pub boot_file: Option<String>,
     /// The profile of an image that is built without another.
     pub profile: String,
-    /// The board has no heaters and sensors: temperatures and end stops are models.
-    pub virtual_sensors: bool,
     /// X (A), Y (B), Z, E.
     pub motors: [Motor; 4],
     /// Sockets of the board that no axis uses.

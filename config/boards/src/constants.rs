@@ -23,7 +23,7 @@ pub const MEASURING_STACK_KIB: u32 = 32;
 
 /// The constants that `ferrostep-stm32f4` includes as its module `board`.
 pub fn rust(board: &Board) -> String {
-    let Board { name, title, crystal_hz, clock, internal_clock, virtual_sensors, .. } = board;
+    let Board { name, title, crystal_hz, clock, internal_clock, .. } = board;
     let ports = board.motor_ports();
     let has_usb = board.usb.is_some();
     let has_card = board.card.is_some();
@@ -65,8 +65,6 @@ pub fn rust(board: &Board) -> String {
     format!(
         "/// Its name.\npub const NAME: &str = {name:?};\n\
          /// What a person calls it.\npub const TITLE: &str = {title:?};\n\
-         /// Nothing real hangs on it: temperatures and end stops are models.\n\
-         pub const VIRTUAL_SENSORS: bool = {virtual_sensors};\n\
          /// There is a slot for a memory card.\npub const CARD: bool = {has_card};\n\
          /// Port and number of the pin that is low while a card is in it.\n\
          pub const CARD_DETECT: Option<(u8, u8)> = {card_detect:?};\n\

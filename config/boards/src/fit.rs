@@ -206,9 +206,6 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             return Err(refuse(profile_name, &key, &settings.current_ma.to_string(), &expected));
         }
     }
-    if board.virtual_sensors {
-        return Ok(());
-    }
     if !board.heaters.is_empty() {
         for (name, settings) in [("nozzle", &profile.nozzle), ("bed", &profile.bed)] {
             check_heater(board, name, settings, profile_name)?;

@@ -54,11 +54,6 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     let boot_file = boot_file(keys);
     let boot_offset = boot_offset(keys, boot_file.as_deref(), chip, flash_kib);
     let profile = name(keys, "profile").required("profile of an image that is built without `--profile`");
-    let virtual_sensors = keys.flag("virtual_sensors").or(
-        false,
-        "nothing real hangs on the board: temperatures and end stops are the [virtual board's](virtual-board.md) models, and \
-         the board has no heaters, thermistors and inputs",
-    );
     let mut pins = Pins::new(keys.reader(), chip);
     let uart = keys.optional_section("driver_uart", "no shared line", "the line that the drivers share");
     let motors = keys.section(
@@ -129,7 +124,6 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         boot_offset,
         boot_file,
         profile,
-        virtual_sensors,
         motors: moving,
         spare_motors,
         driver_uart,
@@ -222,10 +216,6 @@ fn as_a_whole(board: &Board, keys: &Section<'_>) {
                 format!("another timer than {timer}, which switches a heater at another frequency; or no timer");
             keys.refuse(&format!("fans.{}.timer", fan.name), expected);
         }
-    }
-    let is_real = board.heaters.len() + board.thermistors.len() + board.inputs.len() > 0;
-    if board.virtual_sensors && is_real {
-        keys.refuse("name", "no heaters, thermistors and inputs on a board with virtual_sensors = true");
     }
 }
 

@@ -289,18 +289,28 @@ mod tests {
     #[test]
     fn the_bench_is_what_it_was_by_hand() {
         let board = crate::load("bench").unwrap();
-        let gpioc = 0x4002_0800;
-        assert_eq!(all_off(&board).first(), Some(&Store::word(gpioc + 0x18, 1 << 8 | 0b1111 << 16)));
-        // It has no fans, and a USB plug.
+        let [gpioa, gpiob, gpioc] = [0x4002_0000, 0x4002_0400, 0x4002_0800];
+        let off = all_off(&board);
+        let levels = [
+            // Heaters off; drivers off and steps low; fans on.
+            Store::word(gpioa + 0x18, 0b11 << 22),
+            Store::word(gpioc + 0x18, 1 << 8 | 0b1111 << 16),
+            Store::word(gpiob + 0x18, 0b11 << 6),
+        ];
+        assert_eq!(off.first(), levels.first());
+        assert!(levels.iter().filter_map(|level| off.iter().position(|store| store == level)).is_sorted());
+        assert!(levels.iter().all(|level| off.contains(level)));
         let disconnect = Store { address: 0x5000_0804, clear: 0, set: 0b10 };
-        assert_eq!((all_off(&board).len(), all_off(&board).last()), (4, Some(&disconnect)));
+        assert_eq!((off.len(), off.last()), (8, Some(&disconnect)));
         let all = after(&[first(&board), pins(&board)].concat());
         assert_eq!(all[&gpioc], 0x1_5555);
         assert_eq!(all[&(gpioc + 8)], 0, "the slowest edges");
-        assert_eq!(all[&0x4002_0024], 0x770);
-        assert_eq!(all[&0x4002_000c], 0b01 << 20);
-        assert_eq!(all[&0x4002_0000], 0b1010 << 18);
-        assert_eq!(all[&RCC_AHB1ENR], 0b101 | 1 << 20);
+        assert_eq!(all[&(gpioa + 0x24)], 0x770);
+        assert_eq!(all[&(gpioa + 0x0c)], 0b01 << 20);
+        // The serial line, the heaters, the thermistors.
+        assert_eq!(all[&gpioa], 0b1010 << 18 | 0b0101 << 12 | 0b1111 << 2);
+        assert_eq!(all[&gpiob], 0b0101 << 12);
+        assert_eq!(all[&RCC_AHB1ENR], 0b111 | 1 << 20);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! A board in memory, in virtual time: motors that count, end stops, heaters with a thermal model, a fan.
 //!
-//! Time passes only when the caller plays step entries or waits. A board without sensors of its
-//! own (the bench) compiles the motors and the heaters in, and lets a task each look after them.
+//! Time passes only when the caller plays step entries or waits.
 #![cfg_attr(not(test), no_std)]
 
 mod card;

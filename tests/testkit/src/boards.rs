@@ -63,9 +63,9 @@ pub static BOARDS: [BoardFacts; 3] = [
         enable: ["C8"; 4],
         spare: &[],
         own_lines: false,
-        heaters: &[],
-        heaters_are_timed: false,
-        fans: &[],
+        heaters: &["A6", "A7"],
+        heaters_are_timed: true,
+        fans: &["B6", "B7"],
     },
     BoardFacts {
         name: "prusa-buddy",
@@ -110,9 +110,9 @@ pub static BOARDS: [BoardFacts; 3] = [
 ];
 
 impl BoardFacts {
-    /// Returns true if the board has real heaters and motors.
+    /// Returns true if the board is a printer's, with drivers for its motors.
     pub fn is_printer(&self) -> bool {
-        !self.heaters.is_empty()
+        self.name != "bench"
     }
 
     /// All enable pins, each once.

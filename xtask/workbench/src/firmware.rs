@@ -167,7 +167,7 @@ impl Target {
 /// # Errors
 /// The profile of a printer asks for another.
 fn methods(board: &Board, profile: &str, motion: &MotionChoice) -> Result<Vec<&'static str>, Failure> {
-    if board.virtual_sensors {
+    if board.name == ferrostep_boards::DEFAULT {
         return Ok(vec!["papers"]);
     }
     if motion.is_standard() {

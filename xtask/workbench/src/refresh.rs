@@ -147,7 +147,7 @@ fn size_table(images: &[Image]) -> Result<String, Failure> {
     let mut table = Row::HEAD.to_owned();
     for (name, image) in ferrostep_boards::builtin_names().zip(images) {
         let board = ferrostep_boards::load(name).map_err(|error| error.to_string())?;
-        let methods = if board.virtual_sensors { ", with all methods" } else { "" };
+        let methods = if name == ferrostep_boards::DEFAULT { ", with all methods" } else { "" };
         let row = Row { name: &format!("{name}{methods}"), sizes: image.sizes, budget: Budget::of(&board) };
         table += &format!("{row}\n");
     }

@@ -2,12 +2,20 @@
 
 use ferrostep_boards::registers::{all_off, pins};
 use ferrostep_boards::{
-    AccelerometerChip, Board, Driver, DriverUart, EepromChip, Pin, Store, builtin_names, constants, load,
+    AccelerometerChip, Board, Driver, DriverUart, EepromChip, Pin, Store, builtin_names, constants, fit, load,
 };
 use ferrostep_hal_shim::SpareConnector;
 
 fn board(name: &str) -> Board {
     load(name).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The text of a board without its heaters, fans and thermistors.
+fn without_heat(text: &str) -> String {
+    let is_of_heat = |table: &&str| ["heaters.", "fans.", "thermistors."].iter().any(|of| table.starts_with(of));
+    let (first, tables) = text.split_once("\n[").unwrap();
+    let kept: Vec<&str> = tables.split("\n[").filter(|table| !is_of_heat(table)).collect();
+    [&[first], kept.as_slice()].concat().join("\n[")
 }
 
 fn pin(name: &str) -> Pin {
@@ -46,9 +54,14 @@ fn every_board_is_a_file_that_someone_else_can_write() {
 }
 
 #[test]
-fn the_bench_has_models_and_one_port() {
+fn the_bench_has_one_port_for_motors_and_all_that_its_profile_needs() {
     let bench = board("bench");
-    assert!(bench.virtual_sensors);
+    let heaters: Vec<_> = bench.heaters.iter().map(|heater| (heater.name, heater.pin.to_string())).collect();
+    assert_eq!(heaters, [("nozzle", "PA6".to_owned()), ("bed", "PA7".to_owned())]);
+    let cartesian = ferrostep_profiles::load(&bench.profile).unwrap();
+    let end_stops = ["PB12", "PB13", "PB14"].map(|name| Some((pin(name), cartesian.homing[0].triggers_low)));
+    assert_eq!(fit::sensor_pins(&bench, &cartesian), end_stops);
+    assert!(fit::check(&bench, &cartesian, "cartesian").is_ok() && bench.notes.is_empty());
     assert_eq!((bench.motor_ports(), bench.image_address()), (vec![2], 0x0800_0000));
     assert!(bench.motors.iter().all(|motor| motor.enable == pin("PC8")));
 }
@@ -61,7 +74,7 @@ fn the_buddy_steps_with_one_store_and_speaks_to_its_drivers_by_address() {
     assert!(buddy.motors.iter().all(|motor| motor.driver == Driver::Tmc2209 && motor.sense_resistor_ohm == Some(0.22)));
     let heaters: Vec<_> = buddy.heaters.iter().map(|heater| (heater.name, heater.pin.to_string())).collect();
     assert_eq!(heaters, [("nozzle", "PB1".to_owned()), ("bed", "PB0".to_owned())]);
-    assert!(!buddy.virtual_sensors && buddy.notes.is_empty());
+    assert!(buddy.notes.is_empty());
 }
 
 /// Prusa's boot loader has the first 128 KiB; its container's header the next 512 bytes (Klipper's Kconfig, "128KiB + 512
@@ -99,7 +112,6 @@ fn the_constants_name_every_motor_and_register() {
     let text = constants::rust(&board("prusa-buddy"));
     for part in [
         "pub const NAME: &str = \"prusa-buddy\";",
-        "pub const VIRTUAL_SENSORS: bool = false;",
         "pub const CORE_HZ: u32 = 168000000;",
         "pub const APB1_HZ: u32 = 42000000;",
         "pub const MOTOR_PORTS: usize = 1;",
@@ -139,7 +151,18 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     ] {
         assert!(text.contains(part), "{part} in {text}");
     }
-    assert!(constants::rust(&board("bench")).contains("pub const THERMAL: Option<ThermalPins> = None;"));
+    let text = constants::rust(&board("bench"));
+    for part in [
+        "converter: ConverterNumber::One, channels: &[1, 2], sensors: [Some(0), Some(1), None, None]",
+        // PA6 on TIM3, channel 1.
+        "heaters: [Some(OutputPin { port: 0, number: 6, channel: Some(TimerChannel { timer: 1073742848, channel: 1, function: 2, ",
+        // PB6 on TIM4, channel 1.
+        "fans: [Some(FanPins { power: OutputPin { port: 1, number: 6, channel: Some(TimerChannel { timer: 1073743872, channel: 1, ",
+    ] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
+    let bare = ferrostep_boards::parse(&without_heat(ferrostep_boards::builtin_text("bench").unwrap()), "bare.toml");
+    assert!(constants::rust(&bare.unwrap()).contains("pub const THERMAL: Option<ThermalPins> = None;"));
     // A chamber at two connectors of others.
     let mut warm = board("btt-octopus-1.1");
     for (heater, expected) in [

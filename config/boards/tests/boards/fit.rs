@@ -41,8 +41,8 @@ fn every_board_can_be_its_own_profile() {
 #[test]
 fn both_edges_are_for_drivers_that_are_told_so() {
     let (from, to) = ("both_edges = false", "both_edges = true");
-    // Over their lines they are: these profiles set all four drivers. Nothing hangs on the bench.
-    for (board, name) in [("prusa-buddy", "prusa-mini"), ("btt-octopus-1.1", "corexy"), ("bench", "prusa-mini")] {
+    // Over their lines they are: these profiles set all four drivers.
+    for (board, name) in [("prusa-buddy", "prusa-mini"), ("btt-octopus-1.1", "corexy")] {
         let profile = ferrostep_profiles::load(name).unwrap();
         assert!(profile.driver.both_edges, "{name}");
         fit::check(&load(board).unwrap(), &profile, name).unwrap();
@@ -50,6 +50,8 @@ fn both_edges_are_for_drivers_that_are_told_so() {
     // This one sets none.
     let text = ferrostep_profiles::builtin_text("cartesian").unwrap().replace(from, to);
     let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+    // Nothing that steps hangs on the bench.
+    fit::check(&load("bench").unwrap(), &profile, "cartesian").unwrap();
     let error = fit::check(&load("btt-octopus-1.1").unwrap(), &profile, "cartesian").unwrap_err().to_string();
     let line = line_of("cartesian", from);
     assert_eq!(
@@ -176,9 +178,11 @@ fn fans_need_outputs_and_tachometers_that_the_board_has() {
         fit::check(&load(board).unwrap(), &profile, "test.toml").map_err(|error| error.to_string())
     };
     assert_eq!(check("btt-octopus-1.1", "[fans.exhaust]\noutput = \"fan5\"\nnumber = 2"), Ok(()));
-    assert_eq!(check("bench", "[fans.exhaust]\noutput = \"fan5\"\nnumber = 2"), Ok(()), "its fans are models");
-    let no_output = check("prusa-buddy", "[fans.exhaust]\noutput = \"fan2\"\nnumber = 2").unwrap_err();
-    assert!(no_output.contains("fans.exhaust.output = fan2: expected an output of the board"), "{no_output}");
+    for board in ["prusa-buddy", "bench"] {
+        let no_output = check(board, "[fans.exhaust]\noutput = \"fan2\"\nnumber = 2").unwrap_err();
+        let expected = format!("fans.exhaust.output = fan2: expected an output of the board {board}: part, hotend");
+        assert!(no_output.contains(&expected), "{no_output}");
+    }
     let no_tacho = check("btt-octopus-1.1", "[fans.hotend]\nleast_rpm = 500").unwrap_err();
     assert!(no_tacho.contains("fans.hotend.least_rpm = 500: expected no such key"), "{no_tacho}");
     assert_eq!(check("btt-octopus-1.1", "[fans.part]\nkick_start_s = 0.1\nleast_power = 0.2"), Ok(()));
@@ -238,7 +242,7 @@ fn a_heaters_thermistor_is_the_boards() {
     // The Octopus leaves its thermistors to the profile.
     assert_eq!(error("btt-octopus-1.1", from, to), None);
     let to = "sensor = \"epcos-100k\"\npull_up_ohm = 2200";
-    for board in ["prusa-buddy", "btt-octopus-1.1"] {
+    for board in ["prusa-buddy", "btt-octopus-1.1", "bench"] {
         assert_eq!(
             error(board, from, to).unwrap(),
             format!(
@@ -247,8 +251,6 @@ fn a_heaters_thermistor_is_the_boards() {
             )
         );
     }
-    // Models have any resistor.
-    assert_eq!(error("bench", from, to), None);
 }
 
 #[test]

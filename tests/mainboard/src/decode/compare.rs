@@ -31,10 +31,14 @@ pub struct Rules {
     pub latency_bound_ns: u64,
 }
 
-impl Default for Rules {
+impl Rules {
     /// 20 ms, 1 ms, 100 us: from rest the first steps of a move are some milliseconds apart.
+    pub const USUAL: Self = Self { rest_ns: 20_000_000, pause_ns: 1_000_000, latency_bound_ns: 100_000 };
+}
+
+impl Default for Rules {
     fn default() -> Self {
-        Self { rest_ns: 20_000_000, pause_ns: 1_000_000, latency_bound_ns: 100_000 }
+        Self::USUAL
     }
 }
 

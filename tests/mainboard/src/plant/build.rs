@@ -91,15 +91,14 @@ impl Plant {
     fn connect_drivers(&mut self, board: &Board, seed: u64) {
         let mut sharing = Vec::new();
         for (index, motor) in board.motors.iter().enumerate() {
-            if motor.driver == wiring::Driver::None {
-                continue;
-            }
+            // Bare pins get a module that is strapped for the usual 16 microsteps.
+            let strapped = motor.driver == wiring::Driver::None;
             let address = if let DriverLine::Shared(address) = motor.line { address } else { 0 };
             let sense_milliohm =
                 motor.sense_resistor_ohm.map_or(MODULE_SENSE_MILLIOHM, |ohm| (ohm * 1000.0).round() as u32);
             self.drivers.push(Tmc2209::new(tmc2209::Config {
-                ms1: address & 1 != 0,
-                ms2: address & 2 != 0,
+                ms1: strapped || address & 1 != 0,
+                ms2: strapped || address & 2 != 0,
                 sense_milliohm,
                 ..tmc2209::Config::default()
             }));

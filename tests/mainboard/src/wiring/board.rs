@@ -30,8 +30,6 @@ pub struct Board {
     pub boot_file: Option<String>,
     /// The profile with which the board's image is built.
     pub profile: String,
-    /// True for a board without heaters, thermistors and inputs.
-    pub virtual_sensors: bool,
     /// The motors: x, y, z and e first, in this order; then sockets that the firmware does not use, by name.
     pub motors: Vec<Motor>,
     /// The serial line shared by the drivers, if the board has one.

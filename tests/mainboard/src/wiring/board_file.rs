@@ -22,8 +22,6 @@ pub(super) struct RawBoard {
     pub boot_offset: u32,
     pub boot_file: Option<String>,
     pub profile: String,
-    #[serde(default)]
-    pub virtual_sensors: bool,
     pub motors: BTreeMap<String, RawMotor>,
     pub driver_uart: Option<RawPin>,
     #[serde(default)]

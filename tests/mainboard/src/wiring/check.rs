@@ -81,14 +81,6 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         pins.take_optional("power_supply.pin", raw.power_supply.as_ref().map(|table| table.pin.as_str()))?;
     let servo = pins.take_optional("servo.pin", raw.servo.as_ref().map(|table| table.pin.as_str()))?;
     let card = card(&mut pins, &raw)?;
-    if raw.virtual_sensors && !(heaters.is_empty() && thermistors.is_empty() && inputs.is_empty()) {
-        return Err(Refusal::new(
-            file,
-            "virtual_sensors",
-            "is true, but the board has heaters, thermistors or inputs",
-            "set it to false, or remove [heaters], [thermistors] and [inputs]",
-        ));
-    }
     Ok(Board {
         name: raw.name,
         title: raw.title,
@@ -100,7 +92,6 @@ fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         boot_offset: raw.boot_offset,
         boot_file: raw.boot_file,
         profile: raw.profile,
-        virtual_sensors: raw.virtual_sensors,
         motors,
         driver_uart,
         heaters,

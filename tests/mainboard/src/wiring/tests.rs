@@ -50,7 +50,9 @@ fn the_buddy_is_wired_according_to_its_file() {
 #[test]
 fn the_other_boards_and_all_profiles_can_be_read() {
     let bench = Board::parse("bench.toml", BENCH).unwrap();
-    assert!(bench.virtual_sensors && bench.heaters.is_empty());
+    let end_stops = ["x", "y", "z"].map(|name| bench.input(name).unwrap().pin);
+    assert_eq!(end_stops, [pin("PB12"), pin("PB13"), pin("PB14")]);
+    assert_eq!(bench.heaters.iter().map(|heater| heater.pin).collect::<Vec<_>>(), [pin("PA7"), pin("PA6")]);
     let octopus = Board::parse("octopus.toml", OCTOPUS).unwrap();
     assert_eq!((octopus.chip, octopus.ccm_bytes, octopus.motors.len()), (Chip::F446, 0, 8));
     assert_eq!(octopus.motors[4].name, "e1");
@@ -129,13 +131,6 @@ fn wiring_that_the_chip_excludes_is_refused_with_its_key() {
         (BUDDY, "pull_up_ohm = 4700", "pull_up_ohm = 0", "thermistors", "ohm"),
         (BUDDY, "[fans.part]", "[virtual]\n[fans.part]", "", "virtual"),
         (BUDDY, "sensor = \"bed\"", "sensor = \"bed\"\ncolour = \"red\"", "", "colour"),
-        (
-            BUDDY,
-            "profile = \"prusa-mini\"",
-            "profile = \"prusa-mini\"\nvirtual_sensors = true",
-            "virtual_sensors",
-            "false",
-        ),
     ];
     for (board, from, to, key, says) in cases {
         let refusal = refused(board, from, to);

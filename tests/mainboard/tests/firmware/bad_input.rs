@@ -44,7 +44,7 @@ fn garbage(lines: usize) -> Vec<u8> {
 
 #[test]
 fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
-    let mut job = Job::cube(LINES).without_heating();
+    let mut job = Job::cube(LINES).without_heating().without_homing();
     job.insert(PAUSE, "M400");
     let mut bench = Bench::boot();
     for (index, line) in job.lines().enumerate() {

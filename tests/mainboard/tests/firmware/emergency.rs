@@ -40,7 +40,7 @@ fn assert_cold_after_restart(bench: &mut Bench) {
 
 #[test]
 fn an_emergency_stop_ends_a_print_at_once() {
-    let job = Job::cube(LINES).without_heating();
+    let job = Job::cube(LINES).without_heating().without_homing();
     let mut bench = Bench::boot();
     for line in job.lines().take(LINES_INTO_THE_PRINT) {
         bench.host.send(line).unwrap();

@@ -181,10 +181,10 @@ fn fans_turn_on_command_and_above_a_hot_nozzle() {
     }
 }
 
-/// A board whose thermistors cannot be read from the start.
+/// A board whose thermistors cannot be read from the start, as a bare one's.
 #[test]
 fn missing_thermistors_are_reported_and_prevent_heating() {
-    for board in printers() {
+    for board in &BOARDS {
         let mut bench = Bench::switch_on(board, |machine| {
             ["nozzle", "bed"].into_iter().for_each(|name| unplug(machine, name, true));
         });

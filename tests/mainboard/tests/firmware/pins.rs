@@ -1,5 +1,6 @@
 //! The log of the motors' pins.
 
+use ferrostep_mainboard::decode::Event;
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_testkit::boards::BoardFacts;
 
@@ -18,6 +19,8 @@ pub struct PinEvent {
 #[derive(Clone, Debug)]
 pub struct PinLog {
     events: Vec<PinEvent>,
+    /// The same with their times.
+    timed: Vec<Event>,
     motors_disabled: bool,
 }
 
@@ -26,19 +29,22 @@ impl PinLog {
     pub fn of(machine: &Machine, board: &BoardFacts) -> Self {
         // The last event may still be open; ending it needs a copy.
         let mut decoder = machine.decoder.clone();
-        let events = decoder.finish();
+        let timed = decoder.finish().to_vec();
         let mut state = PortState::new();
         machine.stores().iter().filter_map(PortWrite::of).for_each(|write| state.apply(write));
         let is_off = |enable: &(char, u8)| !state.is_output(*enable) || state.is_high(*enable);
-        Self::new(
-            events.iter().map(|event| PinEvent { axes: event.axes, directions: event.directions }).collect(),
-            board.all_enable().iter().all(is_off),
-        )
+        let events = timed.iter().map(|event| PinEvent { axes: event.axes, directions: event.directions }).collect();
+        Self { events, timed, motors_disabled: board.all_enable().iter().all(is_off) }
     }
 
-    /// A log of these events.
+    /// A log of these events, without times.
     pub fn new(events: Vec<PinEvent>, motors_disabled: bool) -> Self {
-        Self { events, motors_disabled }
+        Self { events, timed: Vec::new(), motors_disabled }
+    }
+
+    /// The last steps, in order, with their times.
+    pub fn last(&self, count: usize) -> &[Event] {
+        &self.timed[self.timed.len().saturating_sub(count)..]
     }
 
     /// All steps, in order.

@@ -109,7 +109,7 @@ fn a_prepared_job_makes_the_rehearsed_steps() {
 
 #[test]
 fn damaged_and_lost_frames_change_no_step() {
-    let job = Job::cube(LINES).without_heating();
+    let job = Job::cube(LINES).without_heating().without_homing();
     let bytes = prepared(&job);
     let mut bench = Bench::boot();
     let mut line = Line::new(&mut bench.host, Some(34));

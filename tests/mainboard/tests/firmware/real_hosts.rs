@@ -75,7 +75,7 @@ impl Drop for Served {
 
 /// The job as a file for a host.
 fn file(name: &str, lines: usize) -> (Job, PathBuf) {
-    let job = Job::cube(lines).without_heating();
+    let job = Job::cube(lines).without_heating().without_homing();
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     // So that its last blocks do not leave look-ahead for want of more.
     std::fs::write(&path, job.text() + "M400\n").unwrap();

@@ -1,6 +1,7 @@
 //! The same job on the desk, and its comparison with the pins.
 
-use ferrostep_planner::StepObserver;
+use ferrostep_mainboard::decode::{Rules, TraceStep, compare};
+use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
 use ferrostep_session::desk::{Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep_session::job::{self, JobProgress};
 use ferrostep_session::record::Observer;
@@ -14,9 +15,16 @@ pub struct Rehearsal {
     /// Counts and digests.
     pub figures: Figures,
     events: Vec<PinEvent>,
+    /// Its time, ticks.
+    ticks: Vec<u64>,
     /// Number of the source line of each event; 0 = homing.
     lines: Vec<u32>,
+    /// Number of events up to the end of the last homing.
+    homed: usize,
 }
+
+/// Bound of how late a step may be on the pins, against the earliest of its motion.
+const LATENESS: Rules = Rules { latency_bound_ns: 1_000, ..Rules::USUAL };
 
 impl Rehearsal {
     /// Prints a job on the virtual board.
@@ -45,7 +53,8 @@ impl Rehearsal {
         let figures = session.figures();
         let mut watcher = session.into_observer();
         watcher.lines.resize(watcher.events.len(), 0);
-        Self { figures, events: watcher.events, lines: watcher.lines }
+        let Watcher { events, ticks, lines, homed } = watcher;
+        Self { figures, events, ticks, lines, homed }
     }
 
     /// The events of all lines after this one.
@@ -85,6 +94,27 @@ impl Rehearsal {
         }
     }
 
+    /// Fails at the first difference unless the pins end with exactly the rehearsal's events after homing, none of them late.
+    pub fn assert_same_events_after_homing(&self, job: &Job, pins: &PinLog) {
+        let steps = self.events.iter().zip(&self.ticks).zip(&self.lines).skip(self.homed);
+        let desk: Vec<_> = steps
+            .map(|((event, tick), line)| TraceStep {
+                tick: *tick,
+                axes: event.axes,
+                directions: event.directions,
+                line: *line,
+            })
+            .collect();
+        let compared = compare(pins.last(desk.len()), &desk, u64::from(TICKS_PER_SECOND), &LATENESS);
+        eprintln!("{} events after {} of homing, latest {} us", desk.len(), self.homed, compared.largest_latency_us());
+        if let Some(difference) = compared.difference {
+            let line = difference.desk.map_or(0, |step| step.line);
+            panic!("after homing: {difference}; {}", job.source(line as usize));
+        }
+        assert!(self.homed > 0 && desk.len() > 1000, "{} events after {} of homing", desk.len(), self.homed);
+        assert!(compared.agrees(), "{:?}; {} in all", compared.first_too_late, compared.too_late);
+    }
+
     /// Fails at the first difference unless the rehearsal begins with the pins' events.
     pub fn assert_begins_with(&self, job: &Job, pins: &PinLog) {
         for (index, seen) in pins.events().iter().enumerate() {
@@ -101,11 +131,14 @@ impl Rehearsal {
 #[derive(Default)]
 struct Watcher {
     events: Vec<PinEvent>,
+    ticks: Vec<u64>,
     lines: Vec<u32>,
+    homed: usize,
 }
 
 impl StepObserver for Watcher {
-    fn stepped(&mut self, _tick: u64, axes: u8, directions: u8) {
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.ticks.push(tick);
         self.events.push(PinEvent { axes, directions });
     }
 }
@@ -114,6 +147,7 @@ impl Observer for Watcher {
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {
         // The end stop ended the seek, so its end is not reported.
         self.lines.resize(self.events.len(), 0);
+        self.homed = self.events.len();
     }
 
     fn move_ended(&mut self, _tick: u64, line: u32) {
