@@ -4,7 +4,8 @@ use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, ServoPulses, StepQueue};
 use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 use ferrostep_step_player::{
-    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, StepFeeder, StepLink, StepPlayer, Stepping, UpdateTimer,
+    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
+    Stepping, UpdateTimer,
 };
 
 use crate::board::SERVO;
