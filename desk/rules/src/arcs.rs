@@ -13,7 +13,7 @@ pub struct Arc {
     pub displacement_mm: [f64; 4],
     /// From its start to its centre: I and J, mm.
     pub centre_mm: [f64; 2],
-    /// Whether it is a G2.
+    /// True for a G2.
     pub is_clockwise: bool,
 }
 
@@ -150,7 +150,7 @@ pub struct Chords {
     sweep: f64,
     count: u32,
     done: u32,
-    /// Where the chords so far end, from the arc's start, mm.
+    /// End of the chords so far, from the arc's start, mm.
     place_mm: [f64; 2],
     /// Acceleration, and squared speed.
     hints: Option<(f64, f64)>,

@@ -53,7 +53,7 @@ pub enum Change<'a> {
     VelocityLimit(VelocityLimit),
 }
 
-/// What a command does to the limits.
+/// The effect of a command on the limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
     /// The moves after it have other limits.

@@ -57,7 +57,7 @@ pub struct KlipperSettings {
     pub max_extrude_only_accel_mm_per_s2: f64,
     /// `instantaneous_corner_velocity`, mm/s.
     pub instantaneous_corner_velocity_mm_per_s: f64,
-    /// When moves are planned.
+    /// The times at which moves are planned.
     pub flush_times: FlushTimes,
 }
 

@@ -2,7 +2,7 @@
 
 use crate::change::Words;
 
-/// What G10 and G11 do. A lift of Z is a move of its own, which the caller makes of [`Self::lift_mm`].
+/// The moves of G10 and G11. A lift of Z is a separate move, which the caller makes of [`Self::lift_mm`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirmwareRetraction {
     /// Filament drawn back, mm.

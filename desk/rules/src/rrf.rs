@@ -30,7 +30,7 @@ const WAITING_S: f64 = 2.0;
 /// Motion that waits besides the first move before no more lines are read, s.
 const WAITING_BESIDES_FIRST_S: f64 = 0.5;
 
-/// What a corner needs of the move before.
+/// The part of a move that the corner after it needs.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     shares: [f64; 4],
@@ -121,7 +121,7 @@ impl Rrf {
         self.window.len()
     }
 
-    /// Whether the ring takes another move now.
+    /// Returns true if the ring takes another move now.
     fn has_room(&mut self) -> bool {
         let taken = self.prepared_s.len() + self.window.len();
         // The move before the oldest one that is not fixed must stay, for its end.
@@ -153,7 +153,7 @@ impl Rrf {
         }
     }
 
-    /// Whether the first move brakes, so that later moves could speed it up.
+    /// Returns true if the first move brakes, so that later moves could speed it up.
     fn is_first_braking(&mut self) -> bool {
         let mut brakes = None;
         self.window.plans(&mut self.speeds, |_, phases| {

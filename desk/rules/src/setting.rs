@@ -1,4 +1,4 @@
-//! What a rule refuses of its settings.
+//! The settings that a rule refuses.
 
 use std::fmt;
 

@@ -60,7 +60,7 @@ impl Window {
         self.entry = None;
     }
 
-    /// Where the first move starts.
+    /// Entry speed of the first move, and its limit.
     fn first_entry(&self, first: &Block) -> (f64, Limit) {
         self.entry.unwrap_or((first.min_entry.min(first.nominal), Limit::Rest))
     }

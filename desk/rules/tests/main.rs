@@ -60,7 +60,7 @@ fn print(most: usize) -> impl Strategy<Value = Vec<Move>> {
     })
 }
 
-/// Whether speeds and times are the same within a millionth.
+/// Returns true if speeds and times are the same within a millionth.
 fn assert_same(ours: &[PlannedMove], other: &[two_pass::Speeds]) {
     assert_eq!(ours.len(), other.len());
     for (one, other) in ours.iter().zip(other) {

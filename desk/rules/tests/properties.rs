@@ -1,4 +1,4 @@
-//! What holds of every plan by any rules.
+//! Properties of every plan by any rules.
 
 use crate::{plan, print};
 use ferrostep_random_cases::cases;

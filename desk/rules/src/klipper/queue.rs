@@ -144,14 +144,14 @@ impl Candidate {
     }
 }
 
-/// What the look-ahead finds for a move.
+/// The look-ahead's result for a move.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     start: f64,
     /// `None` for a move that only brakes in the second look-ahead.
     cruise: Option<(f64, Limit)>,
     end: f64,
-    /// Whether what follows holds the start down, by braking.
+    /// True if later moves limit the start speed, so that the move can brake for them.
     brakes: bool,
 }
 

@@ -9,7 +9,7 @@ pub(super) struct Segment {
     pub length_mm: f64,
     /// Displacement of each axis (on CoreXY of each motor) for a unit of length.
     pub shares: [f64; 4],
-    /// Whether its direction is a unit vector with the filament counted in.
+    /// True if its direction is a unit vector with the filament counted in.
     pub is_printing_or_core: bool,
     pub nominal: f64,
     pub acceleration: f64,
@@ -33,7 +33,7 @@ impl Segment {
     }
 }
 
-/// What a corner needs of the move before.
+/// The part of a move that the corner after it needs.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     direction: [f64; 4],

@@ -68,7 +68,7 @@ pub struct MarlinSettings {
     pub min_steps_per_segment: u16,
     /// `BLOCK_BUFFER_SIZE`.
     pub block_buffer_size: usize,
-    /// Whether motors A and B move X and Y together.
+    /// True if motors A and B move X and Y together.
     pub is_core_xy: bool,
 }
 

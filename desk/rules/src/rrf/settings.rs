@@ -10,7 +10,7 @@ const LEAST_JERK: f64 = 0.1;
 /// Smallest speed that M203 I sets, mm/s.
 const LEAST_SPEED: f64 = 0.01;
 
-/// Which moves join without a stop: M566 P.
+/// The moves that join without a stop: M566 P.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JerkPolicy {
     /// P0: moves of the same kind.
@@ -40,12 +40,12 @@ pub struct RrfSettings {
     pub pressure_advance_s: f64,
     /// Moves that the ring holds: M595 P.
     pub ring_length: usize,
-    /// Whether motors A and B move X and Y together.
+    /// True if motors A and B move X and Y together.
     pub is_core_xy: bool,
 }
 
 impl RrfSettings {
-    /// What RepRapFirmware has where `config.g` says nothing, on a board of the Duet 3 6 series.
+    /// RepRapFirmware's values where `config.g` says nothing, on a board of the Duet 3 6 series.
     pub const fn defaults() -> Self {
         Self {
             max_feed_mm_per_s: [100.0, 100.0, 5.0, 20.0],
