@@ -23,7 +23,7 @@ use crate::identity::IDENTITY;
 use crate::ports::{BoardMachine, BoardReplies};
 use crate::profile::PROFILE;
 
-/// How often a line looks for room, ms.
+/// Time between two looks for room for a line, ms.
 const LOOK_MS: u32 = 2;
 
 /// After this many looks, 2 s, a host that reads nothing gets no more.
@@ -33,7 +33,7 @@ const MAX_LOOKS: u32 = 1000;
 pub struct Records(&'static RecordMemory);
 
 impl Records {
-    /// What the program before has left; ended by this reset. The step queue's too: it is ready for the interrupt after this.
+    /// Takes over what the program before this reset has left, and the step queue's record: the interrupt may run after this.
     pub fn start(cause: ResetCause, rcc: &Rcc) -> Self {
         // Without supply the memory was random.
         STEPS.restart(cause != ResetCause::PowerOn);
@@ -110,7 +110,7 @@ impl<B: Mutex<T = Records>> BoardBlackBox<B> {
         Self { records: RefCell::new(records), is_wanted: Cell::new(false) }
     }
 
-    /// Whether the host that was answered last wants it.
+    /// True once if a host has asked for the record; it goes to the host that was answered last.
     pub fn take_wanted(&self) -> bool {
         self.is_wanted.take()
     }

@@ -28,7 +28,7 @@ use crate::profile::PROFILE;
 use crate::settings_memory;
 use crate::timing::BoardTiming;
 
-/// What the task shares with others.
+/// Resources that the task shares with others.
 pub struct Shared<M, H, W, D, A, R, B> {
     /// The machine, with the planner task.
     pub machine: M,
@@ -46,11 +46,11 @@ pub struct Shared<M, H, W, D, A, R, B> {
     pub mailbox: Option<B>,
 }
 
-/// What only the task uses.
+/// Resources that only the task uses.
 pub struct Own<'a> {
     /// Bytes of the hosts.
     pub reader: &'a mut Reader,
-    /// What switches measuring (M798).
+    /// Switch of the measuring (M798).
     pub measured: &'a mut Switch,
     /// Room for a job's bytes.
     pub job: &'a mut [u8; JOB_BYTES],

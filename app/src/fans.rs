@@ -1,4 +1,4 @@
-//! What the planner task asks of the fans, as the heaters' task takes it.
+//! The planner task's demand for the fans, as the heaters' task takes it.
 
 use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 

@@ -1,4 +1,4 @@
-//! What the hosts hear first.
+//! The first lines that hosts get.
 
 use ferrostep_gcode::Reply;
 use ferrostep_stm32f4::clock_tree::Clock;
@@ -9,15 +9,15 @@ use ferrostep_stm32f4_usb::NoUsb;
 use crate::black_box::Records;
 use crate::host_line::{To, Writers};
 
-/// How the board has started.
+/// The circumstances of the board's start.
 pub struct Start<'a> {
-    /// Where its clock comes from.
+    /// The source of the board's clock.
     pub clock: &'a Clock,
-    /// Why it has started.
+    /// The cause of the reset.
     pub reset_cause: ResetCause,
-    /// Whether the voltage below which it resets itself was set already.
+    /// The voltage below which the board resets itself: set already, or set at this start.
     pub brown_out: BrownOut,
-    /// Why USB does not work, if it does not.
+    /// The reason why USB does not work; `None` if it works.
     pub no_usb: Option<&'a NoUsb>,
 }
 

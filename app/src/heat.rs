@@ -27,13 +27,13 @@ pub const EQUIPMENT: Equipment = Equipment {
 /// The power supply can be switched.
 const HAS_SUPPLY: bool = PROFILE.power_supply.is_some();
 
-/// Whether the chamber has a heater beside its thermometer; `None` without either.
+/// True if the chamber has a heater beside its thermometer; `None` without either.
 pub const CHAMBER_IS_HEATED: Option<bool> = match PROFILE.chamber {
     Some(chamber) => Some(chamber.heater.is_some()),
     None => None,
 };
 
-/// A further tool has a nozzle of its own.
+/// A further tool has its own nozzle.
 pub const HAS_NOZZLES: bool = PROFILE.tool_heater().is_some();
 
 /// Nozzles of further tools, or none, in an image.
@@ -64,7 +64,7 @@ const MELTS_BY_MODEL: bool =
 /// Models of heaters, or none, in an image.
 pub type ModelsPart = PartIf<HAS_MODELS>;
 
-/// Where the extruder is at the end of the queue, thousandths of a millimetre; the number wraps.
+/// Position of the extruder at the end of the queue, thousandths of a millimetre; the number wraps.
 static PUSHED_UM: AtomicI32 = AtomicI32::new(0);
 
 /// Notes where the extruder is.
@@ -167,7 +167,7 @@ impl Heat {
         }
     }
 
-    /// How far the autotune of a heater has come.
+    /// Progress of a heater's autotune.
     pub fn relay(&self, heater: Heater) -> Option<RelayProgress> {
         self.0.as_ref().and_then(|heat| heat.control.relay(heater))
     }
@@ -191,7 +191,7 @@ impl Heat {
         }
     }
 
-    /// How far the step response of a heater has come.
+    /// Progress of a heater's step response.
     pub fn step(&self, heater: Heater) -> Option<StepProgress> {
         self.0.as_ref().and_then(|heat| heat.control.step(heater))
     }
@@ -236,7 +236,7 @@ impl Heat {
         }
     }
 
-    /// Whether the power supply is on.
+    /// True if the power supply is on.
     pub fn is_supply_on(&self) -> bool {
         !HAS_SUPPLY || self.0.as_ref().and_then(|heat| heat.control.supply()).unwrap_or(true)
     }

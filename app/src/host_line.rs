@@ -27,11 +27,11 @@ pub const USB_SEND_BYTES: usize = 1536;
 /// Bytes that wait to be sent over the serial line: two lines of an `ok` with temperatures. [`Writer`] waits for room.
 pub const SERIAL_SEND_BYTES: usize = 256;
 
-/// How long [`Reader::read_in_time`] waits. It must be longer than the silence after which [`Patience`] lets the moves in the
+/// Longest wait of [`Reader::read_in_time`], ms. It must be longer than the silence after which [`Patience`] lets the moves in the
 /// ring be executed; otherwise the planner task would have to look at just the right moment.
 const WAIT_MS: u32 = 150;
 
-/// How long [`Reader::wait`] waits.
+/// Longest wait of [`Reader::wait`], ms.
 const CARD_WAIT_MS: u32 = 20;
 
 /// The USB port has left the bus for good.
@@ -41,9 +41,9 @@ static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
 /// Reports on packing that the hosts at the serial line and at USB wait for: 0 for none, or the number of one of
 /// [`PACKING_REPORTS`], from 1.
 static PACKING: [AtomicU8; 2] = [AtomicU8::new(0), AtomicU8::new(0)];
-/// Whether the printer task waits for bytes.
+/// True while the printer task waits for bytes.
 static IS_AWAITED: AtomicBool = AtomicBool::new(false);
-/// When it began to wait, or the last byte came; ticks of the motion clock.
+/// Start of that wait, or arrival of the last byte; ticks of the motion clock.
 static QUIET_SINCE: AtomicU32 = AtomicU32::new(0);
 /// Bytes have come.
 static RECEIVED: Signal<()> = Signal::new();
@@ -71,7 +71,7 @@ pub struct SerialInput {
     ring: SerialRing,
 }
 
-/// Where its bytes go.
+/// Destination of the serial line's bytes.
 struct SerialRing {
     bytes: Producer<'static, u8>,
     act: fn(Emergency),
@@ -161,7 +161,7 @@ pub fn take_troubles() -> LineTroubles {
     }
 }
 
-/// How long the host may take for its next line, ticks of the motion clock.
+/// Time that the host may take for its next line, ticks of the motion clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
     /// Before blocks leave the look-ahead ring early because the step queue runs low.
@@ -183,7 +183,7 @@ impl Patience {
         }
     }
 
-    /// What the planner task may do at tick `now_ticks`.
+    /// Work that the planner task may do at tick `now_ticks`.
     pub fn silence(&self, now_ticks: u32) -> Silence {
         let is_awaited = IS_AWAITED.load(Ordering::Acquire);
         let quiet_ticks = now_ticks.wrapping_sub(QUIET_SINCE.load(Ordering::Acquire));
@@ -319,7 +319,7 @@ impl Writers {
 }
 
 impl Writers {
-    /// Whether the line of a record finds room without a wait, with as much left for replies: half of each ring is free.
+    /// True if a record's line finds room without a wait and half of each ring stays free for replies.
     pub fn have_room(&self, to: To) -> bool {
         let serial = || self.serial.0.len() <= SERIAL_SEND_BYTES / 2;
         let usb = || self.usb.as_ref().is_none_or(LineWriter::is_half_free);

@@ -28,7 +28,7 @@ impl LineRings {
     }
 }
 
-/// What the interrupts do about a line before it is read.
+/// Actions that the interrupts take on a line before it is read.
 #[derive(Clone, Copy)]
 pub struct Actions {
     /// About M112 and its like, which do not wait their turn.

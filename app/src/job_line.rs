@@ -21,7 +21,7 @@ pub struct Hosts {
     usb: (Host, Lines),
     serial_frames: StrayFrames,
     usb_frames: StrayFrames,
-    /// How the last job ended.
+    /// Report of the last job.
     last_job: Report,
 }
 

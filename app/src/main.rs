@@ -57,7 +57,7 @@ mod wiring;
 
 use defmt_rtt as _;
 
-/// Sleeps until an interrupt. A function of its own in every image, because tests put code in its place.
+/// Sleeps until an interrupt. A separate function in every image, because tests replace its code.
 #[inline(never)]
 fn sleep() {
     cortex_m::asm::wfi();
@@ -136,9 +136,9 @@ mod app {
     const REPORTS_INTERVAL_MS: u32 = 100;
 
     static SIGNALS: Signals = Signals::new();
-    /// What the planner task last asked of the fans.
+    /// The planner task's last demand for the fans.
     static FANS: SharedDemand = SharedDemand::new();
-    /// Which tasks have run lately.
+    /// Signs of life of the tasks.
     static LIFE: LifeSigns = LifeSigns::new();
     /// There is a slot for a memory card, and a clock for it.
     static HAS_CARD: AtomicBool = AtomicBool::new(false);

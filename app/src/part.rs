@@ -6,10 +6,10 @@ use ferrostep_printer::{Absent, Part, Present};
 /// The part if the machine has it, in an image.
 pub type PartIf<const YES: bool> = <Has<YES> as Kind>::Part;
 
-/// What takes up the play of the drives, if there is any.
+/// Stage that takes up the play of the drives, on a machine that has play.
 pub type BacklashIf<const YES: bool> = <Has<YES> as Kind>::Backlash;
 
-/// Whether it has.
+/// Selects a part by a constant: `Has<true>` is a machine that has it.
 pub struct Has<const YES: bool>;
 
 /// See [`Has`].

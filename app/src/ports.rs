@@ -35,14 +35,14 @@ pub const LOOK_AHEAD_BLOCKS: usize = 128;
 /// The step queue to this board's motors, with the sensors that stop it.
 pub type BoardStepQueue = MotorQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
-/// What lets Z follow the bed, on a machine with a probe.
+/// Stage that lets Z follow the bed, on a machine with a probe.
 #[cfg(probe)]
 type BoardBed = ferrostep_planner::surface::BedStage;
 /// Nothing does on a machine without one.
 #[cfg(not(probe))]
 type BoardBed = ferrostep_planner::surface::NoBed;
 
-/// Whether the profile says how much play the drives have.
+/// True if the profile gives the play of the drives.
 const HAS_BACKLASH: bool = ferrostep_profile_constant::PROFILE.backlash.is_some();
 
 /// The methods of motion that this image contains.
@@ -64,7 +64,7 @@ pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) ->
     MotorQueue::new(pins, feeder, planning_clock)
 }
 
-/// Makes the machine in its place.
+/// Makes the machine where it stays.
 // Not inlined: its stack is free again before a task begins; the stack of `init` is not.
 #[inline(never)]
 pub fn build_machine(
@@ -97,7 +97,7 @@ pub fn pin_in() {
 /// Wakes the planner task: it has something to do.
 pub static PLANNER_WORK: Signal<()> = Signal::new();
 
-/// How often a command that waits for motion looks whether it has come.
+/// Interval at which a command that waits for motion looks for its end, ms.
 const LOOK_MS: u32 = 1;
 
 /// The machine, as the task that executes commands shares it.
@@ -282,7 +282,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         self.to.get()
     }
 
-    /// Whether a line of a record finds room without a wait.
+    /// True if a line of a record finds room without a wait.
     pub fn have_room(&self) -> bool {
         self.writers.borrow_mut().lock(|writers| writers.have_room(self.to.get()))
     }
@@ -331,7 +331,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
     }
 }
 
-/// How often something could not keep up since the start.
+/// Counts of what could not keep up since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overload {
     /// Blocks that left the look-ahead ring early because steps ran out.
@@ -385,7 +385,7 @@ impl<W: Mutex<T = Writers>> Replies for BoardReplies<W> {
         self.line(format_args!("{reply}"));
     }
 
-    // Formatted where it is sent: a text of its own would take 500 bytes of the stack of two tasks.
+    // Formatted where it is sent: a separate text would take 500 bytes of the stack of two tasks.
     fn say(&self, line: fmt::Arguments<'_>) {
         self.line(line);
     }

@@ -1,4 +1,4 @@
-//! What the firmware says without being asked.
+//! Reports that the firmware sends unasked.
 
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{FanOutput, Heater};
@@ -16,7 +16,7 @@ use crate::profile::PROFILE;
 use crate::timing;
 use crate::wiring::{FILAMENT, FILAMENT_SWITCH};
 
-/// How often the black box records temperatures, s.
+/// Interval of the black box's records of temperatures, s.
 const RECORD_INTERVAL_S: u32 = 1;
 
 /// Looks at the machine at intervals and reports to all hosts.
@@ -32,7 +32,7 @@ pub struct Reports<'a, M, H, W, R> {
     stalled_fan: Option<FanOutput>,
     /// As it was last reported.
     overload: Overload,
-    /// When temperatures, the card's progress, the black box's temperatures and times were last reported, ms.
+    /// Times of the last reports of temperatures, the card's progress, the black box's temperatures and times, ms.
     temperatures_ms: u32,
     card_ms: u32,
     record_ms: u32,
@@ -148,7 +148,7 @@ where
     }
 }
 
-/// Whether a report that is repeated every `interval_s` is due, never if that is 0; notes the time if so.
+/// True if a report that is repeated every `interval_s` is due, never if that is 0; notes the time if so.
 fn is_due(last_ms: &mut u32, interval_s: impl Into<u32>, now_ms: u32) -> bool {
     let interval_ms = interval_s.into() * 1000;
     let is_due = interval_ms > 0 && now_ms.wrapping_sub(*last_ms) >= interval_ms;

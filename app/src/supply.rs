@@ -15,7 +15,7 @@ impl Supply {
         Self(SupplyWatch::new())
     }
 
-    /// Whether the supply has just failed. To be called with a clock of milliseconds that may wrap.
+    /// True if the supply has just failed. To be called with a clock of milliseconds that may wrap.
     pub fn has_failed(&mut self, now_ms: u32, signals: &Signals) -> bool {
         match (POWER_LOSS, &PROFILE.supply_signal) {
             (Some(pin), Some(signal)) => self.0.look(now_ms, is_triggered(pin), signal, signals),

@@ -8,7 +8,7 @@ use ferrostep_printer::Timing;
 use ferrostep_stm32f4::histogram::Summary;
 use ferrostep_stm32f4_board::measured::{self, Measured, Switch};
 
-/// How often the times are logged while they are measured, ms.
+/// Interval of the log of times while they are measured, ms.
 pub const LOG_INTERVAL_MS: u32 = 1000;
 
 /// The switch, as the printer sees it.

@@ -1,4 +1,4 @@
-//! How the board connects what the profile asks for: sensors, and drivers that can be set.
+//! The board's connections for what the profile asks for: sensors, and drivers that can be set.
 
 use ferrostep_stm32f4::sensor_lines::SensorPin;
 use ferrostep_stm32f4_board::board::Store;

@@ -24,12 +24,12 @@ const MAX_LINE: usize = 160;
 pub struct BoardRecorder {
     recorder: Recorder<Adxl345<Bus>>,
     to: To,
-    /// Where the motors stood when the task last looked.
+    /// Positions of the motors at the task's last look, steps.
     motor_steps: [i64; 4],
 }
 
 impl BoardRecorder {
-    /// Where the motors stand: a record that waits for a move begins when X, Y or Z has one.
+    /// Takes the motors' positions, steps: a record that waits for a move begins when X, Y or Z has one.
     pub fn follow(&mut self, motor_steps: [i64; 4], now_ticks: u32) {
         let before = core::mem::replace(&mut self.motor_steps, motor_steps);
         if before.iter().zip(&motor_steps).take(3).any(|(before, now)| before != now) {
@@ -38,7 +38,7 @@ impl BoardRecorder {
     }
 }
 
-/// Of the chip at the board's plug, which has not been asked for anything.
+/// Recorder of the chip at the board's plug; the chip has not been asked for anything yet.
 pub fn recorder() -> BoardRecorder {
     let Some(pins) = ACCELEROMETER else { unreachable!("the build looks at the board's table") };
     let recorder = Recorder::new(Adxl345::new(accelerometer::start(pins)));

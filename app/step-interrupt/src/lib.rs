@@ -1,6 +1,6 @@
 //! The step interrupt of an image: its queue, its timer, and the two handlers.
 //!
-//! A package of its own, because a generic function is compiled as the package that names its types: the rest of the application is
+//! A separate package, because a generic function is compiled as the package that names its types: the rest of the application is
 //! compiled for the least flash, and this for the fewest cycles. RTIC has no task here. Both handlers have the core's highest
 //! priority, which BASEPRI cannot mask, so there is nothing for RTIC to guard.
 #![no_std]
@@ -31,7 +31,7 @@ pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 /// The core's highest priority: RTIC's 16.
 const HIGHEST: u8 = 0;
 
-/// What the handlers share. They have the same priority, so that neither interrupts the other.
+/// The step timer, which both handlers use. They have the same priority, so that neither interrupts the other.
 struct Place(UnsafeCell<MaybeUninit<BoardStepTimer>>);
 
 // SAFETY: `start` writes it before the handlers may run, and from then on they alone use it, never at the same time.
@@ -56,7 +56,7 @@ pub fn start(timer: BoardStepTimer, controller: &mut NVIC) {
 /// Takes slots, sets pins. A late event delays an edge, never the next one.
 ///
 /// # Safety
-/// For the vector table, and for the handler that measures this one in its place.
+/// For the vector table, and for the handler that replaces it there to measure it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn TIM2() {
     // SAFETY: called after `start` only, and not at the same time as the other handler.

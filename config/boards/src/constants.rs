@@ -64,7 +64,7 @@ pub fn rust(board: &Board) -> String {
     let first = registers::first(board);
     format!(
         "/// Its name.\npub const NAME: &str = {name:?};\n\
-         /// What a person calls it.\npub const TITLE: &str = {title:?};\n\
+         /// Its name for people.\npub const TITLE: &str = {title:?};\n\
          /// There is a slot for a memory card.\npub const CARD: bool = {has_card};\n\
          /// Port and number of the pin that is low while a card is in it.\n\
          pub const CARD_DETECT: Option<(u8, u8)> = {card_detect:?};\n\
@@ -83,8 +83,8 @@ pub fn rust(board: &Board) -> String {
          /// Frequency of the fast bus, Hz.\npub const APB2_HZ: u32 = {};\n\
          /// RCC_PLLCFGR with the crystal, and with the internal oscillator.\n\
          #[used]\n#[unsafe(no_mangle)]\npub static FERROSTEP_PLL: [u32; 2] = {plls:#x?};\n\
-         /// How RCC_CFGR codes the slow bus's divider.\npub const APB1_CODE: u8 = {apb1_code};\n\
-         /// How RCC_CFGR codes the fast bus's divider.\npub const APB2_CODE: u8 = {apb2_code};\n\
+         /// RCC_CFGR's code of the slow bus's divider.\npub const APB1_CODE: u8 = {apb1_code};\n\
+         /// RCC_CFGR's code of the fast bus's divider.\npub const APB2_CODE: u8 = {apb2_code};\n\
          /// Wait states of the flash at that frequency.\npub const FLASH_WAIT_STATES: u8 = {flash_wait_states};\n\
          /// Number of ports that carry step and direction signals.\npub const MOTOR_PORTS: usize = {};\n\
          /// Those ports: 0 is A.\npub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = {ports:?};\n\
@@ -163,7 +163,7 @@ fn thermal(board: &Board) -> String {
     };
     format!(
         "/// Number of thermistors.\npub const THERMISTORS: usize = {};\n\
-         /// What heats, cools and measures; `None` where nothing does.\n\
+         /// Pins of heaters, fans and thermistors; `None` on a board without them.\n\
          pub const THERMAL: Option<ThermalPins> = {pins};\n",
         channels.len()
     )

@@ -90,7 +90,7 @@ impl<M: AsRef<[u8]> + AsMut<[u8]>> VirtualCard<M> {
     }
 }
 
-/// Where a block is in the image.
+/// Range of a block's bytes in the image.
 fn range(block: BlockIdx, index: usize) -> Result<Range<usize>, CardError> {
     let start = usize::try_from(block.into_bytes()).ok().and_then(|start| start.checked_add(index * Block::LEN));
     let start = start.ok_or(CardError::Damaged)?;

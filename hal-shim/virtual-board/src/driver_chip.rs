@@ -54,7 +54,7 @@ impl DriverChip {
         self.status = GlobalStatus { reset: true, ..GlobalStatus::default() };
     }
 
-    /// Whether it neither receives nor replies, as without supply.
+    /// Makes the chip neither receive nor reply, as without supply.
     pub fn set_silent(&mut self, is_silent: bool) {
         self.is_silent = is_silent;
     }

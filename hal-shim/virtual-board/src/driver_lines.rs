@@ -4,7 +4,7 @@ use ferrostep_tmc2209::{DriverWiring, LineBusy, MOTORS, SingleWireUart};
 
 use super::DriverChip;
 
-/// How the virtual board's drivers are connected: all on one line, the addresses of the Prusa MINI's board, and the
+/// Connections of the virtual board's drivers: all on one line, the addresses of the Prusa MINI's board, and the
 /// sense resistors of the usual modules, 0.11 ohm.
 pub const VIRTUAL_WIRING: [DriverWiring; MOTORS] = [
     DriverWiring { line: 0, address: 1, sense_milliohm: 110 },
@@ -67,7 +67,7 @@ impl VirtualDriverLines {
         self.chips.get_mut(motor).and_then(Option::as_mut).map(|(_, chip)| chip)
     }
 
-    /// How many bytes in a thousand are garbled, on their way to a chip or back; `seed` chooses which.
+    /// Sets the number of bytes in a thousand that are garbled on their way to a chip or back; `seed` chooses which.
     pub fn set_noise(&mut self, garbled_per_mille: u32, seed: u32) {
         self.garbled_per_mille = garbled_per_mille;
         self.noise = seed | 1;

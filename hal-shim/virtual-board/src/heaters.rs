@@ -164,7 +164,7 @@ impl VirtualHeaters {
         self.heater(heater).map_or(AMBIENT_CELSIUS, |heater| heater.thermistor_celsius)
     }
 
-    /// What a heater heats takes heat from elsewhere, W, for `seconds`; filament that it melts takes some away.
+    /// Adds heat from elsewhere to a heated body, W, for `seconds`; negative for heat that melting filament takes.
     pub fn warm(&mut self, heater: Heater, watts: f32, seconds: f32) {
         if let Some(heater) = self.heater_mut(heater) {
             heater.model.warm(watts, seconds);
@@ -181,7 +181,7 @@ impl VirtualHeaters {
         self.stuck_fans[fan.index()] = is_stuck;
     }
 
-    /// Whether the power supply is on: without it no heater heats, even one whose transistor has failed closed, and no fan turns.
+    /// True if the power supply is on: without it no heater heats, even one whose transistor has failed closed, and no fan turns.
     pub const fn has_supply(&self) -> bool {
         self.has_supply
     }

@@ -6,7 +6,7 @@
 
 use super::VirtualProbe;
 
-/// How far a motor has to be held back until its driver says that it stalls, units of 10 nm: 0.06 mm, as
+/// Distance that a motor must be held back until its driver reports a stall, units of 10 nm: 0.06 mm, as
 /// [`super::StallSignal`] has it for the Prusa MINI.
 pub const STALL_LAG_10NM: i64 = 6_000;
 
@@ -22,7 +22,7 @@ pub enum SensorPlace {
     Frame,
 }
 
-/// How a sensor may fail.
+/// Faults of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorFault {
     /// It works.
@@ -42,7 +42,7 @@ pub enum SensorFault {
 /// An axis's sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VirtualSensor {
-    /// Where it is.
+    /// Place of the sensor.
     pub place: SensorPlace,
     /// At the upper end of the axis, else at the lower.
     pub at_max: bool,
@@ -60,9 +60,9 @@ pub struct Mechanics {
     /// Z's sensor is this probe.
     probe: Option<VirtualProbe>,
     true_10nm: [i64; 3],
-    /// How far each motor pushes against an end of the frame now, with its sign.
+    /// Distance that each motor pushes against an end of the frame now, with its sign.
     push_10nm: [i64; 3],
-    /// How far it ever has: against the lower and the upper end.
+    /// Greatest distance so far, against the lower and the upper end.
     beyond_10nm: [[i64; 2]; 3],
     random: u64,
 }
@@ -80,12 +80,12 @@ impl Mechanics {
         Self { frame_10nm, sensors, probe, true_10nm, push_10nm: [0; 3], beyond_10nm: [[0; 2]; 3], random }
     }
 
-    /// Where the nozzle truly is, units of 10 nm.
+    /// True position of the nozzle, units of 10 nm.
     pub fn true_position_10nm(&self) -> [i64; 3] {
         self.true_10nm
     }
 
-    /// How far the motors have pushed against the lower and the upper end of each axis, units of 10 nm.
+    /// Greatest distances that the motors have pushed against the lower and the upper end of each axis, units of 10 nm.
     pub fn pushed_10nm(&self) -> [[i64; 2]; 3] {
         self.beyond_10nm
     }
@@ -136,7 +136,7 @@ impl Mechanics {
         (moved, triggered)
     }
 
-    /// Whether the input of an axis says that its sensor is triggered, at standstill.
+    /// True if an axis's input reads as triggered, at standstill.
     pub fn is_triggered(&self, axis: usize) -> bool {
         let Some(sensor) = self.sensors.get(axis) else { return false };
         match sensor.fault {
@@ -147,7 +147,7 @@ impl Mechanics {
         }
     }
 
-    /// Whether the axis truly is at its sensor.
+    /// True if the axis really is at its sensor.
     fn has_met(&self, axis: usize, sensor: &VirtualSensor) -> bool {
         // Only a motor in motion can stall.
         let SensorPlace::At(at) = sensor.place else { return false };
@@ -155,12 +155,12 @@ impl Mechanics {
         self.is_in_sight(axis) && if sensor.at_max { place >= at } else { place <= at }
     }
 
-    /// Whether a probe, if it is one, is above the sheet.
+    /// True if the axis's sensor is not a probe, or the probe is above the sheet.
     fn is_in_sight(&self, axis: usize) -> bool {
         axis != 2 || self.probe.is_none_or(|probe| probe.is_above_sheet(self.true_10nm))
     }
 
-    /// How far the motors have to move in a direction until the input triggers; `None`: it never does.
+    /// Distance that the motors must move in a direction until the input triggers; `None` if it never does.
     fn way_to_sensor(&mut self, axis: usize, direction: i64) -> Option<i64> {
         let sensor = *self.sensors.get(axis)?;
         if self.is_triggered(axis) {
@@ -262,7 +262,7 @@ mod tests {
     }
 
     impl Mechanics {
-        /// Where a seek from here would end.
+        /// End of a seek that would begin here.
         fn clone_and_step(&mut self, axis: usize) -> i64 {
             self.chance(2);
             self.clone().seek(axis, -99 * MM).0

@@ -7,7 +7,7 @@ use super::{EndStopFailure, StallSignal, VirtualProbe};
 use crate::pin::VirtualPin;
 use ferrostep_hal_shim::Approach;
 
-/// Where the tool head truly stands when a virtual machine is switched on, units of 10 nm from its origin.
+/// True position of the tool head when a virtual machine is switched on, units of 10 nm from its origin.
 pub const START_10NM: [i64; 3] = [6_000_000, 5_000_000, 1_200_000];
 
 /// The sensor an axis homes with.
@@ -15,7 +15,7 @@ pub const START_10NM: [i64; 3] = [6_000_000, 5_000_000, 1_200_000];
 pub struct VirtualEndStop {
     /// Machine coordinate at which it triggers, or of the frame's end, units of 10 nm.
     pub position_10nm: i64,
-    /// Whether it triggers at and above that coordinate (else at and below).
+    /// True if it triggers at and above that coordinate, false for at and below.
     pub at_max: bool,
 }
 
@@ -27,7 +27,7 @@ pub struct VirtualMotors {
     geometry: Geometry,
     end_stops: [VirtualEndStop; 3],
     failures: [Option<EndStopFailure>; 3],
-    /// How far motors have pushed against the frame behind an end stop that did not trigger.
+    /// Distance that motors have pushed against the frame, past an end stop that did not trigger.
     pushed_10nm: [i64; 3],
     /// Motor positions, in steps from the machine's true origin, when the ledger's were zero.
     start_steps: [i64; 3],
@@ -37,12 +37,12 @@ pub struct VirtualMotors {
     probe: Option<VirtualProbe>,
     /// The probe triggers by this pin, where it would without.
     pin: Option<VirtualPin>,
-    /// How far above the sheet the present approach of the probe ends, and the state of its random numbers.
+    /// Height above the sheet at which the probe's present approach ends, and the state of its random numbers.
     scattered_10nm: i64,
     random: u64,
-    /// When the driver of the axis that homes by a stall says that its motor stalls; `None`: never.
+    /// Stall signal of the driver of the axis that homes by a stall; `None` if it never comes.
     stall_signal: Option<StallSignal>,
-    /// When that motor made its last step.
+    /// Tick of that motor's last step.
     last_step_tick: u64,
 }
 
@@ -96,7 +96,7 @@ impl VirtualMotors {
         }
     }
 
-    /// What a failed sensor says whatever happens; `None`: what a working one would say.
+    /// Reading of a failed sensor that does not depend on the position; `None` if it reads as a working one.
     fn said_by_failure(&self, axis: usize) -> Option<bool> {
         match self.failures.get(axis).copied().flatten()? {
             EndStopFailure::NeverTriggers => Some(false),
@@ -110,12 +110,12 @@ impl VirtualMotors {
         self.stall_signal = signal;
     }
 
-    /// Whether an axis has no switch.
+    /// True if an axis has no switch.
     pub fn is_framed(&self, axis: usize) -> bool {
         self.framed >> axis & 1 == 1
     }
 
-    /// Where the tool head truly is, units of 10 nm.
+    /// True position of the tool head, units of 10 nm.
     pub fn true_position_10nm(&self) -> [i64; 3] {
         let mut position = self.driven_to_10nm();
         for (axis, (position, stop)) in position.iter_mut().zip(&self.end_stops).enumerate() {
@@ -127,7 +127,7 @@ impl VirtualMotors {
         position
     }
 
-    /// Where the sensor of an axis triggers, units of 10 nm.
+    /// Position at which an axis's sensor triggers, units of 10 nm.
     fn trigger_10nm(&self, axis: usize, position_10nm: [i64; 3]) -> Option<i64> {
         let stop_10nm = self.end_stops.get(axis)?.position_10nm;
         match &self.probe {
@@ -146,7 +146,7 @@ impl VirtualMotors {
         self.scattered_10nm = ((self.random >> 11) % range).cast_signed() - most;
     }
 
-    /// Where the motors would have it, units of 10 nm.
+    /// Position to which the motors have driven the tool head, units of 10 nm, as if nothing stopped it.
     fn driven_to_10nm(&self) -> [i64; 3] {
         let mut motors = self.start_steps;
         for (motor, steps) in motors.iter_mut().zip(self.ledger.motor_steps()) {
@@ -155,7 +155,7 @@ impl VirtualMotors {
         self.geometry.position_10nm(motors)
     }
 
-    /// Whether the driver of a framed axis says that its motor stalls, after an event. A motor that lags too far behind
+    /// True if the driver of a framed axis reports a stall after an event. A motor that lags too far behind
     /// falls back.
     fn stalls(&mut self, axis: usize, steps_before: [i64; 4]) -> bool {
         let (Some(before), Some(now)) = (steps_before.get(axis), self.ledger.motor_steps().get(axis).copied()) else {
@@ -198,7 +198,7 @@ impl VirtualMotors {
         approach
     }
 
-    /// How far motors have pushed against the frame, which stands where an end stop that does not trigger should have, units of 10 nm.
+    /// Distance that motors have pushed against the frame, which begins where an end stop that does not trigger should be, units of 10 nm.
     pub fn pushed_10nm(&self) -> [i64; 3] {
         self.pushed_10nm
     }
@@ -272,7 +272,7 @@ impl VirtualMotors {
         Approach { added: Some(entry), triggered: false }
     }
 
-    /// Whether the sensor that homes X (0), Y (1) or Z (2) is triggered.
+    /// True if the sensor that homes X (0), Y (1) or Z (2) is triggered.
     pub fn is_triggered(&self, axis: usize) -> bool {
         if let Some(said) = self.said_by_failure(axis) {
             return said;

@@ -6,7 +6,7 @@ use super::EndStopFailure;
 /// Half of the smallest distance between two widths, microseconds: any other width is ignored.
 const TOLERANCE_US: u16 = 100;
 
-/// Where the pin is, and what the signal says. It begins as it is switched on: in.
+/// State of the pin and of its signal. It begins as the probe is switched on: pin in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct VirtualPin {
     is_out: bool,
@@ -40,7 +40,7 @@ impl VirtualPin {
         }
     }
 
-    /// Whether its signal is high, where a pin that is out would touch the sheet.
+    /// True if its signal is high; `touches` says that a pin that is out would touch the sheet.
     pub(crate) const fn is_triggered(self, touches: bool) -> bool {
         self.in_alarm || if self.in_touch_mode { !self.is_out || touches } else { self.is_out && touches }
     }

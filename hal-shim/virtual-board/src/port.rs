@@ -31,7 +31,7 @@ impl<'a> VirtualPort<'a> {
         }
     }
 
-    /// Which pins the motors hang on.
+    /// Pins of the motors.
     pub const fn pins() -> PinMap<1> {
         let mut motors = [MotorPins { step: Pin { port: 0, number: 0 }, direction: Pin { port: 0, number: 4 } }; 4];
         let mut motor = 1;
@@ -48,7 +48,7 @@ impl<'a> VirtualPort<'a> {
         }
     }
 
-    /// Where the motors stand.
+    /// Positions of the motors, steps.
     pub fn motor_steps(&self) -> [i64; 4] {
         self.motor_steps.get()
     }

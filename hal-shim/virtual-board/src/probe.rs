@@ -3,13 +3,13 @@
 /// The sheet's shape, and how well a probe finds it. Lengths in units of 10 nm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SheetShape {
-    /// By how much it rises from its lower to its upper end along X and along Y.
+    /// Rise from the lower to the upper end along X and along Y.
     pub tilt_10nm: [i64; 2],
-    /// How much higher all of it is.
+    /// Height that is added everywhere.
     pub height_10nm: i64,
-    /// By how much the corners at the lower ends of X and Y and at both upper ends are higher, and the two others lower.
+    /// Rise of the corners at the lower ends of X and Y and at both upper ends, and fall of the two others.
     pub twist_10nm: i64,
-    /// By how much its middle is higher than the corners of its outline.
+    /// Rise of the middle above the corners of the outline.
     pub bend_10nm: i64,
     /// Each approach ends within this distance of the sheet, evenly distributed.
     pub scatter_10nm: i64,
@@ -33,7 +33,7 @@ impl SheetShape {
     }
 }
 
-/// How much of a sheet lies beyond each end of the bed, units of 10 nm: sheets are cut some tenths larger than the part that is
+/// Width of the sheet beyond each end of the bed, units of 10 nm: sheets are cut some tenths larger than the part that is
 /// printed on, and homing by stall finds its place to some hundredths.
 const SHEET_EDGE_10NM: i64 = 50_000;
 
@@ -50,19 +50,19 @@ pub struct VirtualProbe {
 }
 
 impl VirtualProbe {
-    /// Where it is when the nozzle is here.
+    /// Place of the probe when the nozzle is here.
     fn place_10nm(&self, [x, y, _]: [i64; 3]) -> [i64; 2] {
         let [offset_x, offset_y] = self.offset_10nm;
         [x + offset_x, y + offset_y]
     }
 
-    /// Whether it is above the sheet when the nozzle is here.
+    /// True if the probe is above the sheet when the nozzle is here.
     pub fn is_above_sheet(&self, nozzle_10nm: [i64; 3]) -> bool {
         let places = self.place_10nm(nozzle_10nm).into_iter().zip(self.sheet_10nm);
         places.into_iter().all(|(place, [from, to])| (from - SHEET_EDGE_10NM..=to + SHEET_EDGE_10NM).contains(&place))
     }
 
-    /// How high the sheet is below it when the nozzle is here.
+    /// Height of the sheet below the probe when the nozzle is here.
     pub fn sheet_height_10nm(&self, nozzle_10nm: [i64; 3]) -> i64 {
         self.shape.height_10nm(self.place_10nm(nozzle_10nm), self.sheet_10nm)
     }

@@ -1,4 +1,4 @@
-//! When a TMC2209 says that its motor stalls: the virtual board's model of StallGuard4 (data sheet, section 11).
+//! Stall reports of a TMC2209: the virtual board's model of StallGuard4 (data sheet, section 11).
 //!
 //! A motor that is held back lags behind its steps, and the chip's measure of the load, SG_RESULT, falls from that of
 //! free motion to 0 at a full step. The signal comes when it is down to twice SGTHRS, in stealthChop, and only where the
@@ -45,7 +45,7 @@ impl StallSignal {
         })
     }
 
-    /// Whether it is there when the motor lags by `lag_steps` and its last step has taken `interval_ticks`.
+    /// True if the signal is there when the motor lags by `lag_steps` and its last step has taken `interval_ticks`.
     pub fn is_there(&self, lag_steps: i64, interval_ticks: u64) -> bool {
         let microsteps = self.microsteps.cast_unsigned();
         let clocks = interval_ticks.saturating_mul(u64::from(CLOCK_HZ) * microsteps)
@@ -57,7 +57,7 @@ impl StallSignal {
         FREE_LOAD - FREE_LOAD * held / self.microsteps <= self.load
     }
 
-    /// By how many steps a rotor falls back that lags by `lag_steps`.
+    /// Steps by which a rotor falls back that lags by `lag_steps`.
     pub fn falls_back(&self, lag_steps: i64) -> i64 {
         if lag_steps < self.microsteps * HOLDING_STEPS { 0 } else { self.microsteps * PERIOD_STEPS }
     }

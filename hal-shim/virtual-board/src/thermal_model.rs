@@ -3,7 +3,7 @@
 /// Parts that the dead time is divided into.
 const DELAY_PARTS: usize = 32;
 
-/// What a heater heats: one lump of heat capacity that loses heat to the air.
+/// Thermal mass of a heater: one lump of heat capacity that loses heat to the air.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatedMass {
     /// Heater power at full, W.
@@ -57,7 +57,7 @@ impl HeatedMass {
 struct Delay {
     powers: [f32; DELAY_PARTS],
     oldest: usize,
-    /// Of the newest part: how long it has lasted, s, and the power times that.
+    /// Duration of the newest part, s, and its power times that.
     seconds: f32,
     power_seconds: f32,
 }

@@ -26,7 +26,7 @@ struct Since {
 }
 
 impl Since {
-    /// True if the play is taken up by now, and the axis moves along: one that turned before it was in its place stays
+    /// True if the play is taken up by now, and the axis moves along: one that turned before it was there stays
     /// where it was until its motor has moved on by the play.
     fn is_far(&self, play: i64, backlash: &Backlash) -> bool {
         // The last step may be late by some events: where two of them are near each other, none fits between.
@@ -46,7 +46,7 @@ pub struct Axes {
     tick: u64,
     /// Expected offset of an axis from its plan: it begins at the side to which its motor moves first.
     offsets: [Option<i64>; 3],
-    /// Events at which an axis had to be in its place.
+    /// Events at which an axis had to be at its place.
     pub looked_at: usize,
     /// The most that an axis was off in these.
     pub most: i64,

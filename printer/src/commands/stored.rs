@@ -437,7 +437,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Some(stored)
     }
 
-    /// Puts a stored value in its place, if there is one and it is within its range.
+    /// Applies a stored value that is known and within its range.
     fn take_entry(&self, entry: Entry, stored: &mut Stored<PartsOf<P>>) {
         let index = usize::from(entry.index);
         if entry.id == STATISTICS {

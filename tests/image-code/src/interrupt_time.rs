@@ -43,7 +43,7 @@ const PORT_STORE_CYCLES: u32 = 2;
 /// TIM2's number (RM0090, table 61): the step interrupt.
 pub const STEP_TIMER: u32 = 28;
 
-/// The handler in its place while M798 measures, which calls it.
+/// The handler that replaces it while M798 measures, and calls it.
 pub const MEASURED: &str = "step_interrupt_measured";
 
 /// Offset of a timer's status register, which the handler clears first.

@@ -63,7 +63,7 @@ use usb::Otg;
 /// Clock of all instances after a reset: the internal oscillator's (RM0090 6.2.2, 6.3.3).
 const RESET_HZ: u64 = rcc::HSI_HZ;
 
-/// What keeps the core from running.
+/// State of the core: running, or held by something.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Halt {
     /// The core runs.
@@ -242,7 +242,7 @@ impl Stm32f4 {
         self.entry = Entry::new(delay_ns);
     }
 
-    /// Whether the core is entering a handler, during which it executes no instruction.
+    /// True if the core is entering a handler, during which it executes no instruction.
     #[must_use]
     pub fn is_entering(&self) -> bool {
         self.entry.is_entering()
@@ -254,7 +254,7 @@ impl Stm32f4 {
         Mcu::reset(self, VirtualNanos(0), ResetCause::PowerOn);
     }
 
-    /// Whether clock enables take effect late.
+    /// True if clock enables take effect late.
     #[must_use]
     pub const fn clocks_start_late(&self) -> bool {
         self.late_clocks.is_on()

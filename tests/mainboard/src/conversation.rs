@@ -27,7 +27,7 @@ pub enum Via {
 /// A line from the board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BoardLine {
-    /// When its last byte arrived, ns.
+    /// Arrival of its last byte, ns.
     pub at_ns: u64,
     /// The text, without the line's end.
     pub text: String,

@@ -34,7 +34,7 @@ const EVENT_WINDOW_NS: u64 = 400;
 pub const HOST_PORT: &str = "USART1";
 /// The serial line that drivers share on some boards.
 const DRIVER_PORT: &str = "USART2";
-/// How long the computer waits before it polls the printer again after a NAK, ns: longer than on a real bus, which
+/// Time that the computer waits before it polls the printer again after a NAK, ns: longer than on a real bus, which
 /// would interrupt the run every 50 us without any data.
 const NAK_RETRY_NS: u64 = 250_000;
 /// Falling thresholds of the brown-out reset by its level in the option bytes, mV: DS8626 table 22 (typical). Level 3
@@ -296,7 +296,7 @@ impl Machine {
         self.resets_seen
     }
 
-    /// Whether the chip has its supply.
+    /// True if the chip has its supply.
     #[must_use]
     pub const fn powered(&self) -> bool {
         self.powered

@@ -74,7 +74,7 @@ pub struct WiredHeater {
     pub heater: Heater,
     /// The share of the supply's power that it gets now, 0 to 1.
     pub power: f64,
-    /// When it last got power, ns.
+    /// The instant at which it last had power, ns.
     pub last_on_ns: Option<u64>,
 }
 
@@ -116,7 +116,7 @@ const SLOW_NS: u64 = 500_000;
 /// Time constant with which filament takes the heat on its way through the nozzle, s.
 const MELTING_S: f64 = 0.5;
 
-/// How fast filament is melted.
+/// Filament on its way through the nozzle, for the heat that melting takes.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Filament {
     pushed_mm: f64,
@@ -158,11 +158,11 @@ pub struct Plant {
     pub accelerometer: Option<WiredAccelerometer>,
     /// The EEPROM, on a board that has one.
     pub eeprom: Option<WiredEeprom>,
-    /// The probe with a pin, in the place of the one that detects the sheet.
+    /// The probe with a pin, instead of the one that detects the sheet.
     pub bltouch: Option<BlTouch>,
     /// The sensor that sees filament move, on a printer that has one.
     pub filament_encoder: Option<FilamentEncoder>,
-    /// Whether there is filament at the switch beside it.
+    /// There is filament at the switch beside it.
     pub is_filament_at_switch: bool,
     /// A module says that the supply fails, and feeds the board.
     pub supply_fails: bool,
@@ -181,12 +181,12 @@ pub struct Plant {
     ambient_celsius: f64,
     slow_ns: u64,
     lines_changed: bool,
-    /// A part that has answered an output at once: the chip may look before time goes on.
+    /// A part that has answered an output at once: the chip may look before time continues.
     answered: Option<Source>,
 }
 
 impl Plant {
-    /// Whether a part is connected to this output pin.
+    /// True if a part is connected to this output pin.
     #[must_use]
     pub fn listens_to(&self, pin: Pin) -> bool {
         self.roles.contains_key(&pin)
@@ -321,7 +321,7 @@ impl Plant {
         }
     }
 
-    /// Whether the chip switches any heater on, with or without supply.
+    /// True if the chip switches any heater on, with or without supply.
     #[must_use]
     pub fn any_heater_on(&self) -> bool {
         self.heaters.iter().any(|heater| heater.power > 0.0)

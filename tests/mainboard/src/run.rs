@@ -14,7 +14,7 @@ use crate::machine::Machine;
 /// Length of a slice, ns: everything outside the chip advances once a slice, and at its own events in between.
 pub const SLICE_NS: u64 = 500_000;
 
-/// What the run does after an operator's turn.
+/// Decision of an operator about the run after its turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turn {
     /// Continue.
@@ -35,7 +35,7 @@ pub trait Operator: Send + 'static {
         None
     }
 
-    /// Whether to take a snapshot at the end of this turn; called once after each.
+    /// True to take a snapshot at the end of this turn; called once after each.
     fn wants_snapshot(&mut self) -> bool {
         false
     }

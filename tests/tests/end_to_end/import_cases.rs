@@ -291,7 +291,7 @@ fn what_cannot_be_kept_takes_no_identity_with_it() {
     assert!(row.kept.is_none() && row.why.starts_with("no probe is defined"), "{row:#?}");
 }
 
-/// Marlin's numbers of sensors, at temperatures of its own tables: the reading there is a degree off at most, within
+/// Marlin's numbers of sensors, at temperatures of Marlin's tables: the reading there is a degree off at most, within
 /// the range that a hot end or a bed uses.
 #[test]
 fn marlins_sensors_read_as_its_tables_do() {

@@ -11,7 +11,7 @@ pub(super) struct Code<'a> {
     pub(super) number: u32,
     /// True if `.` and a subcode follow.
     pub(super) has_subcode: bool,
-    /// The subcode, 0 if there is none.
+    /// The subcode, 0 without one.
     pub(super) subcode: u32,
     /// The whole line, trimmed.
     pub(super) text: &'a str,

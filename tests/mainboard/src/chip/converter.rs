@@ -38,7 +38,7 @@ const PINS: usize = 16;
 const SAMPLING_CYCLES: [u64; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
 /// Bits of a word by RES, which are also the cycles after sampling, 13.7 and 13.13.2.
 const BITS: [u32; 4] = [12, 10, 8, 6];
-/// Fields of CR1 and CR2 with which a scan without end needs nobody but DMA, and those with which it does.
+/// Fields of CR1 and CR2 with which a scan without end needs only DMA, and those with which it needs more.
 const ENDLESS: [&FieldSpec; 4] = [cr2::ADON, cr2::CONT, cr2::DMA, cr2::DDS];
 const NOT_IN_LOTS_1: [&FieldSpec; 8] =
     [cr1::EOCIE, cr1::AWDIE, cr1::JEOCIE, cr1::OVRIE, cr1::JAUTO, cr1::DISCEN, cr1::AWDEN, cr1::JAWDEN];
@@ -52,7 +52,7 @@ pub struct Converter {
     inputs: [u32; PINS],
     reference_mv: u32,
     scan: Option<Scan>,
-    /// Whether the last conversion of rigless's model was the last of a sequence.
+    /// The last conversion of rigless's model was the last of a sequence.
     ended_sequence: bool,
 }
 

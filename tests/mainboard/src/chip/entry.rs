@@ -66,7 +66,7 @@ impl Entry {
         Self { delay_ns, waiting: Vec::new() }
     }
 
-    /// Whether a handler is being entered.
+    /// True if a handler is being entered.
     #[must_use]
     pub const fn is_entering(&self) -> bool {
         !self.waiting.is_empty()

@@ -42,7 +42,7 @@ impl Stm32f4 {
         self.iwdg.on_clock(hz, registers, &mut context);
     }
 
-    /// What keeps the core from running.
+    /// State of the core: running, or held by something.
     #[must_use]
     pub const fn halted(&self) -> Halt {
         self.halt
@@ -62,7 +62,7 @@ mod tests {
     const KR: u64 = 0x4000_3000;
     const APB1_FZ: u64 = 0xE004_2008;
 
-    /// Whether the watchdog, started at 0 with its time-out after reset (512 ms), resets a core halted at 0.1 s within
+    /// True if the watchdog, started at 0 with its time-out after reset (512 ms), resets a core halted at 0.1 s within
     /// 10 s.
     fn resets(halt: Halt, freeze: u64) -> bool {
         let mut chip = Stm32f4::new(Model::F407).unwrap();

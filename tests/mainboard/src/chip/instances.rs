@@ -116,7 +116,7 @@ impl Instance {
         }
     }
 
-    /// Whether the instance has a clock enable and a reset bit. Exceptions are the clock tree itself, instances of the
+    /// True if the instance has a clock enable and a reset bit. Exceptions are the clock tree itself, instances of the
     /// core, and those without a bus clock (RM0090 2.1.11, 6.2.9, 26.3.5).
     const fn is_gated(self) -> bool {
         // The converters' common block answers while any converter has a clock.

@@ -76,7 +76,7 @@ impl Layout for Copy {
 /// The enables that are still waiting.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct LateClocks {
-    /// Whether the option is on.
+    /// The option is on.
     is_on: bool,
     /// The instant at which bits open.
     waiting: Vec<(VirtualNanos, Copy, u64)>,
@@ -88,7 +88,7 @@ impl LateClocks {
         self.is_on = true;
     }
 
-    /// Whether the option is on.
+    /// True if the option is on.
     pub(super) const fn is_on(&self) -> bool {
         self.is_on
     }

@@ -62,7 +62,7 @@ const NO_INDEX: u64 = 0x3F;
 /// The flags that `ICR` clears (31.9.12).
 const CLEARABLE: u64 = 0x00C0_07FF;
 
-/// How a command ends.
+/// End of a command.
 #[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 enum Ending {
     Sent,

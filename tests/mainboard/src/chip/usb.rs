@@ -29,7 +29,7 @@
 //! | `SNAK`, `CNAK`, `NAKSTS`, `INEPNE` | NAK of one endpoint | 34.16.4 | `nak_of_an_endpoint` |
 //! | `STALL` | Before NAK; cleared by a SETUP on endpoint 0 and by the driver elsewhere | 34.16.4 | `a_stall_is_answered_before_nak`, `a_setup_clears_the_stall_of_endpoint_0` |
 //! | `EPDIS`, `EPDISD` | Ends an enabled endpoint | 34.16.4 | `an_endpoint_is_disabled` |
-//! | `TXFE`, `DIEPEMPMSK`, `TXFELVL`, `DTXFSTS` | Half or fully empty, with a mask of its own | 34.16.4 | `an_empty_fifo_interrupts_through_its_own_mask` |
+//! | `TXFE`, `DIEPEMPMSK`, `TXFELVL`, `DTXFSTS` | Half or fully empty, with its own mask | 34.16.4 | `an_empty_fifo_interrupts_through_its_own_mask` |
 //! | `ITTXFE`, `OTEPDIS`, `TOC` | IN token with an empty FIFO, OUT token at a disabled endpoint 0, missing acknowledgement | 34.16.4 | `tokens_without_a_transfer_are_flagged`, `an_unacknowledged_packet_is_sent_again` |
 //! | `DAINT`, `DAINTMSK`, `DIEPMSK`, `DOEPMSK` | The endpoints and flags that raise an interrupt | 34.16.4 | `the_masks_of_the_endpoints` |
 //! | Global NAKs | `SGINAK`, `CGINAK` at once; `SGONAK` through the FIFO, effective on the bus at once | 34.17.6 | `the_global_naks` |
@@ -142,7 +142,7 @@ pub struct Otg {
     address: u8,
     /// A control transfer whose status stage is still to come.
     control_open: bool,
-    /// Whether the session was valid at the last check.
+    /// The session was valid at the last check.
     session: bool,
     reset_seen: Option<EventId>,
     enumerated: Option<EventId>,
@@ -188,7 +188,7 @@ impl Otg {
         }
     }
 
-    /// Gives the core a clock of its own, for a bus without a clock tree. `clock_hz` should be 48 MHz.
+    /// Gives the core its own clock, for a bus without a clock tree. `clock_hz` should be 48 MHz.
     #[must_use]
     pub fn with_clock(self, clock_hz: u64) -> Self {
         Self { clock_hz, built_clock_hz: clock_hz, ..self }
@@ -204,7 +204,7 @@ impl Otg {
         }
     }
 
-    /// Whether this register belongs to an endpoint that the core lacks.
+    /// True if this register belongs to an endpoint that the core lacks.
     fn absent(&self, register: Register) -> bool {
         let number = match register {
             Register::Dieptxf(number)

@@ -28,7 +28,7 @@ pub struct Print {
     /// The desk's trace of the same file (`ferrostep print --trace`), to compare with the pins.
     #[arg(long, value_name = "TRACE")]
     desk_trace: Option<PathBuf>,
-    /// Let the firmware measure its step interrupt and its planning in cycles of its own counter (M798).
+    /// Let the firmware measure its step interrupt and its planning in cycles of the chip's counter (M798).
     #[arg(long)]
     measure: bool,
     /// Stop the job after this much virtual time, s.
@@ -105,7 +105,7 @@ pub struct Outcome {
     pub pin_order_digest: String,
     /// The same digest of the desk's trace.
     pub desk_order_digest: Option<String>,
-    /// Whether every step of the desk appeared on the pins, in its order, and none later than the bound.
+    /// True if every step of the desk appeared on the pins, in its order, and none later than the bound; `None` without a trace.
     pub agrees: Option<bool>,
     /// The first difference, or the latest step, in words.
     pub difference: Option<String>,
@@ -125,7 +125,7 @@ pub struct Outcome {
     pub driver_timing_violations: u64,
     /// Motors whose steps moved nothing, and their slipped full steps.
     pub lost_steps: Vec<String>,
-    /// How deep the nozzle went into the bed beyond the sheet's give, mm.
+    /// Greatest depth of the nozzle in the bed beyond the sheet's give, mm.
     pub crash_mm: Option<f64>,
     /// The deepest use of the stack, bytes.
     pub stack_bytes: Option<u64>,
@@ -273,7 +273,7 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
 }
 
 impl Outcome {
-    /// Whether the job finished, agrees with the trace, and had no reset and no crash.
+    /// True if the job finished, agrees with the trace, and had no reset and no crash.
     fn is_well(&self) -> bool {
         self.stopped.is_none() && self.agrees != Some(false) && self.resets.is_empty() && self.crash_mm.is_none()
     }

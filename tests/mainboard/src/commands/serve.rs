@@ -45,7 +45,7 @@ pub struct Serve {
 struct Damage {
     fault: LineFault,
     share: f64,
-    /// When it begins, ns of the machine's time.
+    /// Start of the fault, ns of the machine's time.
     from_ns: u64,
 }
 

@@ -130,7 +130,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Whether the order is the same throughout, and no event is later than the bound.
+    /// True if the order is the same throughout, and no event is later than the bound.
     #[must_use]
     pub fn agrees(&self) -> bool {
         self.difference.is_none() && self.too_late == 0

@@ -107,7 +107,7 @@ impl HostSide {
         &self.heard
     }
 
-    /// Whether all lines are sent and acknowledged, except polls.
+    /// True if all lines are sent and acknowledged, except polls.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.stream.finished()
@@ -119,7 +119,7 @@ impl HostSide {
         now_ns.saturating_sub(self.last_heard_ns)
     }
 
-    /// Whether the host still sends.
+    /// True if the host still sends.
     #[must_use]
     pub fn is_there(&self) -> bool {
         !self.gone
@@ -147,7 +147,7 @@ impl HostSide {
         })
     }
 
-    /// Whether the host has read since this instant that a command was not executed as sent.
+    /// True if the host has read since this instant that a command was not executed as sent.
     #[must_use]
     pub fn read_a_warning(&self, since_ns: u64) -> bool {
         let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);

@@ -52,7 +52,7 @@ pub struct Injection {
     pub fault: Fault,
     /// The instant, ns of the run.
     pub at_ns: u64,
-    /// What exactly was done; empty before.
+    /// Description of what was done; empty before the fault.
     pub detail: String,
     /// The machine has no such part, so the fault did not happen.
     pub without: bool,
@@ -82,7 +82,7 @@ impl Injection {
         }
     }
 
-    /// Whether the fault has happened.
+    /// True if the fault has happened.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.done

@@ -64,13 +64,13 @@ impl State {
         }
     }
 
-    /// Whether heaters have targets in this state.
+    /// True if heaters have targets in this state.
     #[must_use]
     pub const fn is_hot(self) -> bool {
         matches!(self, Self::Heating | Self::Homing | Self::Waiting | Self::Printing)
     }
 
-    /// Whether the printer knows its position.
+    /// True if the printer knows its position.
     #[must_use]
     pub const fn is_homed(self) -> bool {
         matches!(self, Self::Waiting | Self::Printing)
@@ -124,14 +124,14 @@ pub fn moves(job: &str) -> Vec<String> {
     lines
 }
 
-/// When the next snapshot is due.
+/// Condition of the next snapshot.
 #[derive(Debug, Clone, Copy)]
 enum Due {
     /// At this instant of the run.
     At(u64),
     /// This many ns after the host has sent the line that begins with this text.
     After(&'static str, u64),
-    /// When the nozzle's true temperature reaches this, degrees Celsius.
+    /// The nozzle's true temperature reaches this, degrees Celsius.
     NozzleAt(f64),
 }
 

@@ -43,7 +43,7 @@ pub struct Outcome {
     pub without: bool,
     /// Time from the fault until heaters had power for the last time, ms; `None` if they still have power at the end.
     pub heaters_off_ms: Option<f64>,
-    /// Whether heaters had power or a target at the fault.
+    /// True if heaters had power or a target at the fault.
     pub was_hot: bool,
     /// The first line that the host read about the fault.
     pub host_read: String,
@@ -51,7 +51,7 @@ pub struct Outcome {
     pub resets: Vec<String>,
     /// The highest true temperatures of nozzle and bed, degrees Celsius.
     pub hottest_celsius: [f64; 2],
-    /// How long the run was watched after the fault, s.
+    /// Time for which the run was watched after the fault, s.
     pub watched_s: f64,
     /// The first notable lines that the host read after the fault.
     pub heard: Vec<String>,
@@ -70,7 +70,7 @@ pub struct Watch {
     /// Last step, or end of the wait, ns: queued motion and the command under way go on after the host has gone and count as use, so
     /// the time of a promise begins at their end.
     used_ns: u64,
-    /// When the state's G4 has ended, ns.
+    /// End of the state's G4, ns.
     dwelt_ns: u64,
     steps: u64,
     resets: usize,
@@ -162,7 +162,7 @@ impl Watch {
         self.is_certain(side, now_ns)
     }
 
-    /// Whether the printer waits for time or heat, without a step.
+    /// True if the printer waits for time or heat, without a step.
     fn is_waiting(&self, machine: &Machine, now_ns: u64) -> bool {
         match self.state {
             State::Waiting => now_ns < self.dwelt_ns,
@@ -201,13 +201,13 @@ impl Watch {
         }
     }
 
-    /// Whether the printer has reported a target of any heater since its alarm.
+    /// True if the printer has reported a target of any heater since its alarm.
     fn has_targets(&self, side: &HostSide) -> bool {
         let since_ns = side.alarms(self.at_ns).next().map_or(self.at_ns, |alarm| alarm.at_ns);
         side.temperatures(since_ns).is_some_and(|said| said.celsius[1] > 0.0 || said.celsius[3] > 0.0)
     }
 
-    /// Whether something is out of the ordinary: silence, alarms, or targets that the host did not set.
+    /// True if something is out of the ordinary: silence, alarms, or targets that the host did not set.
     fn is_odd(&self, side: &HostSide, now_ns: u64) -> bool {
         let silent = side.is_there() && side.silent_ns(now_ns) > SILENT_NS;
         let targets = match self.state {

@@ -19,15 +19,15 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-/// How the host sends.
+/// Settings of the host's sending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Options {
-    /// Whether lines carry numbers and checksums.
+    /// Lines carry numbers and checksums.
     pub numbered: bool,
     /// Maximum number of unacknowledged lines; at least 1. With more than 1 a resend waits until the printer has been
     /// silent for `settle_ns`, because every unacknowledged line asks for the same resend.
     pub window: usize,
-    /// Whether to wait for the printer's `start` before the first line.
+    /// The host waits for the printer's `start` before the first line.
     pub wait_for_start: bool,
     /// The silence after which a resend starts, ns.
     pub settle_ns: u64,
@@ -43,7 +43,7 @@ impl Default for Options {
 /// A line from the printer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Heard {
-    /// When its last byte arrived, ns.
+    /// Arrival of its last byte, ns.
     pub at_ns: u64,
     /// The text, without the line's end.
     pub text: String,
@@ -73,7 +73,7 @@ pub enum LineKind {
 /// A violation of the protocol, or a lost line.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Problem {
-    /// When, ns.
+    /// The instant, ns.
     pub at_ns: u64,
     /// A description.
     pub text: String,
@@ -93,7 +93,7 @@ enum Sent {
 struct Hold {
     /// The printer's last sign of life, ns.
     heard_ns: u64,
-    /// Whether the `ok` after the resend request has arrived.
+    /// The `ok` after the resend request has arrived.
     acknowledged: bool,
 }
 
@@ -248,7 +248,7 @@ impl Stream {
         self.problems.push(Problem { at_ns, text });
     }
 
-    /// The next line to send now, with its end; `None` while there is none. Call it until then.
+    /// The next line to send now, with its end; `None` until one is due. Call it until it returns `None`.
     pub fn to_send(&mut self, now_ns: u64) -> Option<Vec<u8>> {
         if self.reset || (self.options.wait_for_start && !self.started) {
             return None;
@@ -284,7 +284,7 @@ impl Stream {
         line.into_bytes()
     }
 
-    /// Whether all lines are sent and acknowledged.
+    /// True if all lines are sent and acknowledged.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.acknowledged == self.lines.len()
@@ -317,7 +317,7 @@ impl Stream {
         self.resends
     }
 
-    /// Whether the printer was reset after the first line was sent.
+    /// True if the printer was reset after the first line was sent.
     #[must_use]
     pub fn was_reset(&self) -> bool {
         self.reset

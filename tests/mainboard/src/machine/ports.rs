@@ -47,7 +47,7 @@ impl Ports {
         ports
     }
 
-    /// Whether a pin is a step signal.
+    /// True if a pin is a step signal.
     pub fn is_step(&self, pin: Pin) -> bool {
         self.steps[usize::from(pin.port)] & 1 << pin.number != 0
     }

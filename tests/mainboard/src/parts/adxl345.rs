@@ -44,12 +44,12 @@ const CAPACITY: usize = 33;
 /// Time from standby to measuring, besides a period.
 const WAKE_UP_NS: f64 = 1.1e6;
 
-/// What differs from chip to chip.
+/// Properties that differ from chip to chip.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Config {
-    /// What DEVID reads: 0xe5.
+    /// Value of DEVID: 0xe5.
     pub identity: u8,
-    /// How much faster than its nominal rate its oscillator is, as a share.
+    /// Excess of its oscillator's rate over the nominal one, as a share.
     pub fast: f64,
     /// Noise, as the standard deviation: about one and a half units of 3.9 mg at 100 Hz, in g.
     pub noise_g: f64,
@@ -113,7 +113,7 @@ impl Adxl345 {
         if self.plugged { self.bus.output() } else { None }
     }
 
-    /// What the bus did that the data sheet forbids.
+    /// Accesses of the bus that the data sheet forbids.
     #[must_use]
     pub fn violations(&self) -> Violations {
         self.bus.violations()
@@ -126,7 +126,7 @@ impl Adxl345 {
         3200.0 * 2f64.powi(code - 15) * (1.0 + self.config.fast)
     }
 
-    /// When the next sample is due, ns; `None` at rest.
+    /// Instant of the next sample, ns; `None` at rest.
     #[must_use]
     pub fn next_sample_ns(&self) -> Option<u64> {
         let since_ns = self.measures_since_ns?;

@@ -34,7 +34,7 @@ const DATA_SET_UP_NS: u64 = 250;
 const STOP_SET_UP_NS: u64 = 4_000;
 const FREE_NS: u64 = 4_700;
 
-/// What the chip does with the next byte.
+/// The chip's use of the next byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Expects {
     /// A start.
@@ -130,7 +130,7 @@ impl At24c32 {
         self.bytes.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
     }
 
-    /// How long a page takes, ns: 5 ms at most; 10 ms for older chips.
+    /// Sets the time that writing a page takes, ns: 5 ms at most; 10 ms for older chips.
     pub fn set_write_ns(&mut self, write_ns: u64) {
         self.write_ns = write_ns;
     }
@@ -156,13 +156,13 @@ impl At24c32 {
         self.pages_written
     }
 
-    /// How often the bus was faster than a bus of 100 kHz may be.
+    /// Number of times the bus was faster than a bus of 100 kHz may be.
     #[must_use]
     pub fn violations(&self) -> u64 {
         self.violations
     }
 
-    /// Whether it pulls SDA low, or something else does.
+    /// True if the chip, or a stuck line, pulls SDA low.
     #[must_use]
     pub fn pulls_sda(&self) -> bool {
         self.sda_stuck || self.pulls && self.plugged && self.powered

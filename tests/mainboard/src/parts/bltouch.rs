@@ -42,7 +42,7 @@ const WIDTHS_US: [(u64, Command); 5] = [
     (2_190, Command::Release),
 ];
 
-/// How far beside its width a pulse may be, ns: more than the 4 us by which Marlin's angles are beside Klipper's widths, and less than
+/// Greatest difference of a pulse from its width, ns: more than the 4 us between Marlin's angles and Klipper's widths, and less than
 /// half of the 103 us from one command of the V3 to the next.
 const TOLERANCE_NS: u64 = 10_000;
 
@@ -61,7 +61,7 @@ const OFF_NS: u64 = 650 * MS;
 /// The pin moves by this before its sensor sees it, mm.
 const TRAVEL_MM: f64 = 0.5;
 
-/// What is wrong with it.
+/// Faults of the probe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fault {
     /// The pin does not go out.
@@ -86,13 +86,13 @@ pub struct BlTouch {
     /// The nozzle's height above the bed at which it triggers, mm.
     trigger_mm: f64,
     pin: Pin,
-    /// Where the coil moves it, and when it is there.
+    /// Position to which the coil moves the pin, and the instant of its arrival, ns.
     moves: Option<(Pin, u64)>,
     touch_mode: bool,
     alarm: bool,
     /// The end of the signal of a touch.
     signal_end_ns: Option<u64>,
-    /// When a pin that was touched must be off the bed, unless it is called in.
+    /// Instant by which a pin that was touched must be off the bed, unless it is called in.
     off_by_ns: Option<u64>,
     /// The nozzle's height above the bed below the pin; `None`: beside it.
     gap_mm: Option<f64>,
@@ -104,7 +104,7 @@ pub struct BlTouch {
     record: Record,
 }
 
-/// What has happened to it.
+/// Counts of what has happened to the probe.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Record {
     /// Touches that it has signalled.
@@ -117,7 +117,7 @@ pub struct Record {
     pub pulses: u32,
     /// Pulses of an unknown width.
     pub strange_pulses: u32,
-    /// By how much a pulse was beside its width at most, ns.
+    /// Greatest difference of a pulse from its width, ns.
     pub worst_width_ns: u64,
     /// Steps of X and Y while the pin was not in.
     pub steps_with_pin_out: u32,
@@ -151,17 +151,17 @@ impl BlTouch {
         (self.fault != Some(Fault::SignalWire)).then_some(high)
     }
 
-    /// Whether the pin is neither in nor going in.
+    /// True if the pin is neither in nor going in.
     pub fn is_out(&self) -> bool {
         self.pin == Pin::Out || matches!(self.moves, Some((Pin::Out, _)))
     }
 
-    /// Whether it flashes.
+    /// True if the probe flashes.
     pub fn is_in_alarm(&self) -> bool {
         self.alarm
     }
 
-    /// What has happened to it.
+    /// Counts of what has happened to the probe.
     pub fn record(&self) -> Record {
         self.record
     }
@@ -171,7 +171,7 @@ impl BlTouch {
         self.fault = fault;
     }
 
-    /// A pin that somebody has pulled out, or that was left out when the power went.
+    /// Pulls the pin out, as by hand, or as a power cut leaves it.
     pub fn pull_out(&mut self) {
         self.pin = Pin::Out;
     }
@@ -185,7 +185,7 @@ impl BlTouch {
         self.gap_mm.is_some_and(|gap| gap <= self.trigger_mm)
     }
 
-    /// Whether the pin could not be out as far as it goes.
+    /// True if the bed is too near for the pin to be out as far as it goes.
     fn is_blocked(&self) -> bool {
         self.gap_mm.is_some_and(|gap| gap <= self.trigger_mm + TRAVEL_MM)
     }
@@ -277,7 +277,7 @@ impl BlTouch {
                 _ => false,
             };
             match self.off_by_ns {
-                // It goes on trying until its time is over.
+                // It continues to try until its time is over.
                 Some(off_by_ns) if stuck && now_ns < off_by_ns => {
                     self.moves = Some((to, off_by_ns.min(at_ns + DROP_NS)))
                 }

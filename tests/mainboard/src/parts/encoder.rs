@@ -18,7 +18,7 @@ pub struct Config {
     pub edge_mm: f64,
     /// Play between filament and wheel, mm.
     pub play_mm: f64,
-    /// Where the wheel stands at the start, in filament, mm.
+    /// Position of the wheel at the start, in filament, mm.
     pub start_mm: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Heaters with their heated bodies, and thermistors ([`thermistor`]).
 //!
-//! A heated body is one mass that loses heat to the air; its sensor follows it with a lag of its own, so the response
+//! A heated body is one mass that loses heat to the air; its sensor follows it with its own lag, so the response
 //! to power is of second order. A transport delay before it can be set. Between changes of power both equations are
 //! solved exactly:
 //!
@@ -128,7 +128,7 @@ impl Heater {
         self.change_power(now_ns);
     }
 
-    /// Whether the transistor always conducts.
+    /// True if the transistor always conducts.
     pub fn is_stuck_on(&self) -> bool {
         self.fault == Some(HeaterFault::StuckOn)
     }

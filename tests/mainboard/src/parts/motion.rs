@@ -38,7 +38,7 @@ const SLIP_HALVES: i64 = PERIOD;
 /// Halves of 1/256 in a full step.
 const FULL_STEP_HALVES: i64 = 512;
 
-/// How motors move axes.
+/// Coupling of the motors to the axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Kinematics {
     /// Motors 0, 1, 2 move X, Y, Z.
@@ -52,7 +52,7 @@ pub enum Kinematics {
 pub struct MotorConfig {
     /// Full steps per millimetre of its axis (or of filament).
     pub full_steps_per_mm: f64,
-    /// Whether a field that counts up moves the axis down.
+    /// A field that counts up moves the axis down.
     pub inverted: bool,
 }
 
@@ -74,7 +74,7 @@ pub struct AxisConfig {
 /// Everything that moves. Motors from 3 on are extruders, or lift Z beside its own; they meet no ends.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
-    /// How motors 0 and 1 move X and Y.
+    /// Coupling of motors 0 and 1 to X and Y.
     pub kinematics: Kinematics,
     /// X, Y, Z.
     pub axes: [AxisConfig; 3],
@@ -364,7 +364,7 @@ impl Motion {
         }
     }
 
-    /// How much higher than at Z's own motor the nozzle is at a place because others lift Z, too, mm.
+    /// Height of the nozzle at a place above that at Z's own motor, because others lift Z as well, mm.
     fn raised_mm(&self, place_mm: [f64; 2]) -> f64 {
         self.lift.as_ref().map_or(0.0, |lift| lift.raised_mm(place_mm, |motor| self.motor_mm(motor)))
     }

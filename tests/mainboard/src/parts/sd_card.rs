@@ -45,9 +45,9 @@ pub const BLOCK_BYTES: usize = 512;
 /// The capacity that a card declares, which decides how it is addressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
-    /// Of before version 2.00 of the specification: CMD8 is forbidden, addresses are bytes.
+    /// Version of the specification before 2.00: CMD8 is forbidden, addresses are bytes.
     Version1,
-    /// Of version 2.00, standard capacity: addresses are bytes.
+    /// Version 2.00, standard capacity: addresses are bytes.
     Standard,
     /// High capacity: addresses are blocks.
     High,
@@ -56,7 +56,7 @@ pub enum Kind {
 /// A card as it is sold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Config {
-    /// How it is addressed.
+    /// Kind of the card, which decides its addresses.
     pub kind: Kind,
     /// Blocks; a multiple of 1024, of 512 for standard capacity.
     pub blocks: u32,
@@ -66,7 +66,7 @@ pub struct Config {
     pub access_ns: u64,
     /// For which it is busy with a block, ns; at most 250 ms, of a card for video 500 ms (4.6.2.2).
     pub program_ns: u64,
-    /// Of what a cut leaves.
+    /// Seed of what a cut leaves.
     pub seed: u64,
 }
 
@@ -78,7 +78,7 @@ impl Config {
     }
 }
 
-/// What goes wrong.
+/// Faults of the card.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Faults {
     /// It answers nothing.
@@ -108,7 +108,7 @@ pub enum State {
     Disconnect = 8,
 }
 
-/// How a command came.
+/// State of the bus when a command came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bus {
     /// The end of the command, ns.
@@ -135,11 +135,11 @@ pub enum Answer {
 pub struct Sent {
     /// Its bytes.
     pub bytes: Vec<u8>,
-    /// Whether the CRC fits.
+    /// The CRC fits.
     pub is_sound: bool,
 }
 
-/// What the card says to a block.
+/// Answer of the card to a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// Nothing.
@@ -172,7 +172,7 @@ struct Programming {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SdCard {
     config: Config,
-    /// What goes wrong from now on.
+    /// Faults from now on.
     pub faults: Faults,
     /// Blocks that are not all zeros.
     blocks: BTreeMap<u32, Vec<u8>>,
@@ -255,13 +255,13 @@ impl SdCard {
         self.state
     }
 
-    /// Whether it programs a block at this instant.
+    /// True if it programs a block at this instant.
     pub fn is_programming(&mut self, now_ns: u64) -> bool {
         self.follow(now_ns);
         self.programming.is_some()
     }
 
-    /// Whether it moves blocks over four lines (ACMD6).
+    /// True if it moves blocks over four lines (ACMD6).
     #[must_use]
     pub const fn is_wide(&self) -> bool {
         self.is_wide
@@ -311,7 +311,7 @@ impl SdCard {
         }
     }
 
-    /// When the start bit of the block comes that was asked for, ns.
+    /// Instant of the start bit of the block that was asked for, ns.
     #[must_use]
     pub fn block_starts_ns(&self) -> Option<u64> {
         self.reading.filter(|reading| reading.ends_ns.is_none())?.starts_ns

@@ -107,7 +107,7 @@ impl Rail {
         (source_mv - self.sag_mv()).max(0.0)
     }
 
-    /// Whether the supplied parts work: off below one threshold, on again above the other.
+    /// True if the supplied parts work: off below one threshold, on again above the other.
     pub fn on(&self) -> bool {
         self.on
     }
@@ -126,7 +126,7 @@ impl Rail {
         self.switch()
     }
 
-    /// The next change of [`Rail::on`], ns; `None` if there is none.
+    /// The next change of [`Rail::on`], ns; `None` without one.
     pub fn next_event_ns(&self) -> Option<u64> {
         let threshold_mv = if self.on { self.config.off_below_mv } else { self.config.on_above_mv } + self.sag_mv();
         let crosses = if self.on { self.target_mv < threshold_mv } else { self.target_mv > threshold_mv };

@@ -110,7 +110,7 @@ pub enum Fault {
 pub struct Microsteps {
     /// The movement, -256 to 256.
     pub delta: i32,
-    /// Whether the outputs are on, so that the motor follows.
+    /// The outputs are on, so that the motor follows.
     pub energized: bool,
 }
 
@@ -156,7 +156,7 @@ pub struct Tmc2209 {
     tstep: u32,
     load: f32,
     sg_result: u16,
-    /// Whether SG_RESULT was measured since the last standstill.
+    /// SG_RESULT was measured since the last standstill.
     sg_measured: bool,
     celsius: f64,
     over_temperature: bool,
@@ -237,7 +237,7 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// Whether the motor supply is on.
+    /// True if the motor supply is on.
     pub fn supplied(&self) -> bool {
         self.supplied
     }
@@ -357,7 +357,7 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// Whether the outputs are on.
+    /// True if the outputs are on.
     pub fn energized(&self) -> bool {
         self.energized
     }
@@ -444,12 +444,12 @@ impl Tmc2209 {
         if self.stands_still(now_ns) { TSTEP_MAX } else { self.tstep }
     }
 
-    /// Whether stealthChop is selected and TSTEP is not below TPWMTHRS (5.2).
+    /// True if stealthChop is selected and TSTEP is not below TPWMTHRS (5.2).
     fn stealth_chop(&self, tstep: u32) -> bool {
         self.registers.spread_cycle() == self.config.spread && tstep >= self.registers.tpwmthrs
     }
 
-    /// Whether an error switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only
+    /// True if an error switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only
     /// while the reason lasts: EN high ends that of a short (2.2, pin DIAG).
     fn driver_error(&self) -> bool {
         self.over_temperature || self.shorts_latched != 0 || self.charge_pump_low

@@ -63,7 +63,7 @@ impl Bus {
         &self.members
     }
 
-    /// Whether the next byte would begin a datagram for the drivers; `None` if no driver receives.
+    /// True if the next byte would begin a datagram for the drivers; `None` if no driver receives.
     fn expects_sync(&self, drivers: &[Tmc2209], start_ns: u64) -> Option<bool> {
         let mut receiving =
             self.members.iter().filter_map(|&member| drivers.get(member)).filter(|driver| driver.receives());
@@ -138,7 +138,7 @@ impl Bus {
     }
 }
 
-/// How a driver's end of the wire determines the length of a bit.
+/// Source of a bit's length at a driver's end of the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum BitTime {
     /// From the sync nibble, like the chip.

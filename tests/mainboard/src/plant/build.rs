@@ -34,7 +34,7 @@ const BLTOUCH_TRIGGER_MM: f64 = 2.0;
 /// A smart filament sensor of BIGTREETECH's, the second: filament from edge to edge, mm, and the play of its wheel.
 const FILAMENT_EDGE_MM: f64 = 2.88;
 const FILAMENT_PLAY_MM: f64 = 0.05;
-/// How far the sheet gives way, mm.
+/// Depth by which the sheet gives way, mm.
 const ALLOWED_PRESS_MM: f64 = 0.5;
 
 impl Plant {

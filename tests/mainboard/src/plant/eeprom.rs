@@ -24,7 +24,7 @@ impl WiredEeprom {
         Self { chip }
     }
 
-    /// What the chip does to SDA: low, or nothing.
+    /// Level to which the chip pulls SDA: low, or `None`.
     pub(super) fn sda(&self) -> Option<bool> {
         self.chip.pulls_sda().then_some(false)
     }

@@ -122,7 +122,7 @@ pub enum Driver {
 pub enum DriverLine {
     /// No line.
     None,
-    /// A single wire of its own.
+    /// A separate wire.
     Own(Pin),
     /// An address, 0 to 3, on the shared line.
     Shared(u8),

@@ -64,7 +64,7 @@ impl Chip {
         }
     }
 
-    /// Whether the package has this pin. Every package has PH0 and PH1, which carry the crystal.
+    /// True if the package has this pin. Every package has PH0 and PH1, which carry the crystal.
     #[must_use]
     pub fn has_pin(self, pin: Pin) -> bool {
         match (char::from(b'A'.saturating_add(pin.port)), self) {

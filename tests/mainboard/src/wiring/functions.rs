@@ -1,4 +1,4 @@
-//! Which converter and timer channels each pin has.
+//! Converter and timer channels of each pin.
 //!
 //! Sources: the pin tables and the tables of alternate functions of the data sheets DS8626 (F405, F407: tables 7 and 9) and
 //! DS10693 (F446: tables 10 and 11). Left out: complementary outputs (CHxN), and ports H and I, which no package here has.

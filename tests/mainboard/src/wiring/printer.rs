@@ -11,7 +11,7 @@ use super::z_motors::ZMotor;
 pub struct Printer {
     /// The profile's name.
     pub name: String,
-    /// How X and Y are driven.
+    /// Drive of X and Y.
     pub kinematics: Kinematics,
     /// Upper ends of the travel, machine coordinates, mm.
     pub size_mm: [f64; 3],
@@ -19,7 +19,7 @@ pub struct Printer {
     pub lower_end_mm: [f64; 3],
     /// Motor steps per mm, microsteps included; on CoreXY x and y are the motors A and B.
     pub steps_per_mm: [f64; 4],
-    /// How the printer homes.
+    /// Homing of the printer.
     pub homing: Homing,
     /// The hot end.
     pub nozzle: HeaterSettings,
@@ -41,7 +41,7 @@ pub struct Printer {
     pub power_supply: Option<PowerSupply>,
     /// The probe has a pin that a servo's signal moves.
     pub has_bltouch: bool,
-    /// Whether its filament sensor sees filament move.
+    /// Its filament sensor sees filament move.
     pub sees_filament_move: bool,
 }
 
@@ -62,7 +62,7 @@ pub struct FrameMode {
     pub damping: f64,
 }
 
-/// How X and Y are driven.
+/// Drive of X and Y.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kinematics {
@@ -72,10 +72,10 @@ pub enum Kinematics {
     CoreXy,
 }
 
-/// How the printer homes.
+/// Homing of the printer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Homing {
-    /// Where the nozzle stands while Z homes: x and y, mm.
+    /// Position of the nozzle while Z homes: x and y, mm.
     pub home_at_mm: Option<[f64; 2]>,
     /// The offset from the nozzle's tip to the point where the probe triggers: x, y, z, mm.
     pub probe_offset_mm: Option<[f64; 3]>,
@@ -107,7 +107,7 @@ pub enum HomingSensor {
     Stall,
 }
 
-/// How an axis homes.
+/// Homing of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct AxisHoming {
     /// The end at which it homes.
@@ -119,7 +119,7 @@ pub struct AxisHoming {
     /// True if the sensor's signal is low when it triggers.
     #[serde(default)]
     pub triggers_low: bool,
-    /// How far the frame may be beyond the travel, mm.
+    /// Distance that the frame may be beyond the travel, mm.
     #[serde(default = "five")]
     pub overrun_mm: f64,
 }

@@ -155,7 +155,7 @@ fn heater(file: &str, key: &str, heater: HeaterSettings) -> Result<HeaterSetting
     Ok(heater)
 }
 
-/// How to mend a thermistor that [`thermistor_fault`] rejects.
+/// Cure for a thermistor that [`thermistor_fault`] rejects.
 pub(super) const THERMISTOR_CURE: &str = "copy R25 and B, or three points, from its data sheet";
 
 /// The problem of a thermistor with impossible values, if any.

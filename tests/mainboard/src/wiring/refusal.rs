@@ -9,9 +9,9 @@ pub struct Refusal {
     pub file: String,
     /// The key, such as "motors.x.step"; empty for a problem of the whole file.
     pub key: String,
-    /// What is wrong.
+    /// The problem.
     pub problem: String,
-    /// How to mend it.
+    /// The cure.
     pub mend: String,
 }
 

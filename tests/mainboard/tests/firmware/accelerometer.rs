@@ -105,7 +105,7 @@ impl Scene {
         std::mem::take(&mut self.host.port().heard)
     }
 
-    /// What is said until the record's last line.
+    /// Lines that the board sends until the record's last line.
     fn record(&mut self) -> Vec<String> {
         let ends = |line: &str| line.starts_with("Rate ") || line.starts_with("echo:record ended");
         if !self.host.port().heard.iter().any(|line| ends(line)) {

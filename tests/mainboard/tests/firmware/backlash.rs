@@ -8,7 +8,7 @@ use crate::firmware::images::Variant;
 /// `play_mm.z` of the profile.
 const PLAY_MM: f64 = 0.1;
 
-/// Where the motor of Z stands, mm.
+/// Position of Z's motor, mm.
 fn motor_mm(bench: &mut Bench) -> f64 {
     bench.host.send("M400").unwrap();
     bench.with(|machine, _| machine.plant.motion.motor_mm(2))

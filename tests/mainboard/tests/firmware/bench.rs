@@ -206,7 +206,7 @@ impl Bench {
         });
     }
 
-    /// Whether any heater gets power.
+    /// True if any heater gets power.
     pub fn any_heater_on(&mut self) -> bool {
         self.with(|machine, _| machine.plant.any_heater_on())
     }

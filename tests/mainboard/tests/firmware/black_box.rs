@@ -16,7 +16,7 @@ use crate::firmware::watchdog::NO_PLANNER;
 /// A tick of the motion clock, ns.
 const TICK_NS: f64 = 1e9 / 84e6;
 
-/// How far an edge may be from its tick, ns: less than a tick. The emulated chip has one of its 120 million instructions a second between
+/// Greatest distance of an edge from its tick, ns: less than a tick. The emulated chip has one of its 120 million instructions a second between
 /// two ports' stores, so that motors on different ports do not step at the same time.
 const TOLERANCE_NS: f64 = 40.0;
 

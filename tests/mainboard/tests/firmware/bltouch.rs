@@ -13,7 +13,7 @@ fn boot() -> Bench {
     bench
 }
 
-/// What has happened to the probe, whether its pin is out, and whether it flashes.
+/// Record of the probe, and two flags: its pin is out; it flashes.
 fn probe(bench: &mut Bench) -> (Record, bool, bool) {
     bench.with(|machine, _| {
         let probe = machine.plant.bltouch.as_ref().unwrap();
@@ -110,7 +110,7 @@ fn each_fault_ends_homing_and_probing_before_z_goes_down() {
     }
 }
 
-/// A pin in alarm, as after a push by hand, is released once, and homing goes on.
+/// A pin in alarm, as after a push by hand, is released once, and homing continues.
 #[test]
 fn an_alarm_is_released_once() {
     let mut bench = boot();

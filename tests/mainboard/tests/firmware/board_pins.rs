@@ -362,7 +362,7 @@ fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
 /// `bx r2`: jumps to the address in it.
 const JUMP: u16 = 0x4710;
 
-/// Lets the processor jump to a check of the image that fails: the undefined instruction in its place. Returns its address.
+/// Lets the processor jump to a check of the image that fails: the undefined instruction there. Returns its address.
 pub fn force_panic(image: &Path, bench: &mut Bench) -> u32 {
     let code = Code::of(image).unwrap();
     let is_of_planner = |address: u32| code.function(address).contains("ferrostep_planner");

@@ -7,7 +7,7 @@ use crate::firmware::bench::Bench;
 use crate::firmware::foreign_code::{PROGRAM, load};
 use crate::firmware::images::image_of;
 
-/// Masks all of RTIC's priorities but the highest, and selects a stack of its own: `movs r0, #0x10; msr basepri, r0;
+/// Masks all of RTIC's priorities but the highest, and selects a separate stack: `movs r0, #0x10; msr basepri, r0;
 /// movs r0, #2; msr control, r0; isb`.
 const MASKS: [u16; 8] = [0x2010, 0xf380, 0x8811, 0x2002, 0xf380, 0x8814, 0xf3bf, 0x8f6f];
 

@@ -21,7 +21,7 @@ const CLUSTER_BYTES: u32 = 2048;
 
 const MS: u64 = 1_000_000;
 
-/// What comes before each print here: moves without heat, and a place from which the file goes on.
+/// Lines before each print here: moves without heat, and a place from which the file continues.
 const BEFORE: &str = "M302 P1\nG92 X285 Y285 Z2\n";
 
 /// Layers of a small square, each longer than the five seconds between two places that are kept.

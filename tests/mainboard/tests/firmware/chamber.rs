@@ -9,7 +9,7 @@ use crate::firmware::equipped::boot;
 /// The heater's output.
 const HEATER: &str = "A3";
 
-/// Whether the heater's pin is high at any time within a fifth of a second.
+/// True if the heater's pin is high at any time within a fifth of a second.
 fn is_heated(bench: &mut Bench) -> bool {
     (0..40).any(|_| {
         bench.pass(5);

@@ -8,7 +8,7 @@ use ferrostep_testkit::boards::{BOARDS, BoardFacts};
 use crate::firmware::bench::Bench;
 use crate::firmware::images::{Variant, changed};
 
-/// What the sensor's maker says, mm.
+/// Detection length of the sensor by its maker, mm.
 pub const DETECTION_MM: f64 = 3.0;
 
 /// A supply that is on while its input is low, as ATX supplies are, a module at PWR-DET, and a light.

@@ -1,5 +1,5 @@
 //! A sensor that sees filament move, on the Octopus: its encoder is turned by the extruder's real steps. A print is never paused by it, a
-//! jam pauses it, and afterwards it goes on as if there had been none.
+//! jam pauses it, and afterwards it continues as if nothing had jammed.
 
 use ferrostep_mainboard::parts::encoder::{FilamentEncoder, FilamentFault};
 
@@ -8,10 +8,10 @@ use crate::firmware::equipped::{self, DETECTION_MM};
 use crate::firmware::job::Job;
 use crate::firmware::pins::PinLog;
 
-/// What the motion in the queue is known to, and how far the filament goes between two looks.
+/// Error to which the motion in the queue is known, plus the filament's way between two looks, mm.
 const RESOLUTION_MM: f64 = 0.4;
 
-/// What is pushed until the line under way has been taken, mm: the next line says it.
+/// Filament that is pushed until the line under way has been taken, mm: the next line reports it.
 const LINE_MM: f64 = 1.5;
 
 /// Lines before the jam.
@@ -28,12 +28,12 @@ fn boot() -> Bench {
     bench
 }
 
-/// What the encoder says, by this.
+/// Asks the encoder.
 fn encoder<T: Send + 'static>(bench: &mut Bench, ask: impl FnOnce(&mut FilamentEncoder) -> T + Send + 'static) -> T {
     bench.with(move |machine, _| ask(machine.plant.filament_encoder.as_mut().unwrap()))
 }
 
-/// What the motor has pushed, mm.
+/// Filament that the motor has pushed, mm.
 fn pushed_mm(bench: &mut Bench) -> f64 {
     bench.with(|machine, _| machine.plant.motion.motor_mm(3))
 }
@@ -97,7 +97,7 @@ fn a_jam_pauses_the_print_which_then_goes_on_as_if_there_had_been_none() {
         is_over = true;
     }
     assert!(is_over, "the jam was not noticed");
-    // M108 has had an `ok` of its own: this answer comes after all motion.
+    // M108 has had its own `ok`: this answer comes after all motion.
     bench.host.send("M400").unwrap();
     bench.host.ask("M412", "echo:Filament runout ON; distance: 3 mm; filament: present").unwrap();
     let pins = bench.switch_off();

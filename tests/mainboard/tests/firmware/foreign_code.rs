@@ -34,7 +34,7 @@ fn stub() -> Vec<u16> {
     [&[0xbf30][..], &load(3, JUMP_TARGET), &[0x681a, 0x2a00, 0xd002, 0x2000, 0x6018, 0x4710, RETURN]].concat()
 }
 
-/// `pop {r7, pc}`: the function has a frame of its own.
+/// `pop {r7, pc}`: the function has its own frame.
 const RETURN: u16 = 0xbd80;
 
 /// An image whose sleep is replaced by a stub.

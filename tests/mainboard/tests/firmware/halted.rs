@@ -1,4 +1,4 @@
-//! What a halted board says.
+//! Messages of a halted board.
 
 /// The errors in what was heard, but for those that follow a refused line at once: every line that a halted board refuses
 /// ends in an error, so that its host stops the print.

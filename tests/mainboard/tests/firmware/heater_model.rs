@@ -64,7 +64,7 @@ fn tune(bench: &mut Bench) -> String {
     found
 }
 
-/// By how much the nozzle goes off this temperature while 15 mm^3/s are pushed for 12 s and stand for 12 s.
+/// Greatest distance of the nozzle from this temperature while 15 mm^3/s are pushed for 12 s, and for 12 s after.
 fn disturbance(bench: &mut Bench, at_rest: f64) -> f64 {
     let mut worst = 0.0_f64;
     bench.host.send("G92 E0").unwrap();

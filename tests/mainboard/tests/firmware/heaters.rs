@@ -36,7 +36,7 @@ fn wait_for_powers(board: &BoardFacts, bench: &mut Bench, powers: [bool; 2]) {
     panic!("{}: the powers never become {powers:?}", board.name);
 }
 
-/// Whether nozzle and bed have full power.
+/// True for nozzle and bed each if it has full power.
 fn at_full_power(bench: &mut Bench) -> [bool; 2] {
     ["nozzle", "bed"].map(|heater| bench.heater_power(heater) > 0.99)
 }

@@ -34,7 +34,7 @@ fn example_text(file: &str) -> String {
     String::from_utf8(gcode_text(&std::fs::read(path).unwrap()).unwrap()).unwrap()
 }
 
-/// Whether a line extrudes filament while it moves.
+/// True if a line extrudes filament while it moves.
 fn is_print(line: &str) -> bool {
     line.starts_with("G1 X") && line.contains(" E") && !line.contains(" E-")
 }

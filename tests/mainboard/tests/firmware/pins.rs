@@ -52,7 +52,7 @@ impl PinLog {
         &self.events
     }
 
-    /// Whether all motors are switched off.
+    /// True if all motors are switched off.
     pub fn motors_disabled(&self) -> bool {
         self.motors_disabled
     }

@@ -92,17 +92,17 @@ impl PortState {
         }
     }
 
-    /// Whether a pin's level is high, driven or not.
+    /// True if a pin's level is high, driven or not.
     pub fn is_high(&self, (port, number): Pin) -> bool {
         self.levels.get(&port).is_some_and(|level| level >> number & 1 == 1)
     }
 
-    /// Whether a pin is driven to its level.
+    /// True if a pin is driven to its level.
     pub fn is_output(&self, (port, number): Pin) -> bool {
         self.outputs.get(&port).is_some_and(|output| output >> number & 1 == 1)
     }
 
-    /// Whether a peripheral drives the pin.
+    /// True if a peripheral drives the pin.
     pub fn is_alternate(&self, (port, number): Pin) -> bool {
         self.alternates.get(&port).is_some_and(|alternate| alternate >> number & 1 == 1)
     }

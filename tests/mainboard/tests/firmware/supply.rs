@@ -17,7 +17,7 @@ const A_WHILE_MS: u64 = 300;
 /// The signal lasts for `debounce_s`, 6 ms, and is looked at every 2 ms.
 const FAILURE_MS: u64 = 10;
 
-/// What the module at PWR-DET says.
+/// Sets the signal of the module at PWR-DET.
 fn set_signal(bench: &mut Bench, fails: bool) {
     bench.with(move |machine, _| {
         machine.plant.supply_fails = fails;
@@ -25,7 +25,7 @@ fn set_signal(bench: &mut Bench, fails: bool) {
     });
 }
 
-/// Whether the pin switches the supply on, which it must drive; and whether motors and heaters have their voltage.
+/// True if the pin, which must be driven, switches the supply on; and true if motors and heaters have their voltage.
 fn supply(bench: &mut Bench) -> (bool, bool) {
     let state = bench.state();
     assert!(state.is_output(pin(SUPPLY)));

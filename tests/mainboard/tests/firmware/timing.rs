@@ -47,7 +47,7 @@ fn all(bench: &mut Bench) -> [Times; 3] {
     all
 }
 
-/// Whether a line of the job moves an axis: a feed alone does not.
+/// True if a line of the job moves an axis: a feed alone does not.
 fn is_move(line: &str) -> bool {
     line.starts_with("G1 ") && line.contains(['X', 'Y', 'Z', 'E'])
 }

@@ -51,7 +51,7 @@ fn boot() -> Bench {
     Bench::boot_variant(octopus(), board, profile, image)
 }
 
-/// Where the motors stand, mm.
+/// Positions of the motors, mm.
 fn motors_mm(bench: &mut Bench) -> [f64; 5] {
     bench.host.send("M400").unwrap();
     bench.with(|machine, _| MOTORS.map(|motor| machine.plant.motion.motor_mm(motor)))
@@ -63,7 +63,7 @@ fn send(bench: &mut Bench, lines: &str) {
     }
 }
 
-/// By how much the motors have moved.
+/// Distances that the motors have moved since `before`, mm.
 fn moved(bench: &mut Bench, before: [f64; 5]) -> [f64; 5] {
     let now = motors_mm(bench);
     std::array::from_fn(|motor| now[motor] - before[motor])
@@ -120,7 +120,7 @@ fn the_new_nozzle_goes_to_where_the_old_one_was() {
     assert!(format!("{refused:?}").contains("T0 and T1") || refused.is_ok(), "{refused:?}");
 }
 
-/// Which heater's outputs are high, 5 ms later.
+/// Levels of the heaters' outputs, 5 ms later: true for high.
 fn highs(bench: &mut Bench) -> [bool; 2] {
     bench.pass(5);
     let state = bench.state();

@@ -60,12 +60,12 @@ fn turn(bench: &mut Bench) {
     });
 }
 
-/// Where the motors stand, in 1/256 of a full step.
+/// Positions of the motors, in 1/256 of a full step.
 fn fields(bench: &mut Bench) -> [i64; 3] {
     bench.with(|machine, _| MOTORS.map(|motor| machine.plant.motion.field_256(motor)))
 }
 
-/// By how much the further motors are above the axis's own, mm.
+/// Heights of the further motors above the axis's own, mm.
 fn apart(bench: &mut Bench) -> [f64; 2] {
     bench.with(|machine, _| {
         let mm = |motor: usize| machine.plant.motion.motor_mm(motor);
@@ -73,7 +73,7 @@ fn apart(bench: &mut Bench) -> [f64; 2] {
     })
 }
 
-/// By how much the lifted part differs in height at the points, mm.
+/// Difference in height of the lifted part between the points, mm.
 fn tilt(bench: &mut Bench) -> f64 {
     let lift = Lift::new(MOTORS.into_iter().zip(PLACES).collect()).unwrap();
     bench.with(move |machine, _| {

@@ -22,26 +22,26 @@ const RCC_CFGR: u64 = 0x4002_3808;
 /// The observed behaviour of a printer.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Behaviour {
-    /// Whether it executed all commands, in time.
+    /// It executed all commands, in time.
     ended: bool,
     /// Its messages, without temperatures.
     lines: Vec<String>,
-    /// Whether the nozzle's temperature is right.
+    /// The nozzle's temperature is right.
     reads_temperatures: bool,
     /// Steps of each motor, and the time from the first to the last, us.
     steps: [usize; 4],
     motion_us: u64,
-    /// Whether the nozzle got power on command.
+    /// The nozzle got power on command.
     heats: bool,
     /// Heaters that got power without a command.
     heats_unasked: Vec<&'static str>,
-    /// Whether a motor had current without a move.
+    /// A motor had current without a move.
     holds_unasked: bool,
     usb_is_open: bool,
     resets: usize,
-    /// Whether the voltage scale is 1.
+    /// The voltage scale is 1.
     scale_1: bool,
-    /// Whether the core runs from the PLL.
+    /// The core runs from the PLL.
     from_pll: bool,
 }
 

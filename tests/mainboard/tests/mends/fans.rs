@@ -123,7 +123,7 @@ fn both_fans_turn_after_a_reset_with_unknown_temperature() {
     cools_within(Event::ResetWithOpenThermistor, 200 * MS);
 }
 
-/// A hot nozzle whose fan stops, or goes on.
+/// A hot nozzle whose fan stops, or turns on.
 struct HotEndFan {
     stops: bool,
     /// The next of the times at which something happens, s.
@@ -162,7 +162,7 @@ impl Scenario for HotEndFan {
     }
 }
 
-/// What the image says of its fans: how long after the one stopped it reported it, s, and all that was heard.
+/// Time from the stop of a fan to its report, s, and all that was heard.
 fn watched(stops: bool) -> (Option<f64>, String) {
     let done = run_scenario(&Setting::default(), 25 * S, HotEndFan::new(stops));
     let (scenario, talk) = (&done.operator.scenario, &done.operator.talk);

@@ -22,7 +22,7 @@ pub const S: u64 = 1_000 * MS;
 pub struct Setting {
     /// Instructions per second and entry of the step interrupt, ns; `None` for the defaults.
     pub pace: Option<(u64, u64)>,
-    /// Whether clock enables take effect late.
+    /// Clock enables take effect late.
     pub late_clocks: bool,
     /// A boot loader that runs before the image.
     pub boot_loader: Option<Stub>,
@@ -44,7 +44,7 @@ impl HostTalk {
         self.to_say.push_back(line.to_owned());
     }
 
-    /// Whether all lines are acknowledged.
+    /// True if all lines are acknowledged.
     pub fn is_quiet(&self) -> bool {
         self.starts > 0 && self.to_say.is_empty() && !self.waits
     }
@@ -54,7 +54,7 @@ impl HostTalk {
         self.to_say.len()
     }
 
-    /// Whether the image has started this many times.
+    /// True if the image has started this many times.
     pub fn has_started(&self, times: usize) -> bool {
         self.starts >= times
     }
@@ -120,7 +120,7 @@ pub struct ScenarioRun<P> {
     pub scenario: P,
     pub talk: HostTalk,
     ends_ns: u64,
-    /// Whether the scenario ended before the time limit.
+    /// The scenario ended before the time limit.
     pub ended: bool,
 }
 

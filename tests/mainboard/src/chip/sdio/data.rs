@@ -14,7 +14,7 @@ const START_CLOCKS: u64 = 2;
 const STATUS_CLOCKS: u64 = 8;
 const WORD_BYTES: u64 = 4;
 
-/// Where the path stands.
+/// Phase of the data path.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 enum Phase {
     /// Waits for a start bit since this instant.
@@ -37,12 +37,12 @@ struct Rate {
 }
 
 impl Rate {
-    /// When the `count`-th word of a block is over.
+    /// End of a block's `count`-th word, ns.
     fn word_ns(self, began_ns: u64, count: usize) -> u64 {
         began_ns + clocks_ns(count as u64 * WORD_BITS / u64::from(self.lines), self.hz)
     }
 
-    /// When a block is over, with its CRC.
+    /// End of a block with its CRC, ns.
     fn block_ns(self, began_ns: u64, words: usize) -> u64 {
         began_ns + clocks_ns(words as u64 * WORD_BITS / u64::from(self.lines) + CRC_CLOCKS, self.hz)
     }
@@ -60,7 +60,7 @@ pub(super) struct Data {
     phase: Phase,
 }
 
-/// What a step of the path comes to.
+/// Result of a step of the path.
 enum Step {
     /// Another step may be due.
     Again(Phase),

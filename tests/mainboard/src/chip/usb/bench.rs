@@ -1,4 +1,4 @@
-//! A core on a bus of its own, for the tests.
+//! A core on a separate bus, for the tests.
 
 use rigless::device::Level;
 use rigless::mcu::{Operate, Single};

@@ -101,7 +101,7 @@ impl Bus for Port<'_, '_> {
 }
 
 impl Otg {
-    /// Whether a B session is valid, 34.16.2 (GCCFG, GOTGCTL).
+    /// True if a B session is valid, 34.16.2 (GCCFG, GOTGCTL).
     pub(super) fn session_valid(&self, registers: &RegisterFile) -> bool {
         let config = registers.get(Register::Gccfg);
         match self.core {
@@ -119,7 +119,7 @@ impl Otg {
         }
     }
 
-    /// Whether the pull-up is on.
+    /// True if the pull-up is on.
     pub(super) fn connected(&self, registers: &RegisterFile) -> bool {
         CLOCK_HZ.contains(&self.clock_hz)
             && f::gccfg::PWRDWN.is_set(registers.get(Register::Gccfg))
@@ -128,7 +128,7 @@ impl Otg {
             && self.session_valid(registers)
     }
 
-    /// Whether the core receives from the bus.
+    /// True if the core receives from the bus.
     fn listening(&self, registers: &RegisterFile) -> bool {
         let gates = f::pcgcctl::STPPCLK.mask() | f::pcgcctl::GATEHCLK.mask();
         self.ready && !self.in_reset && self.connected(registers) && registers.get(Register::Pcgcctl) & gates == 0

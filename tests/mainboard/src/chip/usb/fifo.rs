@@ -105,7 +105,7 @@ impl Receive {
         self.entries.push_back(entry);
     }
 
-    /// Whether an OUT packet of this many bytes fits in a FIFO of `depth` words: with its status and the entry that
+    /// True if an OUT packet of this many bytes fits in a FIFO of `depth` words: with its status and the entry that
     /// ends its transfer, without the words reserved for SETUP packets, the global NAK and the end entries of
     /// `transfers` other endpoints.
     #[must_use]
@@ -115,7 +115,7 @@ impl Receive {
         self.used() - setup + 1 + words_of(bytes) + 1 + kept <= depth
     }
 
-    /// Whether a SETUP packet fits: three words, and one for its end.
+    /// True if a SETUP packet fits: three words, and one for its end.
     #[must_use]
     pub fn takes_setup(&self, depth: u32) -> bool {
         self.used() + 4 <= depth

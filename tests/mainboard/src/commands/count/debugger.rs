@@ -61,7 +61,7 @@ pub fn hard_fault<'a>(vectors: u64, mut segments: impl Iterator<Item = (u64, &'a
     })
 }
 
-/// Why a program was not served to its end.
+/// Reason why a program was not served to its end.
 #[derive(Debug)]
 pub enum Broken {
     /// The emulator closed the connection without a word.

@@ -25,7 +25,7 @@ pub enum Kind<'a> {
     },
     /// Data from the device.
     In {
-        /// Whether the host's handshake reaches the device. Without it the device sends the packet again.
+        /// The host's handshake reaches the device. Without it the device sends the packet again.
         acknowledged: bool,
     },
 }
@@ -52,7 +52,7 @@ pub enum Answer {
 
 /// The bus as the host drives it. Each call happens at the run's current instant.
 pub trait Bus {
-    /// Whether a device's pull-up holds D+ high.
+    /// True if a device's pull-up holds D+ high.
     fn connected(&mut self) -> bool;
     /// Switches the 5 V of the cable.
     fn set_vbus(&mut self, on: bool);

@@ -37,7 +37,7 @@ pub struct Control {
     toggle: bool,
     attempts: u8,
     packet: usize,
-    /// Whether a packet arrived twice.
+    /// A packet arrived twice.
     pub repeated: bool,
 }
 

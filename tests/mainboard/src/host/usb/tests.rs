@@ -1,4 +1,4 @@
-//! The host with a minimal device that has no time of its own.
+//! The host with a minimal device that has no clock.
 
 use super::bus::{Answer, Bus, Kind, Token};
 use super::{Errors, FRAME_NS, State, UsbHost};

@@ -12,7 +12,7 @@ const DESELECTED_NS: u64 = 150;
 /// Shortest time from the end of a sample's read to the beginning of the next, or of a read of FIFO_STATUS, ns.
 const BETWEEN_SAMPLES_NS: u64 = 5_000;
 
-/// How often something came too soon.
+/// Counts of what came too soon.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Violations {
     /// An edge of the clock.
@@ -23,7 +23,7 @@ pub struct Violations {
     pub sample: u64,
 }
 
-/// What a whole byte asks for.
+/// Request that a whole byte makes.
 pub(super) enum Byte {
     /// The value of this register, for the next byte.
     Read(u8),

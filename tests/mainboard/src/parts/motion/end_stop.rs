@@ -23,7 +23,7 @@ pub struct EndStopConfig {
     pub side: Side,
     /// The position at which it closes, in mm.
     pub at_mm: f64,
-    /// How far back the carriage must move before it opens, in mm.
+    /// Distance that the carriage must move back before it opens, in mm.
     pub hysteresis_mm: f64,
     /// Duration of the bouncing after it closes, in ns; 0 for an optical switch.
     pub bounce_ns: u64,
@@ -146,7 +146,7 @@ impl EndStop {
         closed == self.high_when_triggered
     }
 
-    /// Whether the carriage presses it, without bounces and faults.
+    /// True if the carriage presses it, without bounces and faults.
     pub fn pressed(&self) -> bool {
         self.pressed
     }

@@ -27,12 +27,12 @@ impl Lift {
         }
     }
 
-    /// Whether a motor lifts Z beside the axis's own.
+    /// True if a motor lifts Z beside the axis's own.
     pub fn is_further(&self, motor: usize) -> bool {
         self.motors.iter().skip(1).any(|(further, _)| *further == motor)
     }
 
-    /// How much higher than at the axis's own motor the lifted part is at a place, by each motor's height: mm.
+    /// Height of the lifted part at a place above that at the axis's own motor, by each motor's height: mm.
     pub fn raised_mm(&self, [x, y]: [f64; 2], height_mm: impl Fn(usize) -> f64) -> f64 {
         let own_mm = self.motors.first().map_or(0.0, |(motor, _)| height_mm(*motor));
         let more = |motor: usize| height_mm(motor) - own_mm;

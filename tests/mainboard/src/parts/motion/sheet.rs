@@ -58,7 +58,7 @@ impl Sheet {
         over.then(|| self.plane_mm(x_mm, y_mm))
     }
 
-    /// Whether a nozzle at this height could crash anywhere.
+    /// True if a nozzle at this height could crash anywhere.
     pub(super) fn may_touch(&self, z_mm: f64) -> bool {
         z_mm < self.highest_mm - self.config.allowed_press_mm
     }
@@ -90,7 +90,7 @@ pub struct ProbeConfig {
     pub offset_mm: (f64, f64),
     /// The nozzle's height above the sheet when it triggers, in mm.
     pub trigger_mm: f64,
-    /// How much higher it must be to release, in mm.
+    /// Rise until it releases, in mm.
     pub hysteresis_mm: f64,
     /// Standard deviation of the trigger height from one approach to the next, in mm (some 0.002).
     pub noise_mm: f64,
@@ -127,7 +127,7 @@ impl Probe {
         Self { config, random, error_mm, triggered: false, fault: None }
     }
 
-    /// Whether its level could change with the nozzle at this height.
+    /// True if its level could change with the nozzle at this height.
     pub(super) fn may_change(&self, sheet: &Sheet, z_mm: f64) -> bool {
         self.triggered || z_mm <= sheet.highest_mm + self.config.trigger_mm + self.error_mm
     }

@@ -91,7 +91,7 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// Whether a byte that starts now would be the first of a datagram, whose sync nibble sets the bit time.
+    /// True if a byte that starts now would be the first of a datagram, whose sync nibble sets the bit time.
     pub fn expects_sync(&self, start_ns: u64) -> bool {
         self.count == 0 || self.gap_too_long(start_ns)
     }

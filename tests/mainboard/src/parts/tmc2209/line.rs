@@ -4,7 +4,7 @@ use super::Tmc2209;
 use super::datagram::{BYTE_BITS, Datagram, Reply};
 
 impl Tmc2209 {
-    /// Whether the next byte would begin a datagram, so that its sync nibble sets the bit time.
+    /// True if the next byte would begin a datagram, so that its sync nibble sets the bit time.
     pub fn expects_sync(&self, start_ns: u64) -> bool {
         self.receiver.expects_sync(start_ns)
     }
@@ -49,7 +49,7 @@ impl Tmc2209 {
         }
     }
 
-    /// Whether the driver takes part in the line: supplied and not mute.
+    /// True if the driver takes part in the line: supplied and not mute.
     pub fn receives(&self) -> bool {
         self.supplied && !self.mute
     }
@@ -58,7 +58,7 @@ impl Tmc2209 {
         self.receives() && at_ns >= self.transmits_until_ns
     }
 
-    /// Whether a bit has 16 to 2222 clocks: down to 9000 baud with the fastest clock of 20 MHz (4.1.1).
+    /// True if a bit has 16 to 2222 clocks: down to 9000 baud with the fastest clock of 20 MHz (4.1.1).
     fn bit_time_fits(&self, bit_ns: u64) -> bool {
         let clocks = bit_ns * u64::from(self.config.clock_hz) / 1_000_000_000;
         (16..=2222).contains(&clocks)

@@ -1,4 +1,4 @@
-//! Power cuts in a print from the card, and what a new start goes on with.
+//! Power cuts in a print from the card, and the place at which a new start continues.
 
 use ferrostep_mainboard::machine::Machine;
 
@@ -17,7 +17,7 @@ fn pushed_home(machine: &mut Machine) {
     }
 }
 
-/// How the print is cut.
+/// Kinds of cuts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cut {
     /// All supplies fail.
