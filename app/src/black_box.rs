@@ -26,7 +26,7 @@ use crate::profile::PROFILE;
 /// Time between two looks for room for a line, ms.
 const LOOK_MS: u32 = 2;
 
-/// After this many looks, 2 s, a host that reads nothing gets no more.
+/// Looks after which a host that reads nothing gets no more: 2 s.
 const MAX_LOOKS: u32 = 1000;
 
 /// The records, shared by the tasks that make some. One at a time does.
@@ -105,7 +105,7 @@ pub struct BoardBlackBox<B> {
 }
 
 impl<B: Mutex<T = Records>> BoardBlackBox<B> {
-    /// Not asked for yet.
+    /// Black box that no host has asked for yet.
     pub const fn new(records: B) -> Self {
         Self { records: RefCell::new(records), is_wanted: Cell::new(false) }
     }

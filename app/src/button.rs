@@ -14,7 +14,7 @@ impl Button {
         Self(ButtonWatch::new())
     }
 
-    /// To be called with a clock of milliseconds that may wrap.
+    /// Looks at the button. The clock of milliseconds may wrap.
     pub fn look(&mut self, now_ms: u32, signals: &Signals) {
         if let Some(pin) = BUTTON {
             self.0.look(now_ms, is_triggered(pin), signals);

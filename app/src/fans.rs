@@ -12,7 +12,7 @@ pub struct SharedDemand {
 }
 
 impl SharedDemand {
-    /// Nothing turns.
+    /// Demand of fans that all stand.
     pub const fn new() -> Self {
         Self { powers: [const { AtomicU8::new(0) }; FanOutput::COUNT], motors_on: AtomicBool::new(false) }
     }

@@ -11,12 +11,12 @@ use crate::wiring::FILAMENT;
 pub struct Encoder(EncoderWatch);
 
 impl Encoder {
-    /// Nothing has moved yet.
+    /// Encoder before any filament has moved.
     pub const fn new() -> Self {
         Self(EncoderWatch::new())
     }
 
-    /// To be called after the planner task's work, with a clock of milliseconds that may wrap.
+    /// Looks at the encoder after the planner task's work. The clock of milliseconds may wrap.
     pub fn look(&mut self, machine: &BoardMachine, now_ms: u32, signals: &Signals) {
         if let (Some(pin), Some(sensor)) = (FILAMENT, &PROFILE.filament_sensor)
             && sensor.detection_10nm().is_some()

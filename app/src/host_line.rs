@@ -101,7 +101,7 @@ impl Buffers for SerialRing {
 }
 
 impl SerialInput {
-    /// To this ring; `act` is what to do about M112 and its like, `note_line` what to do when a line has come.
+    /// Input to this ring; `act` is what to do about M112 and its like, `note_line` what to do when a line has come.
     pub const fn new(bytes: Producer<'static, u8>, act: fn(Emergency), note_line: fn()) -> Self {
         Self { incoming: Incoming::new(), ring: SerialRing { bytes, act, note_line } }
     }
@@ -164,14 +164,14 @@ pub fn take_troubles() -> LineTroubles {
 /// Time that the host may take for its next line, ticks of the motion clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
-    /// Before blocks leave the look-ahead ring early because the step queue runs low.
+    /// Time before blocks leave the look-ahead ring early because the step queue runs low.
     release_ticks: u32,
-    /// Before what waits in the ring is executed at standstill.
+    /// Time before what waits in the ring is executed at standstill.
     flush_ticks: u32,
 }
 
 impl Patience {
-    /// By the clock: 100 ms before moves in the ring are executed, and none before blocks leave it early. On the bare internal
+    /// Times by the clock: 100 ms before moves in the ring are executed, and none before blocks leave it early. On the bare internal
     /// oscillator both are 10 s: an emulator starts so, and its time may run many times faster than its host's. There a gap
     /// between steps is better than another plan.
     pub const fn new(source: ClockSource) -> Self {
@@ -235,7 +235,7 @@ impl Reader {
         self.take(buffer)
     }
 
-    /// As [`Self::read`], but waits 150 ms at most and then returns no bytes. `idle`: the reader has nothing else to do.
+    /// Version of [`Self::read`] that waits 150 ms at most and then returns no bytes. `idle`: the reader has nothing else to do.
     pub async fn read_in_time<'a>(&mut self, buffer: &'a mut [u8], idle: bool) -> (Port, &'a [u8]) {
         if !self.is_ready() {
             if idle {

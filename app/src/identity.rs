@@ -15,5 +15,5 @@ impl Identity {
     }
 }
 
-/// As `build.rs` found it: `ferrostep 0.1.0 (commit abcdef0) prusa-buddy prusa-mini`.
+/// Identity that `build.rs` has found: `ferrostep 0.1.0 (commit abcdef0) prusa-buddy prusa-mini`.
 pub static IDENTITY: Identity = include!(concat!(env!("OUT_DIR"), "/identity.rs"));

@@ -147,10 +147,10 @@ mod app {
 
     #[shared]
     struct Shared {
-        /// For the tasks of the sensors' lines only.
+        /// Pins for the tasks of the sensors' lines only.
         #[lock_free]
         sensors: BoardPins,
-        /// For one of its two interrupts, the one that the board has, and for the drivers' task.
+        /// Line for one of its two interrupts, the one that the board has, and for the drivers' task.
         driver_line: BoardDriverLine,
         drivers: board_drivers::BoardDriverBank,
         recorder: BoardRecorder,

@@ -38,7 +38,7 @@ pub type BoardStepQueue = MotorQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_Q
 /// Stage that lets Z follow the bed, on a machine with a probe.
 #[cfg(probe)]
 type BoardBed = ferrostep_planner::surface::BedStage;
-/// Nothing does on a machine without one.
+/// Stage of a machine without a probe, which does nothing.
 #[cfg(not(probe))]
 type BoardBed = ferrostep_planner::surface::NoBed;
 

@@ -28,9 +28,9 @@ pub struct Reports<'a, M, H, W, R> {
     signals: &'a Signals,
     heater_timeout: HeaterTimeout,
     filament: FilamentWatch,
-    /// As it was last reported.
+    /// Fan that stands, as last reported.
     stalled_fan: Option<FanOutput>,
-    /// As it was last reported.
+    /// Counts, as last reported.
     overload: Overload,
     /// Times of the last reports of temperatures, the card's progress, the black box's temperatures and times, ms.
     temperatures_ms: u32,
@@ -46,7 +46,7 @@ where
     W: Mutex<T = Writers>,
     R: Mutex<T = Records>,
 {
-    /// Nothing has been reported yet.
+    /// Reports before the first one.
     pub fn new(
         machine: M,
         heating: BoardHeating<H>,

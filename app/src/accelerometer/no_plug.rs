@@ -1,6 +1,6 @@
 //! A board without a plug: no driver and no records.
 
-/// In place of the recorder.
+/// Stand-in for the recorder.
 pub struct BoardRecorder;
 
 /// The only value.

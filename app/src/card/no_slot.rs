@@ -5,10 +5,10 @@ use ferrostep_stm32f4_board::motion_clock::MotionClock;
 use ferrostep_stm32f4_board::pac::SDIO;
 use rtic::Mutex;
 
-/// In place of the card's task.
+/// Stand-in for the card's task.
 pub struct BoardCard;
 
-/// In place of the questions to it.
+/// Stand-in for the questions to it.
 pub struct BoardMailbox;
 
 impl BoardMailbox {

@@ -52,7 +52,7 @@ impl<M> State<M> {
 pub struct VirtualCard<M>(RefCell<State<M>>);
 
 impl<M: AsRef<[u8]> + AsMut<[u8]>> VirtualCard<M> {
-    /// With a card in it. Bytes of the image after its last whole block are out of reach.
+    /// Slot with a card in it. Bytes of the image after its last whole block are out of reach.
     pub const fn new(image: M) -> Self {
         Self(RefCell::new(State { image, inserted: true, started: false, fault: None, accesses: 0 }))
     }

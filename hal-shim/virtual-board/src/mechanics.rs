@@ -44,7 +44,7 @@ pub enum SensorFault {
 pub struct VirtualSensor {
     /// Place of the sensor.
     pub place: SensorPlace,
-    /// At the upper end of the axis, else at the lower.
+    /// True at the upper end of the axis, false at the lower.
     pub at_max: bool,
     /// Its fault.
     pub fault: SensorFault,

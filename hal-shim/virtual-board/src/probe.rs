@@ -40,7 +40,7 @@ const SHEET_EDGE_10NM: i64 = 50_000;
 /// A probe beside the nozzle. It sees the sheet only where it is above it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VirtualProbe {
-    /// From the nozzle to the probe along X and Y, units of 10 nm.
+    /// Offset from the nozzle to the probe along X and Y, units of 10 nm.
     pub offset_10nm: [i64; 2],
     /// The part of the sheet that is printed on: lower and upper end along X and Y, machine coordinates, units of 10 nm. The sheet
     /// is half a millimetre larger on each side.

@@ -14,7 +14,7 @@ pub struct HeatedMass {
     pub loss_w_per_k: f32,
     /// Further loss with the part-cooling fan at full power, W/K.
     pub fan_loss_w_per_k: f32,
-    /// From a change of power until the temperature answers, s.
+    /// Dead time from a change of power until the temperature answers, s.
     pub dead_time_s: f32,
     /// Time constant with which the thermistor follows what is heated, s.
     pub sensor_lag_s: f32,
@@ -97,7 +97,7 @@ pub struct ThermalModel {
 pub const AMBIENT_CELSIUS: f32 = 22.0;
 
 impl ThermalModel {
-    /// As cold as the air.
+    /// Model as cold as the air.
     pub const fn new(mass: HeatedMass) -> Self {
         Self { mass, celsius: AMBIENT_CELSIUS, delay: Delay::EMPTY }
     }

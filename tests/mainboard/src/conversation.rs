@@ -141,7 +141,7 @@ pub struct Conversation {
 }
 
 impl Conversation {
-    /// As [`Self::start_via`], on the serial line.
+    /// Version of [`Self::start_via`] for the serial line.
     ///
     /// # Errors
     /// The operating system refuses a thread.

@@ -39,14 +39,14 @@ pub struct Smallest {
     pub low_ns: u64,
     /// Time between two events.
     pub gap_ns: u64,
-    /// From a change of direction to the next step.
+    /// Time from a change of direction to the next step.
     pub direction_setup_ns: u64,
-    /// From a step to the next change of direction.
+    /// Time from a step to the next change of direction.
     pub direction_hold_ns: u64,
 }
 
 impl Smallest {
-    /// Before the first edge.
+    /// Times before the first edge.
     pub const NONE: Self = Self {
         high_ns: u64::MAX,
         low_ns: u64::MAX,

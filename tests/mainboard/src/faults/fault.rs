@@ -16,7 +16,7 @@ pub enum Block {
 }
 
 impl Block {
-    /// As the board's file names its heater and its thermistor.
+    /// Name of its heater and its thermistor in the board's file.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

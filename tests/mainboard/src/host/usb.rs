@@ -44,15 +44,15 @@ const MAX_ENUMERATIONS: u8 = 4;
 /// The host's times, in nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Timing {
-    /// From the pull-up to the first reset, at least 100 ms.
+    /// Time from the pull-up to the first reset, at least 100 ms.
     pub debounce_ns: u64,
     /// Duration of a reset, at least 10 ms; 50 ms at a root port.
     pub reset_ns: u64,
-    /// From a reset or a resume to the first transaction, at least 10 ms.
+    /// Time from a reset or a resume to the first transaction, at least 10 ms.
     pub recovery_ns: u64,
-    /// From SET_ADDRESS to the next request, 2 ms or more.
+    /// Time from SET_ADDRESS to the next request, 2 ms or more.
     pub address_ns: u64,
-    /// From a NAK to the next attempt. Real hosts poll more often, but each attempt interrupts the run.
+    /// Time from a NAK to the next attempt. Real hosts poll more often, but each attempt interrupts the run.
     pub nak_retry_ns: u64,
     /// Time limit of a request that the device NAKs.
     pub request_ns: u64,

@@ -54,7 +54,7 @@ const PERIOD_NS: std::ops::RangeInclusive<u64> = 18 * MS..=22 * MS;
 const MOVE_NS: u64 = 250 * MS;
 /// Its signal when it is touched.
 const SIGNAL_NS: u64 = 10 * MS;
-/// Without a command to go in, the pin drops again after this.
+/// Time after which the pin drops again without a command to go in.
 const DROP_NS: u64 = 100 * MS;
 /// ... and must be off the bed this long after its signal.
 const OFF_NS: u64 = 650 * MS;

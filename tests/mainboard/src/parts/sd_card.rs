@@ -60,11 +60,11 @@ pub struct Config {
     pub kind: Kind,
     /// Blocks; a multiple of 1024, of 512 for standard capacity.
     pub blocks: u32,
-    /// From the first ACMD41 to the end of its start, ns; at most 1 s (4.2.3).
+    /// Time from the first ACMD41 to the end of its start, ns; at most 1 s (4.2.3).
     pub start_ns: u64,
-    /// From a read command to the block, ns; at most 100 ms (4.6.2.1).
+    /// Time from a read command to the block, ns; at most 100 ms (4.6.2.1).
     pub access_ns: u64,
-    /// For which it is busy with a block, ns; at most 250 ms, of a card for video 500 ms (4.6.2.2).
+    /// Time for which it is busy with a block, ns; at most 250 ms, of a card for video 500 ms (4.6.2.2).
     pub program_ns: u64,
     /// Seed of what a cut leaves.
     pub seed: u64,

@@ -121,9 +121,9 @@ pub struct Timing {
     pub high_ns: u64,
     /// STEP low.
     pub low_ns: u64,
-    /// From DIR's edge to the next step.
+    /// Time from DIR's edge to the next step.
     pub direction_setup_ns: u64,
-    /// From a step to DIR's next edge.
+    /// Time from a step to DIR's next edge.
     pub direction_hold_ns: u64,
     /// Number of steps, including those with the outputs off.
     pub steps: u64,

@@ -168,7 +168,7 @@ pub struct HeaterSettings {
     /// Pull-up resistor from the thermistor to the reference, ohm. A board's own value takes precedence.
     #[serde(default = "pull_up")]
     pub pull_up_ohm: f64,
-    /// At or above this temperature the firmware must switch heaters off, degrees Celsius.
+    /// Temperature from which on the firmware must switch heaters off, degrees Celsius.
     pub max_celsius: f64,
     /// Below this temperature the firmware must switch heaters off, degrees Celsius.
     pub min_celsius: f64,

@@ -7,7 +7,7 @@ use serde::Deserialize;
 /// A motor that lifts Z.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ZMotor {
-    /// Where: x and y, mm.
+    /// Place: x and y, mm.
     pub place_mm: Option<[f64; 2]>,
     /// True if it runs the other way round; of `z` the driver's signals say so.
     pub inverted: bool,

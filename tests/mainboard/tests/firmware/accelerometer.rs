@@ -79,7 +79,7 @@ impl Scene {
         Self { host }
     }
 
-    /// With another chip, or one that is another specimen.
+    /// Bench with another chip, or another specimen of it.
     fn with_chip(via: Via, config: Config) -> Self {
         Self::new(via, move |machine| {
             machine.plant.accelerometer.as_mut().unwrap().chip = Adxl345::new(config);

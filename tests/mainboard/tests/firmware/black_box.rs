@@ -55,7 +55,7 @@ fn replayed_motors(contents: &Contents<'_>) -> Vec<(u8, u8)> {
     motors
 }
 
-/// Without the edges by which the safe state lowers the step signals, of motors that have no current any more: where both edges step, the
+/// Removes the edges by which the safe state lowers the step signals, of motors without current: where both edges step, the
 /// decoder counts them as an event of the signals that were high. A last step that leaves all signals low looks the same: then the replay
 /// ends with it.
 fn without_safe_state(board: &BoardFacts, mut events: Vec<Event>, bytes: &[u8]) -> Vec<Event> {

@@ -44,7 +44,7 @@ residency_s = 1
 model = { power_w = 100, capacity_j_per_k = 50, loss_w_per_k = 0.5 }
 "#;
 
-/// From the nozzle to the pin; the model triggers 2 mm above the bed.
+/// Profile of the probe: offset from the nozzle to the pin; the model triggers 2 mm above the bed.
 const PROBE: &str = r#"
 [homing]
 raise_mm = 10

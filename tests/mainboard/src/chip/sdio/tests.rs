@@ -135,7 +135,7 @@ impl Bench {
         bench
     }
 
-    /// With a card that is selected, at 24 MHz on one line; or on four.
+    /// Bench with a card that is selected, at 24 MHz on one line; or on four.
     fn selected(lines: u8) -> Self {
         let mut bench = Self::with_card();
         bench.command(0, 0, 0);

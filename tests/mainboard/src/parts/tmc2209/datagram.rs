@@ -84,7 +84,7 @@ pub struct Receiver {
     bit_ns: u64,
     /// Start of the latest byte's start bit.
     newest_start_ns: u64,
-    /// After an error: the last instant at which the line was busy.
+    /// Last instant at which the line was busy, after an error.
     busy_until_ns: Option<u64>,
     /// Number of refused datagrams and bytes.
     errors: u32,
