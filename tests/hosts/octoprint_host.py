@@ -19,6 +19,8 @@ import yaml
 PATIENCE_S = 240
 # Another program may take the port before OctoPrint does; so many ports are tried.
 PORTS = 5
+# Outside a print OctoPrint numbers no line, so what a bad line takes from a command is never sent again, and it is asked once more.
+ASKS_AGAIN_AFTER_S = 10
 # So often a person tries to connect.
 TRIES = 5
 # Of this OctoPrint only: one of another test, which has got the port, does not know it.
@@ -105,12 +107,20 @@ class OctoPrint:
             raise SystemExit(f"{method} {path}: {reply.status_code} {reply.text}; the end of its log: {self.log()[-40:]}")
         return reply.json() if reply.content else {}
 
-    def wait(self, is_there, otherwise):
-        end = time.monotonic() + PATIENCE_S
+    def is_there_within(self, seconds, is_there):
+        end = time.monotonic() + seconds
         while not is_there():
             if time.monotonic() > end or self.process.poll() is not None:
-                raise SystemExit(f"{otherwise}; its state: {self.state()}; the end of its log: {self.log()[-40:]}")
+                return False
             time.sleep(0.02)
+        return True
+
+    def wait(self, is_there, otherwise):
+        if not self.is_there_within(PATIENCE_S, is_there):
+            self.give_up(otherwise)
+
+    def give_up(self, why):
+        raise SystemExit(f"{why}; its state: {self.state()}; the end of its log: {self.log()[-40:]}")
 
     def state(self):
         try:
@@ -159,11 +169,13 @@ class OctoPrint:
     def completion(self):
         return ((self.call("get", "job") or {}).get("progress") or {}).get("completion") or 0
 
-    def say(self, *commands, answer):
+    def say(self, *commands, answer, again_after_s=PATIENCE_S):
         before = len(self.heard(answer))
-        self.call("post", "printer/command", json={"commands": list(commands)})
-        self.wait(lambda: len(self.heard(answer)) > before, f"no answer to {commands}")
-        return self.heard(answer)[-1].split("Recv: ", 1)[1]
+        for _ in range(0, PATIENCE_S, again_after_s):
+            self.call("post", "printer/command", json={"commands": list(commands)})
+            if self.is_there_within(again_after_s, lambda: len(self.heard(answer)) > before):
+                return self.heard(answer)[-1].split("Recv: ", 1)[1]
+        self.give_up(f"no answer to {commands}")
 
     def refusals(self):
         """Refused lines: without those of a halted printer, and without remarks."""
@@ -221,7 +233,8 @@ def main():
         began = time.monotonic()
         octoprint.print(part)
         octoprint.until_printed()
-        seen["bad_line_printed"] = octoprint.figures()
+        # PART ends with M400.
+        seen["bad_line_printed"] = octoprint.say("M797", answer="order_digest", again_after_s=ASKS_AGAIN_AFTER_S)
         seen["bad_line_s"] = time.monotonic() - began
         seen["bad_line_resends"] = len(octoprint.heard("Resend:")) - seen["resends"]
     finally:

@@ -25,6 +25,8 @@ ACTS_AT = int(sys.argv[4]) if len(sys.argv) > 4 else 1500
 ASKS_AFTER_S = 0.5
 # What the printer says for the host to know how far it is.
 MARK = "as far as here"
+# Outside a print printcore numbers no line, so what a bad line takes from a command is never sent again, and the host asks once more.
+ASKS_AGAIN_AFTER_S = 5
 # What printcore does without a word from the printer (its own counters) is looked at this often, s.
 LOOKS_EVERY_S = 0.01
 
@@ -43,20 +45,26 @@ class Host:
         self.port = port
         self.asked = 0
         self.watching = False
+        self.asks_again_after_s = PATIENCE_S
 
     def hear(self, line):
         with self.news:
             self.heard.append(line.strip())
             self.news.notify_all()
 
-    def wait(self, is_there, otherwise):
-        """Waits for something that the printer says, or that printcore makes of it right after."""
-        end = time.monotonic() + PATIENCE_S
+    def is_there_within(self, seconds, is_there):
+        end = time.monotonic() + seconds
         with self.news:
             while not is_there():
                 if time.monotonic() > end:
-                    give_up(otherwise)
+                    return False
                 self.news.wait(LOOKS_EVERY_S)
+        return True
+
+    def wait(self, is_there, otherwise):
+        """Waits for something that the printer says, or that printcore makes of it right after."""
+        if not self.is_there_within(PATIENCE_S, is_there):
+            give_up(otherwise)
 
     def connect(self):
         self.core.connect(self.port, 115200)
@@ -77,8 +85,9 @@ class Host:
         threading.Thread(target=watch, daemon=True).start()
 
     def start(self, file):
+        """Prints a file, and M400 after it: the answer to what follows says that the printer stands."""
         with open(file, encoding="utf-8") as text:
-            gcode = gcoder.LightGCode([line.strip() for line in text])
+            gcode = gcoder.LightGCode([line.strip() for line in text] + ["M400"])
         self.core.startprint(gcode)
 
     def until_line(self, number):
@@ -87,16 +96,18 @@ class Host:
     def until_printed(self):
         self.wait(lambda: not self.core.printing, "the print does not end")
 
-    def say(self, command):
-        """Sends a command outside a print; what is heard up to its answer."""
+    def say(self, command, answer="ok"):
+        """Sends a command outside a print; what is heard up to its answer, a line that begins so."""
         before = len(self.heard)
-        self.core.send_now(command)
 
         def answered():
-            return any(line.startswith("ok") for line in self.heard[before:])
+            return any(line.startswith(answer) for line in self.heard[before:])
 
-        self.wait(answered, f"no answer to {command}")
-        return self.heard[before:]
+        for _ in range(0, PATIENCE_S, self.asks_again_after_s):
+            self.core.send_now(command)
+            if self.is_there_within(self.asks_again_after_s, answered):
+                return self.heard[before:]
+        give_up(f"no answer to {command}")
 
     def catch_up(self):
         """Waits for the answer to the line that was under way when the print ended: the next one is the next command's."""
@@ -109,15 +120,9 @@ class Host:
         self.wait(caught_up, "no answer to M118")
 
     def figures(self):
-        """What M797 says: digests and counters."""
-        before = len(self.heard)
-        self.core.send_now("M797")
-
-        def said():
-            return [line for line in self.heard[before:] if line.startswith("echo:motion ")]
-
-        self.wait(said, "no answer to M797")
-        return said()[0]
+        """The printer's digests and counters."""
+        answer = "echo:motion "
+        return next(line for line in self.say("M797", answer) if line.startswith(answer))
 
     def count(self, start):
         return sum(line.startswith(start) for line in self.heard)
@@ -138,6 +143,7 @@ def prints_over_a_bad_line(host, file):
     host.ask_when_lost()
     prints(host, file)
     host.watching = False
+    host.asks_again_after_s = ASKS_AGAIN_AFTER_S
 
 
 def pauses_and_resumes(host, file):
@@ -159,6 +165,7 @@ def cancels(host, file):
     host.say("M104 S0")
     host.say("M140 S0")
     host.say("M84")
+    host.say("M400")
 
 
 def stops(host, file):
@@ -200,7 +207,7 @@ def main():
     began = time.monotonic()
     ACTIONS[action](host, file)
     took_s = time.monotonic() - began
-    end = host.say("M400") + host.say("M114") + host.say("M105")
+    end = host.say("M114", "X:") + host.say("M105", "ok T:")
     figures = host.figures()
     host.core.disconnect()
     print(
