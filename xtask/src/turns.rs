@@ -16,6 +16,8 @@ pub struct Turns {
     pub turns: u64,
     /// Tests of every check: names, and modules, which end in `::`.
     always: Vec<String>,
+    /// Tests that share a turn, as those of an image that nothing else needs.
+    together: Vec<Vec<String>>,
 }
 
 impl Turns {
@@ -29,24 +31,58 @@ impl Turns {
         Self::parse(&text).ok_or_else(|| format!("{}: no `turns = N`", path.display()))
     }
 
-    /// Reads lines `turns = N` and `"NAME",`; `xtask` depends on no reader of TOML. A test of the image tests reads the file with one.
+    /// Reads the line `turns = N`, and lists with a line `"NAME",` or `["NAME", "NAME"],` for each entry; `xtask` depends on no
+    /// reader of TOML.
     fn parse(text: &str) -> Option<Self> {
         let turns =
             text.lines().find_map(|line| line.strip_prefix("turns = ")?.parse().ok()).filter(|turns| *turns > 0)?;
-        let name = |line: &str| Some(line.trim().strip_prefix('"')?.strip_suffix("\",")?.to_owned());
-        Some(Self { turns, always: text.lines().filter_map(name).collect() })
+        let entries = |list: &str| {
+            let lines = text.lines().skip_while(|line| line.strip_suffix(" = [") != Some(list)).skip(1);
+            let lines = lines.take_while(|line| *line != "]").map(str::trim).filter(|line| !line.starts_with('#'));
+            lines.map(|line| quoted(line).map(str::to_owned).collect::<Vec<_>>()).collect::<Vec<_>>()
+        };
+        Some(Self { turns, always: entries("always").concat(), together: entries("together") })
     }
 
-    /// The tests that this share leaves to others: in the order of their names, those that take turns and whose number
-    /// among these, counted from 0, does not have the share as its remainder by the number of turns.
+    /// The tests that this share leaves to others. Those that take turns are counted from 0 in the order of their names, tests that
+    /// share a turn as one; it is the turn of those whose number has the share as its remainder by the number of turns.
     pub fn waiting<'a>(&self, names: &'a BTreeSet<String>, share: Share) -> impl Iterator<Item = &'a str> {
-        let taking_turns = names.iter().filter(|name| !self.runs_always(name));
-        (0..).zip(taking_turns).filter(move |(place, _)| !share.has(*place, self.turns)).map(|(_, name)| name.as_str())
+        let taking_turns: Vec<&str> = names.iter().map(String::as_str).filter(|name| !self.runs_always(name)).collect();
+        let places: BTreeSet<&str> = taking_turns.iter().map(|name| self.place(name)).collect();
+        let their_turn: BTreeSet<String> = (0..)
+            .zip(places)
+            .filter(|(number, _)| share.has(*number, self.turns))
+            .map(|(_, of)| of.to_owned())
+            .collect();
+        let waits: Vec<&str> = taking_turns.into_iter().filter(|name| !their_turn.contains(self.place(name))).collect();
+        waits.into_iter()
     }
 
-    fn runs_always(&self, name: &str) -> bool {
-        self.always.iter().any(|listed| if listed.ends_with("::") { name.starts_with(listed) } else { name == listed })
+    /// True for a test of every check.
+    pub fn runs_always(&self, name: &str) -> bool {
+        self.always.iter().any(|listed| is_of(name, listed))
     }
+
+    /// What the file lists and is the name or module of none of these tests.
+    pub fn unknown(&self, names: &BTreeSet<String>) -> Vec<&str> {
+        let listed = self.always.iter().chain(self.together.iter().flatten());
+        listed.filter(|listed| !names.iter().any(|name| is_of(name, listed))).map(String::as_str).collect()
+    }
+
+    /// The name by which a test is counted: its own, or the first of those with which it shares a turn.
+    fn place<'a>(&'a self, name: &'a str) -> &'a str {
+        let shared = self.together.iter().find(|listed| listed.iter().any(|listed| is_of(name, listed)));
+        shared.and_then(|listed| listed.first()).map_or(name, String::as_str)
+    }
+}
+
+/// The texts between quotation marks.
+fn quoted(line: &str) -> impl Iterator<Item = &str> {
+    line.split('"').skip(1).step_by(2)
+}
+
+fn is_of(name: &str, listed: &str) -> bool {
+    if listed.ends_with("::") { name.starts_with(listed) } else { name == listed }
 }
 
 #[cfg(test)]
@@ -71,6 +107,18 @@ mod tests {
     }
 
     #[test]
+    fn tests_that_share_a_turn_count_as_one() {
+        let text = "turns = 2\nalways = [\n]\ntogether = [\n    # One image.\n    [\"lift::\", \"tools::\"],\n]\n";
+        let turns = Turns::parse(text).unwrap();
+        let all = names(&["card::a", "card::b", "lift::a", "lift::b", "pins::a", "tools::a"]);
+        let waiting = |share: Share| turns.waiting(&all, share).collect::<Vec<_>>();
+        assert_eq!(waiting(Share::One(0)), ["card::b", "pins::a"]);
+        assert_eq!(waiting(Share::One(1)), ["card::a", "lift::a", "lift::b", "tools::a"]);
+        assert!(waiting(Share::All).is_empty());
+        assert_eq!(turns.unknown(&names(&["lift::a"])), ["tools::"]);
+    }
+
+    #[test]
     fn a_file_without_turns_is_refused() {
         assert_eq!(Turns::parse("always = [\n]\n"), None);
         assert_eq!(Turns::parse("turns = 0\n"), None);
@@ -80,6 +128,6 @@ mod tests {
     fn twenty_checks_in_a_row_run_every_test_of_this_project() {
         let turns = Turns::read().unwrap();
         assert!(SHARES.is_multiple_of(turns.turns), "{} turns", turns.turns);
-        assert!(!turns.always.is_empty());
+        assert!(!turns.always.is_empty() && !turns.together.is_empty());
     }
 }
