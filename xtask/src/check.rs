@@ -21,6 +21,9 @@ const CI_PROPTEST_CASES: &str = "4096";
 /// Package of the image tests; most of these take turns.
 const MAINBOARD: &str = "ferrostep-mainboard";
 
+/// Package of the tests with programs from outside: hosts, a browser, slicers.
+const OUTSIDE: &str = "ferrostep-outside-tests";
+
 /// Number of checks in a row, one of which runs the on-target tests.
 const ON_TARGET_TURNS: u64 = 5;
 
@@ -110,15 +113,20 @@ fn tested(run: &mut Run, options: &Options) -> Result<Workbench, Failure> {
     // A stable sort keeps the order within both parts.
     programs.sort_by_key(|program| !affected.contains(&program.package));
     let surroundings = Surroundings { installed: &installed, image: &image, images: images(), share: share.value() };
-    run.step("tests", || {
-        programs.iter().try_for_each(|program| surroundings.run(program, &arguments(program, share)?))
-    })?;
+    let (outside, programs): (Vec<_>, Vec<_>) = programs.into_iter().partition(|program| program.package == OUTSIDE);
+    let test = |program: &Program| surroundings.run(program, &arguments(program, share)?);
+    // Hosts and browsers wait for clocks, and a print on a board takes one core.
+    run.beside(
+        "programs from outside, first layers",
+        || {
+            outside.iter().try_for_each(test)?;
+            system::run(workbench.command(["mainboard", "--prints", "--share"]).arg(share.to_string()))
+        },
+        |run| run.step("tests", || programs.iter().try_for_each(test)),
+    )?;
     if !options.after_cargo_test {
         run.step("examples in documentation", || system::run_tests(cargo().args(["test", "--doc"]).args(DESK)))?;
     }
-    run.step("first layers on a board", || {
-        system::run(workbench.command(["mainboard", "--prints", "--share"]).arg(share.to_string()))
-    })?;
     Ok(workbench)
 }
 
