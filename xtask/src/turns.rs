@@ -63,7 +63,7 @@ impl Turns {
         self.always.iter().any(|listed| is_of(name, listed))
     }
 
-    /// What the file lists and is the name or module of none of these tests.
+    /// The names and modules in the file that none of these tests has.
     pub fn unknown(&self, names: &BTreeSet<String>) -> Vec<&str> {
         let listed = self.always.iter().chain(self.together.iter().flatten());
         listed.filter(|listed| !names.iter().any(|name| is_of(name, listed))).map(String::as_str).collect()
