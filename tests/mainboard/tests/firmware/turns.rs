@@ -6,12 +6,13 @@ use std::process::Command;
 use xtask::turns::Turns;
 
 /// Subjects that every check tests, with the modules that do.
-const KINDS: [(&str, &[&str]); 9] = [
+const KINDS: [(&str, &[&str]); 10] = [
     ("heat", &["heaters"]),
-    ("homing", &["bltouch"]),
+    ("homing", &["z_motors", "bltouch", "tools"]),
     ("host", &["same_steps"]),
     ("card", &["card"]),
     ("probe", &["bltouch"]),
+    ("tools", &["tools"]),
     ("supply", &["supply"]),
     ("watchdog", &["watchdog"]),
     ("pins", &["board_pins"]),
